@@ -1,0 +1,1 @@
+"""bergs of Riftberg."""

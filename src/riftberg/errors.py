@@ -1,0 +1,42 @@
+"""Errors for the person who meets them: what, where, and what would be right."""
+
+from __future__ import annotations
+
+
+class RiftbergError(Exception):
+    """Base of all errors that Riftberg raises on purpose."""
+
+
+class InputError(RiftbergError):
+    """An input file or value cannot be used.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, with the value met.
+    where : str
+        File, variable, element or date.
+    remedy : str
+        What would be right.
+    """
+
+    def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
+        self.what, self.where, self.remedy = what, where, remedy
+        text = f"{where}: {what}" if where else what
+        super().__init__(f"{text}. {remedy}" if remedy else text)
+
+
+class ForcingError(InputError):
+    """The forcing lacks something that the run needs."""
+
+
+class BergError(InputError):
+    """An iceberg is impossible or badly placed."""
+
+
+class NamelistError(InputError):
+    """A KID namelist holds something unknown, wrong or not supported."""
+
+
+class RunError(RiftbergError):
+    """A run failed after its start; the message says where the state was saved."""

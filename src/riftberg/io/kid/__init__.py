@@ -1,0 +1,1 @@
+"""kid of Riftberg."""

@@ -1,0 +1,81 @@
+"""The one decorator that compiles numerical kernels, and where their machine code is kept.
+
+Decisions, with their reasons
+-----------------------------
+* No fast-math: results must not change with the compiler, and NaN must stay visible.
+* ``error_model="numpy"``: a division does not branch, so loops vectorise.
+* The cache of numba looks only at the file of the outer function, so a change in a law called by a stepper would go
+  unnoticed. The cache folder therefore carries a digest of *all* sources of the package that hold kernels, of numba's
+  version and of Python's.
+* LLVM gives up vectorising a loop that reads and writes some twenty arrays, because it would have to prove or test
+  that none overlap; the threshold of that run-time test is raised.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import llvmlite.binding as llvm
+import numba
+from numba import config, njit
+from platformdirs import user_cache_path
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+KERNEL_PACKAGES = ("physics", "stepping", "ocean")
+"""Sub-packages whose sources decide whether cached machine code is still right."""
+
+llvm.set_option("riftberg", "--runtime-memory-check-threshold=512")
+llvm.set_option("riftberg", "--memory-check-merge-threshold=512")
+
+
+@cache
+def cache_folder() -> Path:
+    """Folder in which compiled kernels of exactly these sources are kept.
+
+    Returns
+    -------
+    pathlib.Path
+        ``$RIFTBERG_CACHE/<digest>`` or the user's cache folder; it need not exist yet.
+    """
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    root = Path(__file__).parent
+    for package in KERNEL_PACKAGES:
+        for source in sorted((root / package).rglob("*.py")):
+            digest.update(source.read_bytes())
+    digest.update((root / "state.py").read_bytes())
+    digest.update(Path(__file__).read_bytes())
+    base = os.environ.get("RIFTBERG_CACHE")
+    home = Path(base) if base else user_cache_path("riftberg")
+    return home / "kernels" / digest.hexdigest()[:16]
+
+
+def is_warm() -> bool:
+    """Whether machine code of these sources has been kept by an earlier run."""
+    return any(cache_folder().rglob("*.nbi"))
+
+
+def kernel(function: _F, *, parallel: bool = False) -> _F:
+    """Compile ``function`` on first call and keep the machine code.
+
+    Parameters
+    ----------
+    function : callable
+        A plain function of floats, integers, arrays and named tuples of these.
+    parallel : bool, optional
+        Turn ``prange`` loops into threads. The sums inside one iteration keep their order, so results do not
+        depend on the number of threads.
+    """
+    before = config.CACHE_DIR
+    # numba reads the setting at decoration only; other packages must not inherit ours.
+    config.CACHE_DIR = str(cache_folder())
+    try:
+        return njit(cache=True, error_model="numpy", parallel=parallel, nogil=True)(function)
+    finally:
+        config.CACHE_DIR = before

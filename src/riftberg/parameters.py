@@ -1,0 +1,401 @@
+"""Typed parameter groups: value, unit, range, one-line meaning and source of everything that can be set.
+
+Each group is a frozen pydantic model that refuses unknown keys and impossible values. `Parameters` gathers the
+groups; `Parameters.kernel_values` flattens them into the named tuple of scalars that compiled code reads.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from riftberg import constants
+
+Scheme = Literal["mts", "verlet", "runge_kutta"]
+BondLaw = Literal["none", "spring", "dem"]
+Packing = Literal["square", "hexagonal"]
+
+
+def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) -> Any:
+    """Describe one parameter: default, unit, meaning, source and the limits that pydantic checks."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit, "source": source}, **limits)
+
+
+class Group(BaseModel):
+    """Base of all parameter groups: immutable, unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def describe(self) -> str:
+        """Return one line per parameter: name, value, unit and meaning."""
+        lines = [f"{type(self).__name__}"]
+        for name, field in type(self).model_fields.items():
+            extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+            unit = str(extra.get("unit", ""))
+            lines.append(f"  {name} = {getattr(self, name)} {unit}  {field.description or ''}".rstrip())
+        return "\n".join(lines)
+
+
+class Ice(Group):
+    """Properties of the ice."""
+
+    density: float = quantity(850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=1025)
+
+
+class Drag(Group):
+    """Drag of water, air and sea ice on an element."""
+
+    ocean_scale: float = quantity(1.0, "1", "multiplies both ocean drag coefficients", "spec 0.2 ocean_drag_scale", ge=0)
+    sides_by_bonds: bool = quantity(
+        True, "", "side drag only on sides that no bond covers", "spec 4.1 internal_bergs_for_drag"
+    )
+    radius_based: bool = quantity(
+        False, "", "side face from the diameter of hexagonal DEM elements", "spec 4 radius_based_drag"
+    )
+    coastal_drift: float = quantity(0.0, "m s-1", "current added away from land cells", "spec 3.2", ge=0)
+    tidal_drift: float = quantity(0.0, "m s-1", "amplitude of a random current near land", "spec 3.2", ge=0)
+    rotational: bool = quantity(
+        True, "", "skin drag of the water on a spinning element, so that loose elements do not spin for ever",
+        "Riftberg; reference has none",
+    )
+
+
+class Grounding(Group):
+    """Drag of the sea floor on an element whose keel touches it."""
+
+    coefficient: float = quantity(0.0, "kg m-2 s-1", "grounding drag per base area and speed", "spec 0.2 cdrag_grounding", ge=0)
+    ramp_height: float = quantity(0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0)
+    on_substeps: bool = quantity(True, "", "apply in every sub-step instead of the long step", "spec 6.4 3b")
+    implicit: bool = quantity(
+        True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg"
+    )
+    torque: bool = quantity(False, "", "sea floor also damps rotation", "spec 6.4 3c use_grounding_torque")
+
+
+class Contact(Group):
+    """Repulsion between bergs and between the pieces of a broken berg."""
+
+    spring: float = quantity(1e-7, "s-2", "stiffness between different bergs", "spec 0.2 contact_spring_coef", ge=0)
+    distance: float = quantity(0.0, "m", "contact starts at max(this, R1 + R2)", "spec 0.2 contact_distance", ge=0)
+    critical_damping: bool = quantity(True, "", "radial damping 2 sqrt(k)", "spec 5.2")
+    tangential_critical_damping: bool = quantity(False, "", "tangential damping a quarter of critical", "spec 5.2")
+    radial_damping: float = quantity(0.0, "s-1", "radial damping where not critical", "spec 0.2 radial_damping_coef", ge=0)
+    tangential_damping: float = quantity(
+        0.0, "s-1", "tangential damping where not critical", "spec 0.2 tangental_damping_coef", ge=0
+    )
+    damping_by_speed: bool = quantity(
+        False, "", "multiply damping by the projected relative speed (makes it quadratic)", "spec 5.2 scale_damping_by_pmag"
+    )
+    iterate: bool = quantity(True, "", "iterate the velocity coupling to convergence", "spec 6.4 force_convergence")
+    tolerance: float = quantity(1e-4, "1", "tolerance of that iteration", "spec 6.4 convergence_tolerance", gt=0)
+    max_iterations: int = quantity(10_000, "1", "the run stops with an error beyond this many", "Riftberg", ge=1)
+
+
+class Bonds(Group):
+    """Bonds between the elements of a berg."""
+
+    law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "spec 5")
+    packing: Packing = quantity("square", "", "square or hexagonal elements", "spec 1.4")
+    spring: float = quantity(
+        6.535947712418301e-4, "s-2", "stiffness of spring bonds and of contact inside a berg", "spec 0.2 spring_coef", ge=0
+    )
+    youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "spec 0.2 dem_spring_coef", ge=0)
+    poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "spec 0.2", gt=-1, lt=0.5)
+    damping: float = quantity(1.0, "1", "damping ratio of DEM bonds", "spec 0.2 dem_damping_coef", ge=0)
+    objective_damping: bool = quantity(
+        True, "", "damp relative motion at the contact only, so that rigid rotation is free", "Riftberg; quirk Q43"
+    )
+    no_shear: bool = quantity(False, "", "leave out shear forces", "spec 5.4 ignore_tangential_force")
+    linear_bending: bool = quantity(
+        True, "", "bending moment from the angle instead of its sine", "spec 5.4 orig_dem_moment_of_inertia"
+    )
+    max_bonds: int = quantity(4, "1", "bonds of an interior element", "spec 0.2 max_bonds", ge=0, le=12)
+    constant_size: bool = quantity(
+        False, "", "use one length and width for all interactions", "spec 1.4 constant_interaction_LW"
+    )
+    constant_length: float = quantity(0.0, "m", "that length; 0 means the mean of all elements", "spec 1.4", ge=0)
+    constant_width: float = quantity(0.0, "m", "that width; 0 means the mean of all elements", "spec 1.4", ge=0)
+
+
+class Fracture(Group):
+    """When a bond breaks."""
+
+    enabled: bool = quantity(True, "", "bonds can break", "spec 7 fracture_criterion")
+    normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; spec 10.5")
+    shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "spec 10.5")
+    on_substeps: bool = quantity(True, "", "test in every sub-step instead of after the long step", "spec 7.2")
+    broken_as_contact: bool = quantity(
+        True, "", "a broken bond stays as a contact pair until its ends part", "spec 7.2 use_broken_bonds_for_substep_contact"
+    )
+    not_in_first_step: bool = quantity(False, "", "no test during the first long step", "spec 7.1 no_frac_first_ts")
+
+
+class Stepping(Group):
+    """How the equations are stepped in time."""
+
+    scheme: Scheme = quantity("mts", "", "mts, verlet or runge_kutta", "spec 6")
+    time_step: float = quantity(1800.0, "s", "long step", "spec 10.5", gt=0)
+    substeps: int | None = quantity(
+        None, "1", "sub-steps in a long step; none means the stable number", "spec 6.4 mts_sub_steps", ge=1
+    )
+    safety: float = quantity(
+        0.8, "1", "largest sub-step as a part of the stable one, when the number is found automatically", "Riftberg", gt=0, le=1
+    )
+    explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "spec 6.4")
+    skip_first_long_force: bool = quantity(
+        False, "", "the first long step has no long-step forces", "spec 6.4 skip_first_outer_mts_step"
+    )
+    only_interactions: bool = quantity(False, "", "leave out all forces of ocean, air and floor", "spec 4.2")
+    frozen: bool = quantity(False, "", "no element moves", "spec 6.1 Static_icebergs")
+    fixed_velocity: tuple[float, float] | None = quantity(
+        None, "m s-1", "impose this velocity on all elements", "spec 4.2 override_iceberg_velocities"
+    )
+    interactions: bool = quantity(True, "", "bergs act on each other", "spec 0.2 interactive_icebergs_on")
+
+
+class Earth(Group):
+    """Coordinates."""
+
+    latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "spec 2")
+    radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "spec 10.5", gt=0)
+    period: float = quantity(360.0, "degree or m", "zonal period, 0 or less if there is none", "spec 2.4 Lx")
+    f_plane: bool = quantity(False, "", "constant Coriolis parameter", "spec 2.6")
+    reference_latitude: float = quantity(
+        0.0, "degree", "latitude of the f-plane and of Cartesian runs", "spec 2.6", ge=-90, le=90
+    )
+
+
+class Compatibility(Group):
+    """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
+
+    The names of the quirks are those of the specification's catalogue (spec 11).
+    """
+
+    zero_start: bool = quantity(False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4")
+    forcing_lag: bool = quantity(False, "", "Q5: long step n uses the forcing of step n-1", "spec 3.3")
+    sticky_collision_flags: bool = quantity(False, "", "Q2: an element once in contact stays in the convergence norm", "spec 6.4")
+    shared_shear_lever: bool = quantity(False, "", "Q10: shear torque on the partner uses the first lever arm", "spec 5.4")
+    bond_thickness_of_second: bool = quantity(False, "", "Q11: contact thickness always adds the difference", "spec 5.4")
+    grid_position_round_trip: bool = quantity(False, "", "Q40: positions pass through cell coordinates", "spec 8.2")
+    swapped_implicit_velocity: bool = quantity(False, "", "Q1: mid-step v uses the implicit x-acceleration", "spec 6.4")
+    mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "spec 3.2")
+    frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
+    depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
+    plain_kid_branch: bool = quantity(False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B")
+
+    @classmethod
+    def kid(cls, **overrides: bool) -> Compatibility:
+        """All switches as KID/iKID behaves, except those given."""
+        on = {
+            "zero_start": True,
+            "forcing_lag": True,
+            "sticky_collision_flags": True,
+            "shared_shear_lever": True,
+            "bond_thickness_of_second": True,
+            "swapped_implicit_velocity": True,
+            "frozen_sea_ice_drag": True,
+        }
+        return cls(**{**on, **overrides})
+
+
+class KernelParameters(NamedTuple):
+    """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
+
+    rho_ice: float
+    ocean_scale: float
+    sides_by_bonds: bool
+    radius_based: bool
+    rotational_drag: bool
+    max_sides: int
+    ground_coefficient: float
+    ground_ramp: float
+    ground_on_substeps: bool
+    ground_implicit: bool
+    ground_torque: bool
+    contact_spring: float
+    contact_distance: float
+    critical_damping: bool
+    tangential_critical_damping: bool
+    radial_damping: float
+    tangential_damping: float
+    damping_by_speed: bool
+    iterate: bool
+    tolerance: float
+    max_iterations: int
+    dem: bool
+    bonds_on: bool
+    hexagonal: bool
+    spring: float
+    youngs_modulus: float
+    poisson: float
+    bond_damping: float
+    objective_damping: bool
+    no_shear: bool
+    linear_bending: bool
+    max_bonds: int
+    constant_size: bool
+    constant_length: float
+    constant_width: float
+    fracture: bool
+    normal_strength: float
+    shear_strength: float
+    fracture_on_substeps: bool
+    broken_as_contact: bool
+    explicit_substeps: bool
+    only_interactions: bool
+    interactions: bool
+    latlon: bool
+    earth_radius: float
+    period: float
+    f_plane: bool
+    reference_latitude: float
+    sticky_collision_flags: bool
+    shared_shear_lever: bool
+    bond_thickness_of_second: bool
+    grid_position_round_trip: bool
+    swapped_implicit_velocity: bool
+    frozen_sea_ice_drag: bool
+    plain_kid_branch: bool
+
+
+class Parameters(Group):
+    """All parameters of a run.
+
+    Examples
+    --------
+    >>> Parameters(fracture={"normal_strength": 20e3}).fracture.normal_strength
+    20000.0
+    """
+
+    ice: Ice = Field(default_factory=Ice)
+    drag: Drag = Field(default_factory=Drag)
+    grounding: Grounding = Field(default_factory=Grounding)
+    contact: Contact = Field(default_factory=Contact)
+    bonds: Bonds = Field(default_factory=Bonds)
+    fracture: Fracture = Field(default_factory=Fracture)
+    stepping: Stepping = Field(default_factory=Stepping)
+    earth: Earth = Field(default_factory=Earth)
+    compatibility: Compatibility = Field(default_factory=Compatibility)
+
+    @model_validator(mode="after")
+    def _combinations(self) -> Parameters:
+        if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
+            raise ValueError("bonds.law = 'dem' needs stepping.explicit_substeps = true (spec 6.4: DEM is always explicit)")
+        if self.bonds.law == "dem" and self.stepping.scheme != "mts" and self.fracture.enabled:
+            raise ValueError(
+                "fracture acts in the sub-steps of scheme 'mts' only: set stepping.scheme = 'mts' "
+                "or fracture.enabled = false (spec 7, quirk Q25)"
+            )
+        return self
+
+    def describe(self) -> str:
+        """Return all groups, one line per parameter."""
+        return "\n".join(getattr(self, name).describe() for name in type(self).model_fields)
+
+    def changed(self, **groups: dict[str, Any]) -> Parameters:
+        """Return a copy with some values of some groups changed, and checked again."""
+        values = self.model_dump()
+        for group, changes in groups.items():
+            values[group] = {**values[group], **changes}
+        return type(self)(**values)
+
+    def kernel_values(self) -> KernelParameters:
+        """Flatten the groups into the named tuple that compiled code reads."""
+        p, c = self, self.compatibility
+        hexagonal = p.bonds.packing == "hexagonal"
+        return KernelParameters(
+            rho_ice=p.ice.density,
+            ocean_scale=p.drag.ocean_scale,
+            sides_by_bonds=p.drag.sides_by_bonds,
+            radius_based=p.drag.radius_based,
+            rotational_drag=p.drag.rotational,
+            max_sides=6 if hexagonal else 4,
+            ground_coefficient=p.grounding.coefficient,
+            ground_ramp=p.grounding.ramp_height,
+            ground_on_substeps=p.grounding.on_substeps,
+            ground_implicit=p.grounding.implicit,
+            ground_torque=p.grounding.torque,
+            contact_spring=p.contact.spring,
+            contact_distance=p.contact.distance,
+            critical_damping=p.contact.critical_damping,
+            tangential_critical_damping=p.contact.tangential_critical_damping,
+            radial_damping=p.contact.radial_damping,
+            tangential_damping=p.contact.tangential_damping,
+            damping_by_speed=p.contact.damping_by_speed,
+            iterate=p.contact.iterate,
+            tolerance=p.contact.tolerance,
+            max_iterations=p.contact.max_iterations,
+            dem=p.bonds.law == "dem",
+            bonds_on=p.bonds.law != "none",
+            hexagonal=hexagonal,
+            spring=p.bonds.spring,
+            youngs_modulus=p.bonds.youngs_modulus,
+            poisson=p.bonds.poisson,
+            bond_damping=p.bonds.damping,
+            objective_damping=p.bonds.objective_damping,
+            no_shear=p.bonds.no_shear,
+            linear_bending=p.bonds.linear_bending,
+            max_bonds=p.bonds.max_bonds,
+            constant_size=p.bonds.constant_size,
+            constant_length=p.bonds.constant_length,
+            constant_width=p.bonds.constant_width,
+            fracture=p.fracture.enabled,
+            normal_strength=p.fracture.normal_strength,
+            shear_strength=p.fracture.shear_strength,
+            fracture_on_substeps=p.fracture.on_substeps,
+            broken_as_contact=p.fracture.broken_as_contact,
+            explicit_substeps=p.stepping.explicit_substeps,
+            only_interactions=p.stepping.only_interactions,
+            interactions=p.stepping.interactions,
+            latlon=p.earth.latlon,
+            earth_radius=p.earth.radius,
+            period=p.earth.period,
+            f_plane=p.earth.f_plane,
+            reference_latitude=p.earth.reference_latitude,
+            sticky_collision_flags=c.sticky_collision_flags,
+            shared_shear_lever=c.shared_shear_lever,
+            bond_thickness_of_second=c.bond_thickness_of_second,
+            grid_position_round_trip=c.grid_position_round_trip,
+            swapped_implicit_velocity=c.swapped_implicit_velocity,
+            frozen_sea_ice_drag=c.frozen_sea_ice_drag,
+            plain_kid_branch=c.plain_kid_branch,
+        )
+
+
+def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
+    """Radius of the inscribed circle of an element of the given area (spec 1.4).
+
+    Parameters
+    ----------
+    area : float
+        Plan area, m2.
+    packing : {"square", "hexagonal"}
+        Shape of the element.
+    bonded : bool
+        Elements of an unbonded square berg count as discs.
+    """
+    if packing == "hexagonal":
+        return math.sqrt(area / (2.0 * math.sqrt(3.0)))
+    return 0.5 * math.sqrt(area) if bonded else math.sqrt(area / math.pi)
+
+
+A68A_2022 = Parameters(
+    drag=Drag(ocean_scale=17.8),
+    grounding=Grounding(coefficient=1e4),
+    contact=Contact(spring=1e-7, distance=4000.0, tolerance=1e-4),
+    bonds=Bonds(constant_size=True, linear_bending=False, spring=0.00065359477124183),
+    fracture=Fracture(normal_strength=18e3, shear_strength=100e3),
+    stepping=Stepping(time_step=1800.0, substeps=90),
+)
+"""Physics of the published A68a run (spec 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's."""
+
+A68A_2022_KID = A68A_2022.changed(
+    drag={"rotational": False},
+    grounding={"implicit": False},
+    bonds={"objective_damping": False},
+    stepping={"skip_first_long_force": True},
+    compatibility=Compatibility.kid().model_dump(),
+)
+"""The published A68a run with the numerics and quirks of the reference."""

@@ -1,0 +1,1 @@
+"""stepping of Riftberg."""
