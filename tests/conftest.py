@@ -1,0 +1,29 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def shared_folder() -> Path | None:
+    """Return the folder of shared reference data, or None where there is none."""
+    named = os.environ.get("RIFTBERG_SHARED")
+    folder = Path(named) if named else ROOT.parent / "shared"
+    return folder if (folder / "reference").is_dir() else None
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Folder of shared reference data; skips where it is absent, fails if the run demands it."""
+    folder = shared_folder()
+    if folder is None:
+        message = "no shared reference data: put it at ../shared or name it in RIFTBERG_SHARED"
+        if os.environ.get("RIFTBERG_REQUIRE_SHARED") == "1":
+            pytest.fail(message)
+        pytest.skip(message)
+    return folder
