@@ -41,13 +41,17 @@ class Group(BaseModel):
 class Ice(Group):
     """Properties of the ice."""
 
-    density: float = quantity(850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=1025)
+    density: float = quantity(
+        850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=1025
+    )
 
 
 class Drag(Group):
     """Drag of water, air and sea ice on an element."""
 
-    ocean_scale: float = quantity(1.0, "1", "multiplies both ocean drag coefficients", "spec 0.2 ocean_drag_scale", ge=0)
+    ocean_scale: float = quantity(
+        1.0, "1", "multiplies both ocean drag coefficients", "spec 0.2 ocean_drag_scale", ge=0
+    )
     sides_by_bonds: bool = quantity(
         True, "", "side drag only on sides that no bond covers", "spec 4.1 internal_bergs_for_drag"
     )
@@ -57,7 +61,9 @@ class Drag(Group):
     coastal_drift: float = quantity(0.0, "m s-1", "current added away from land cells", "spec 3.2", ge=0)
     tidal_drift: float = quantity(0.0, "m s-1", "amplitude of a random current near land", "spec 3.2", ge=0)
     rotational: bool = quantity(
-        True, "", "skin drag of the water on a spinning element, so that loose elements do not spin for ever",
+        True,
+        "",
+        "skin drag of the water on a spinning element, so that loose elements do not spin for ever",
         "Riftberg; reference has none",
     )
 
@@ -65,8 +71,12 @@ class Drag(Group):
 class Grounding(Group):
     """Drag of the sea floor on an element whose keel touches it."""
 
-    coefficient: float = quantity(0.0, "kg m-2 s-1", "grounding drag per base area and speed", "spec 0.2 cdrag_grounding", ge=0)
-    ramp_height: float = quantity(0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0)
+    coefficient: float = quantity(
+        0.0, "kg m-2 s-1", "grounding drag per base area and speed", "spec 0.2 cdrag_grounding", ge=0
+    )
+    ramp_height: float = quantity(
+        0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0
+    )
     on_substeps: bool = quantity(True, "", "apply in every sub-step instead of the long step", "spec 6.4 3b")
     implicit: bool = quantity(
         True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg"
@@ -81,12 +91,17 @@ class Contact(Group):
     distance: float = quantity(0.0, "m", "contact starts at max(this, R1 + R2)", "spec 0.2 contact_distance", ge=0)
     critical_damping: bool = quantity(True, "", "radial damping 2 sqrt(k)", "spec 5.2")
     tangential_critical_damping: bool = quantity(False, "", "tangential damping a quarter of critical", "spec 5.2")
-    radial_damping: float = quantity(0.0, "s-1", "radial damping where not critical", "spec 0.2 radial_damping_coef", ge=0)
+    radial_damping: float = quantity(
+        0.0, "s-1", "radial damping where not critical", "spec 0.2 radial_damping_coef", ge=0
+    )
     tangential_damping: float = quantity(
         0.0, "s-1", "tangential damping where not critical", "spec 0.2 tangental_damping_coef", ge=0
     )
     damping_by_speed: bool = quantity(
-        False, "", "multiply damping by the projected relative speed (makes it quadratic)", "spec 5.2 scale_damping_by_pmag"
+        False,
+        "",
+        "multiply damping by the projected relative speed (makes it quadratic)",
+        "spec 5.2 scale_damping_by_pmag",
     )
     iterate: bool = quantity(True, "", "iterate the velocity coupling to convergence", "spec 6.4 force_convergence")
     tolerance: float = quantity(1e-4, "1", "tolerance of that iteration", "spec 6.4 convergence_tolerance", gt=0)
@@ -99,7 +114,11 @@ class Bonds(Group):
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "spec 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "spec 1.4")
     spring: float = quantity(
-        6.535947712418301e-4, "s-2", "stiffness of spring bonds and of contact inside a berg", "spec 0.2 spring_coef", ge=0
+        6.535947712418301e-4,
+        "s-2",
+        "stiffness of spring bonds and of contact inside a berg",
+        "spec 0.2 spring_coef",
+        ge=0,
     )
     youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "spec 0.2 dem_spring_coef", ge=0)
     poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "spec 0.2", gt=-1, lt=0.5)
@@ -127,7 +146,10 @@ class Fracture(Group):
     shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "spec 10.5")
     on_substeps: bool = quantity(True, "", "test in every sub-step instead of after the long step", "spec 7.2")
     broken_as_contact: bool = quantity(
-        True, "", "a broken bond stays as a contact pair until its ends part", "spec 7.2 use_broken_bonds_for_substep_contact"
+        True,
+        "",
+        "a broken bond stays as a contact pair until its ends part",
+        "spec 7.2 use_broken_bonds_for_substep_contact",
     )
     not_in_first_step: bool = quantity(False, "", "no test during the first long step", "spec 7.1 no_frac_first_ts")
 
@@ -141,7 +163,12 @@ class Stepping(Group):
         None, "1", "sub-steps in a long step; none means the stable number", "spec 6.4 mts_sub_steps", ge=1
     )
     safety: float = quantity(
-        0.8, "1", "largest sub-step as a part of the stable one, when the number is found automatically", "Riftberg", gt=0, le=1
+        0.8,
+        "1",
+        "largest sub-step as a part of the stable one, when the number is found automatically",
+        "Riftberg",
+        gt=0,
+        le=1,
     )
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "spec 6.4")
     skip_first_long_force: bool = quantity(
@@ -173,17 +200,27 @@ class Compatibility(Group):
     The names of the quirks are those of the specification's catalogue (spec 11).
     """
 
-    zero_start: bool = quantity(False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4")
+    zero_start: bool = quantity(
+        False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4"
+    )
     forcing_lag: bool = quantity(False, "", "Q5: long step n uses the forcing of step n-1", "spec 3.3")
-    sticky_collision_flags: bool = quantity(False, "", "Q2: an element once in contact stays in the convergence norm", "spec 6.4")
-    shared_shear_lever: bool = quantity(False, "", "Q10: shear torque on the partner uses the first lever arm", "spec 5.4")
-    bond_thickness_of_second: bool = quantity(False, "", "Q11: contact thickness always adds the difference", "spec 5.4")
+    sticky_collision_flags: bool = quantity(
+        False, "", "Q2: an element once in contact stays in the convergence norm", "spec 6.4"
+    )
+    shared_shear_lever: bool = quantity(
+        False, "", "Q10: shear torque on the partner uses the first lever arm", "spec 5.4"
+    )
+    bond_thickness_of_second: bool = quantity(
+        False, "", "Q11: contact thickness always adds the difference", "spec 5.4"
+    )
     grid_position_round_trip: bool = quantity(False, "", "Q40: positions pass through cell coordinates", "spec 8.2")
     swapped_implicit_velocity: bool = quantity(False, "", "Q1: mid-step v uses the implicit x-acceleration", "spec 6.4")
     mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "spec 3.2")
     frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
     depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
-    plain_kid_branch: bool = quantity(False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B")
+    plain_kid_branch: bool = quantity(
+        False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B"
+    )
 
     @classmethod
     def kid(cls, **overrides: bool) -> Compatibility:
@@ -282,7 +319,9 @@ class Parameters(Group):
     @model_validator(mode="after")
     def _combinations(self) -> Parameters:
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
-            raise ValueError("bonds.law = 'dem' needs stepping.explicit_substeps = true (spec 6.4: DEM is always explicit)")
+            raise ValueError(
+                "bonds.law = 'dem' needs stepping.explicit_substeps = true (spec 6.4: DEM is always explicit)"
+            )
         if self.bonds.law == "dem" and self.stepping.scheme != "mts" and self.fracture.enabled:
             raise ValueError(
                 "fracture acts in the sub-steps of scheme 'mts' only: set stepping.scheme = 'mts' "

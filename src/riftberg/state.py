@@ -98,7 +98,9 @@ ELEMENT_VARIABLES: tuple[Variable, ...] = (
     _v("va", "m s-1", "northward wind", standard_name="northward_wind", output=True),
     _v("slope_x", "1", "eastward slope of the sea surface", output=True),
     _v("slope_y", "1", "northward slope of the sea surface", output=True),
-    _v("depth", "m", "depth of water under the element", standard_name="sea_floor_depth_below_sea_surface", output=True),
+    _v(
+        "depth", "m", "depth of water under the element", standard_name="sea_floor_depth_below_sea_surface", output=True
+    ),
     _v("sst", "degree_Celsius", "sea-surface temperature", standard_name="sea_surface_temperature"),
     _v("sss", "1e-3", "sea-surface salinity", standard_name="sea_surface_salinity"),
     _v("ice_fraction", "1", "sea-ice area fraction", standard_name="sea_ice_area_fraction"),

@@ -1,0 +1,65 @@
+"""KID's spring and damper between two elements: bonded, in contact, or pieces of one broken berg (spec 5.2, 5.5)."""
+
+from __future__ import annotations
+
+import math
+
+from riftberg.kernels import kernel
+
+
+@kernel
+def damping_coefficients(
+    stiffness: float, critical: bool, tangential_critical: bool, radial: float, tangential: float
+) -> tuple[float, float]:
+    """Radial and tangential damping (s-1): ``2 sqrt(k)`` and a quarter of it where critical, else as given."""
+    if not critical:
+        return radial, tangential
+    full = 2.0 * math.sqrt(stiffness)
+    return full, (full / 4.0 if tangential_critical else tangential)
+
+
+@kernel
+def spring_acceleration(
+    nx: float, ny: float, distance: float, rest: float, stiffness: float, mass_ratio: float
+) -> tuple[float, float]:
+    """Acceleration of element 1: ``k (m_min / m_1) (rest - d) n`` (m s-2); n points from 2 to 1 (Stern et al. 6, 7)."""
+    pull = stiffness * mass_ratio * (rest - distance)
+    return pull * nx, pull * ny
+
+
+@kernel
+def _projected_speeds(nx: float, ny: float, u: float, v: float) -> tuple[float, float]:
+    """Sizes of the parts of (u, v) along n and across it."""
+    along = u * nx + v * ny
+    return abs(along), math.sqrt((u - along * nx) ** 2 + (v - along * ny) ** 2)
+
+
+@kernel
+def damping_tensor(
+    nx: float,
+    ny: float,
+    radial: float,
+    tangential: float,
+    mass_ratio: float,
+    by_speed: bool,
+    du0: float,
+    dv0: float,
+    du1: float,
+    dv1: float,
+) -> tuple[float, float, float]:
+    """Symmetric tensor P (p11, p12, p22; s-1) with damping acceleration P (u_2 - u_1) of element 1.
+
+    ``P = c_r N + c_t (1 - N)`` with N = n n^T; with ``by_speed`` each coefficient is multiplied by the mean of the
+    projected relative speeds at the start of the step (du0, dv0) and at the current iterate (du1, dv1), m s-1.
+    """
+    radial *= mass_ratio
+    tangential *= mass_ratio
+    if by_speed:
+        along0, across0 = _projected_speeds(nx, ny, du0, dv0)
+        along1, across1 = _projected_speeds(nx, ny, du1, dv1)
+        radial *= 0.5 * (along1 + along0)
+        tangential *= 0.5 * (across1 + across0)
+    p11 = radial * nx * nx + tangential * (1.0 - nx * nx)
+    p12 = (radial - tangential) * nx * ny
+    p22 = radial * ny * ny + tangential * (1.0 - ny * ny)
+    return p11, p12, p22

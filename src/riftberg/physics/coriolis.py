@@ -1,0 +1,23 @@
+"""Coriolis parameter (spec 2.6)."""
+
+from __future__ import annotations
+
+import math
+
+from riftberg.kernels import kernel
+
+_DEGREE = math.pi / 180.0
+_ROTATION = 7.292e-5
+
+
+@kernel
+def coriolis_parameter(latitude: float, latlon: bool, f_plane: bool, reference_latitude: float) -> float:
+    """Return f = 2 Omega sin(latitude), s-1; of the reference latitude on an f-plane or a Cartesian grid.
+
+    Parameters
+    ----------
+    latitude, reference_latitude : float
+        Degrees.
+    """
+    phi = latitude if latlon and not f_plane else reference_latitude
+    return 2.0 * _ROTATION * math.sin(phi * _DEGREE)
