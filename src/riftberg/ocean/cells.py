@@ -1,0 +1,363 @@
+"""Where a point lies in the grid: cell test, coordinates in a cell, search, moves between cells, land and periodicity.
+
+Array indices are used throughout: the north-east corner of cell ``(i, j)`` is ``lon[j, i]``, its south-west corner
+``lon[j - 1, i - 1]``. Row 0 and column 0 hold corners only. Source: spec 2.4, 2.5, 8.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from riftberg.constants import DEGREE
+from riftberg.kernels import kernel
+from riftberg.ocean.geometry import (
+    bilinear,
+    blend_corners,
+    edge_sign,
+    in_pentagon,
+    inverse_bilinear,
+    polar_plane,
+    wrap_around,
+)
+from riftberg.state import Elements, Floats, Ints
+
+if TYPE_CHECKING:
+    from riftberg.ocean.grid import GridArrays
+    from riftberg.parameters import KernelParameters
+
+POLAR_LATITUDE = 89.999
+"""Corners at or beyond this latitude (degrees) make a cell polar (spec 2.5)."""
+
+BOX_MARGIN = 0.1
+"""Margin in x, degrees or metres, of the quick box test (spec 2.5)."""
+
+MAX_CELLS = 4
+"""Cells that an element may cross in one long step (spec 8.1, quirk Q42)."""
+
+
+@kernel
+def _in_box(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
+    lat = grid.lat
+    south = min(min(lat[j - 1, i - 1], lat[j - 1, i]), min(lat[j, i], lat[j, i - 1]))
+    north = max(max(lat[j - 1, i - 1], lat[j - 1, i]), max(lat[j, i], lat[j, i - 1]))
+    if y < south or y > north:
+        return False
+    x0 = wrap_around(grid.lon[j - 1, i - 1], x, grid.period)
+    x1 = wrap_around(grid.lon[j - 1, i], x, grid.period)
+    x2 = wrap_around(grid.lon[j, i], x, grid.period)
+    x3 = wrap_around(grid.lon[j, i - 1], x, grid.period)
+    if x < min(min(x0, x1), min(x2, x3)) - BOX_MARGIN:
+        return False
+    return x <= max(max(x0, x1), max(x2, x3)) + BOX_MARGIN
+
+
+@kernel
+def _in_quadrilateral(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
+    lon, lat = grid.lon, grid.lat
+    centre = lon[j - 1, i - 1]
+    x0 = wrap_around(centre, centre, grid.period)
+    x1 = wrap_around(lon[j - 1, i], centre, grid.period)
+    x2 = wrap_around(lon[j, i], centre, grid.period)
+    x3 = wrap_around(lon[j, i - 1], centre, grid.period)
+    x = wrap_around(x, centre, grid.period)
+    y0, y1, y2, y3 = lat[j - 1, i - 1], lat[j - 1, i], lat[j, i], lat[j, i - 1]
+    p0 = edge_sign(x, y, x0, y0, x1, y1, -0.5)
+    p1 = edge_sign(x, y, x1, y1, x2, y2, 0.5)
+    p2 = edge_sign(x, y, x2, y2, x3, y3, 0.5)
+    p3 = edge_sign(x, y, x3, y3, x0, y0, -0.5)
+    return abs(p0) + abs(p1) + abs(p2) + abs(p3) == abs(p0 + p1 + p2 + p3)
+
+
+@kernel
+def _in_polar_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
+    """Cell test where a corner is the pole: that corner becomes a stretch of its parallel (spec 2.5)."""
+    lon, lat, period = grid.lon, grid.lat, grid.period
+    xsw, xse, xne, xnw = lon[j - 1, i - 1], lon[j - 1, i], lon[j, i], lon[j, i - 1]
+    ysw, yse, yne, ynw = lat[j - 1, i - 1], lat[j - 1, i], lat[j, i], lat[j, i - 1]
+    if yne > POLAR_LATITUDE:
+        return in_pentagon(x, y, period, xsw, ysw, xse, yse, xse, yne, xnw, yne, xnw, ynw)
+    if ynw > POLAR_LATITUDE:
+        return in_pentagon(x, y, period, xsw, ysw, xse, yse, xne, yne, xne, ynw, xsw, ynw)
+    if ysw > POLAR_LATITUDE:
+        return in_pentagon(x, y, period, xnw, ysw, xse, ysw, xse, yse, xne, yne, xnw, ynw)
+    return in_pentagon(x, y, period, xsw, ysw, xsw, yse, xne, yse, xne, yne, xnw, ynw)
+
+
+@kernel
+def _northernmost(i: int, j: int, grid: GridArrays) -> float:
+    lat = grid.lat
+    return max(max(lat[j - 1, i - 1], lat[j - 1, i]), max(lat[j, i], lat[j, i - 1]))
+
+
+@kernel
+def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
+    """Whether a point lies in a cell; south and west edges belong to the cell, north and east do not (spec 2.5).
+
+    Parameters
+    ----------
+    x, y : float
+        Longitude and latitude (degrees) or Cartesian position (m), any image of it.
+    i, j : int
+        Array column and row of the cell, both at least 1.
+    grid : GridArrays
+        Grid.
+    """
+    if not _in_box(x, y, i, j, grid):
+        return False
+    if grid.latlon and _northernmost(i, j, grid) > POLAR_LATITUDE:
+        return _in_polar_cell(x, y, i, j, grid)
+    return _in_quadrilateral(x, y, i, j, grid)
+
+
+@kernel
+def _position_in_polar_cell(
+    x: float, y: float, i: int, j: int, inside: bool, grid: GridArrays
+) -> tuple[float, float, bool]:
+    x1, y1 = polar_plane(grid.lon[j - 1, i - 1], grid.lat[j - 1, i - 1])
+    x2, y2 = polar_plane(grid.lon[j - 1, i], grid.lat[j - 1, i])
+    x3, y3 = polar_plane(grid.lon[j, i], grid.lat[j, i])
+    x4, y4 = polar_plane(grid.lon[j, i - 1], grid.lat[j, i - 1])
+    x, y = polar_plane(x, y)
+    xi, eta = inverse_bilinear(x, y, 0.0, x1, y1, x2, y2, x3, y3, x4, y4)
+    if inside and (xi < 0.0 or xi >= 1.0 or eta < 0.0 or eta >= 1.0):
+        # A parallel is an arc in the plane, the cell's edge a chord: points between them are drawn into the cell.
+        shrink = max(1.0, 2.1 * max(abs(xi - 0.5), abs(eta - 0.5)))
+        xi, eta = (xi - 0.5) / shrink + 0.5, (eta - 0.5) / shrink + 0.5
+    return xi, eta, inside
+
+
+@kernel
+def position_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> tuple[float, float, bool]:
+    """Return (xi, eta, inside): coordinates of a point in a cell, 0 at the south-west corner (spec 2.5).
+
+    Points outside get coordinates outside [0, 1) that tell in which direction they lie.
+    """
+    inside = point_in_cell(x, y, i, j, grid)
+    lon, lat = grid.lon, grid.lat
+    if grid.regular and not grid.latlon:
+        height, width = abs(lat[j, i] - lat[j - 1, i]), abs(lon[j, i] - lon[j, i - 1])
+        xc, yc = lon[j, i] - 0.5 * width, lat[j, i] - 0.5 * height
+        return (wrap_around(x, xc, grid.period) - xc) / width + 0.5, (y - yc) / height + 0.5, inside
+    if grid.latlon and _northernmost(i, j, grid) >= POLAR_LATITUDE:
+        return _position_in_polar_cell(x, y, i, j, inside, grid)
+    xi, eta = inverse_bilinear(
+        x, y, grid.period,
+        lon[j - 1, i - 1], lat[j - 1, i - 1], lon[j - 1, i], lat[j - 1, i],
+        lon[j, i], lat[j, i], lon[j, i - 1], lat[j, i - 1],
+    )  # fmt: skip
+    return xi, eta, inside
+
+
+@kernel
+def position_from_cell(xi: float, eta: float, i: int, j: int, grid: GridArrays) -> tuple[float, float]:
+    """Return the point (x, y) at (xi, eta) in a cell: bilinear in the corner coordinates (spec 3.2, 8.1).
+
+    In a polar cell the corners are blended in the polar plane, because the longitude of the pole means nothing.
+    """
+    lon, lat = grid.lon, grid.lat
+    if not (grid.latlon and _northernmost(i, j, grid) >= POLAR_LATITUDE):
+        return bilinear(lon, i, j, xi, eta), bilinear(lat, i, j, xi, eta)
+    x1, y1 = polar_plane(lon[j - 1, i - 1], lat[j - 1, i - 1])
+    x2, y2 = polar_plane(lon[j - 1, i], lat[j - 1, i])
+    x3, y3 = polar_plane(lon[j, i], lat[j, i])
+    x4, y4 = polar_plane(lon[j, i - 1], lat[j, i - 1])
+    x, y = blend_corners(x3, x4, x2, x1, xi, eta), blend_corners(y3, y4, y2, y1, xi, eta)
+    real = lon[j, i] if lat[j - 1, i - 1] >= POLAR_LATITUDE else lon[j - 1, i - 1]
+    return wrap_around(math.atan2(y, x) / DEGREE, real, 360.0), 90.0 - math.hypot(x, y)
+
+
+@kernel
+def _into_domain(i: int, grid: GridArrays) -> int:
+    if grid.cyclic:
+        return grid.halo + (i - grid.halo) % grid.ni
+    return min(max(i, grid.halo), grid.halo + grid.ni - 1)
+
+
+@kernel
+def _guess_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
+    """Cell that a point would have if the grid were evenly spaced; always inside the domain."""
+    h, ni, nj = grid.halo, grid.ni, grid.nj
+    west, south = grid.lon[h - 1, h - 1], grid.lat[h - 1, h - 1]
+    width = (grid.lon[h - 1, h + ni - 1] - west) / ni
+    height = (grid.lat[h + nj - 1, h - 1] - south) / nj
+    column = min(max((wrap_around(x, west + 0.5 * width * ni, grid.period) - west) / width, -1e6), 1e6)
+    row = min(max((y - south) / height, -1e6), 1e6)
+    return _into_domain(h + math.floor(column), grid), min(max(h + math.floor(row), h), h + nj - 1)
+
+
+@kernel
+def find_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
+    """Return array column and row of the domain's cell (no halo) that holds a point, or (-1, -1) (spec 2.5).
+
+    Tries the cell of an evenly spaced grid, walks from there along the cell coordinates, and scans all cells if
+    that fails.
+    """
+    h, ni, nj = grid.halo, grid.ni, grid.nj
+    i, j = _guess_cell(x, y, grid)
+    for _ in range(32):
+        xi, eta, inside = position_in_cell(x, y, i, j, grid)
+        if inside:
+            return i, j
+        if not (abs(xi) < 1e6 and abs(eta) < 1e6):
+            break
+        next_i = _into_domain(i + math.floor(xi), grid)
+        next_j = min(max(j + math.floor(eta), h), h + nj - 1)
+        if next_i == i and next_j == j:
+            break
+        i, j = next_i, next_j
+    for row in range(h, h + nj):
+        for column in range(h, h + ni):
+            if point_in_cell(x, y, column, row, grid):
+                return column, row
+    return -1, -1
+
+
+@kernel
+def locate_points(
+    lon: Floats, lat: Floats, grid: GridArrays, cell_i: Ints, cell_j: Ints, xi: Floats, eta: Floats
+) -> None:
+    """Fill cell and coordinates in the cell of many points; ``cell_i`` = -1 for points outside the domain."""
+    h = grid.halo
+    domain = grid.lat[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
+    south, north = domain.min(), domain.max()
+    columns = grid.lon[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
+    west, east = columns.min(), columns.max()
+    for n in range(lon.size):
+        x = wrap_around(lon[n], 0.5 * (west + east), grid.period)
+        outside = not (south <= lat[n] <= north) or (not grid.cyclic and not (west <= x <= east))
+        i, j = (-1, -1) if outside else find_cell(x, lat[n], grid)
+        cell_i[n], cell_j[n] = i, j
+        if i >= 0:
+            xi[n], eta[n], _ = position_in_cell(x, lat[n], i, j, grid)
+        else:
+            xi[n], eta[n] = np.nan, np.nan
+
+
+@kernel
+def _step_index(position: float, index: int, last: int, behind: float, ahead: float) -> tuple[int, bool]:
+    """Next index along one axis, and whether land is in the way; ``behind`` and ``ahead`` are masks."""
+    if position < 0.0 and index > 0:
+        if behind > 0.0:
+            return max(index - 1, 1), False
+        return index, True
+    if position >= 1.0 and index < last:
+        if ahead > 0.0:
+            return index + 1, False
+        return index, True
+    return index, False
+
+
+@kernel
+def _neighbour(mask: Floats, i: int, j: int) -> float:
+    if i < 0 or j < 0 or j >= mask.shape[0] or i >= mask.shape[1]:
+        return 0.0
+    return mask[j, i]
+
+
+@kernel
+def _pulled_in(position: float) -> float:
+    if position >= 1.0:
+        return 0.95
+    return 0.05 if position < 0.0 else position
+
+
+@kernel
+def adjust_cell(
+    x: float, y: float, i: int, j: int, grid: GridArrays
+) -> tuple[float, float, int, int, float, float, bool]:
+    """Move a point that may have left its cell into the right one; land stops it, velocity is untouched (spec 8.1).
+
+    Parameters
+    ----------
+    x, y : float
+        New position, degrees or m.
+    i, j : int
+        Cell before the move.
+    grid : GridArrays
+        Grid.
+
+    Returns
+    -------
+    x, y, i, j, xi, eta, bounced
+        Position (5 % inside the last cell on the way after a bounce on land or a move over more than four cells),
+        its cell, which may lie in the halo, its coordinates in the cell, and whether land stopped it.
+    """
+    xi, eta, inside = position_in_cell(x, y, i, j, grid)
+    if inside:
+        return x, y, i, j, xi, eta, False
+    mask, bounced = grid.mask, False
+    for _ in range(MAX_CELLS):
+        last_j, last_i = mask.shape[0] - 1, mask.shape[1] - 1
+        i, hit_x = _step_index(xi, i, last_i, _neighbour(mask, i - 1, j), _neighbour(mask, i + 1, j))
+        j, hit_y = _step_index(eta, j, last_j, _neighbour(mask, i, j - 1), _neighbour(mask, i, j + 1))
+        bounced = bounced or hit_x or hit_y
+        if bounced:
+            xi, eta = _pulled_in(xi), _pulled_in(eta)
+            x, y = position_from_cell(xi, eta, i, j, grid)
+        xi, eta, inside = position_in_cell(x, y, i, j, grid)
+        if inside:
+            break
+    if inside and not bounced and mask[j, i] > 0.0:
+        return x, y, i, j, xi, eta, False
+    xi = _pulled_in(xi)
+    eta = 0.95 if eta > 1.0 else (0.05 if eta <= 0.0 else eta)
+    x, y = position_from_cell(xi, eta, i, j, grid)
+    xi, eta, inside = position_in_cell(x, y, i, j, grid)
+    return x, y, i, j, xi, eta, bounced
+
+
+@kernel
+def settle_elements(elements: Elements, grid: GridArrays, params: KernelParameters) -> int:
+    """Find the cell of every element at the end of a step, stop it at land, and wrap it in a periodic grid (spec 8).
+
+    Elements with ``static`` >= 0.5 stay untouched. An element that left a cyclic domain comes back on the other side:
+    ``lon`` and ``lon_pair`` change by exactly one period.
+
+    Parameters
+    ----------
+    elements : Elements
+        Changed in place.
+    grid : GridArrays
+        Grid.
+    params : KernelParameters
+        Not used: the grid knows its geometry. Kept so that all parts of a step are called alike.
+
+    Returns
+    -------
+    int
+        Number of elements that land stopped.
+    """
+    e, stopped = elements, 0
+    first, behind = grid.halo, grid.halo + grid.ni
+    for n in range(e.lon.size):
+        if e.static[n] >= 0.5:
+            continue
+        x, y, i, j, xi, eta, bounced = adjust_cell(e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], grid)
+        stopped += bounced
+        if grid.cyclic and (i < first or i >= behind):
+            shift = grid.period if i < first else -grid.period
+            i += grid.ni if i < first else -grid.ni
+            x += shift
+            e.lon_pair[n] += shift
+        e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], e.xi[n], e.eta[n] = x, y, i, j, xi, eta
+    return stopped
+
+
+@kernel
+def round_trip(elements: Elements, grid: GridArrays) -> None:
+    """Pass all positions through cell coordinates, with the round-off of the reference (spec 8.2, quirk Q40).
+
+    ``lon`` and ``lat`` become the bilinear position at (``xi``, ``eta``), ``lon_pair`` and ``lat_pair`` change by the
+    same amount, and (``xi``, ``eta``) are computed anew.
+    """
+    e = elements
+    for n in range(e.lon.size):
+        i, j = e.cell_i[n], e.cell_j[n]
+        x, y = position_from_cell(e.xi[n], e.eta[n], i, j, grid)
+        e.lon_pair[n] = x - (e.lon[n] - e.lon_pair[n])
+        e.lat_pair[n] = y - (e.lat[n] - e.lat_pair[n])
+        e.lon[n], e.lat[n] = x, y
+        e.xi[n], e.eta[n], _ = position_in_cell(x, y, i, j, grid)

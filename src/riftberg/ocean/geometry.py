@@ -1,0 +1,106 @@
+"""Plane geometry of cells: images in a periodic domain, sides of edges, bilinear maps and their inverse.
+
+Source: spec 2.3, 2.4, 2.5, 3.2.
+"""
+
+from __future__ import annotations
+
+import math
+
+from riftberg.constants import DEGREE
+from riftberg.kernels import kernel
+from riftberg.state import Floats
+
+
+@kernel
+def wrap_around(x: float, centre: float, period: float) -> float:
+    """Return the image of ``x`` within half a period of ``centre``; ``x`` itself if ``period`` <= 0 (spec 2.4)."""
+    if period <= 0.0:
+        return x
+    west = centre - 0.5 * period
+    distance = x - west
+    # The remainder of a number already in range is that number, bit for bit; it is only slow to compute.
+    if distance < 0.0 or distance >= period:
+        distance = distance % period
+    return distance + west
+
+
+@kernel
+def edge_sign(x: float, y: float, xa: float, ya: float, xb: float, yb: float, on_line: float) -> float:
+    """Return +1 right and -1 left of the edge a -> b, and ``on_line`` on it (spec 2.5)."""
+    side = (x - xa) * (yb - ya) - (y - ya) * (xb - xa)
+    if side > 0.0:
+        return 1.0
+    if side < 0.0:
+        return -1.0
+    return on_line
+
+
+@kernel
+def in_pentagon(
+    x: float, y: float, period: float,
+    x0: float, y0: float, x1: float, y1: float, x2: float, y2: float, x3: float, y3: float, x4: float, y4: float,
+) -> bool:  # fmt: skip
+    """Whether a point lies in a polygon of five corners, longitudes taken around the first corner (spec 2.5)."""
+    x1, x2 = wrap_around(x1, x0, period), wrap_around(x2, x0, period)
+    x3, x4 = wrap_around(x3, x0, period), wrap_around(x4, x0, period)
+    x, x0 = wrap_around(x, x0, period), wrap_around(x0, x0, period)
+    p0 = edge_sign(x, y, x0, y0, x1, y1, 0.0)
+    p1 = edge_sign(x, y, x1, y1, x2, y2, 0.0)
+    p2 = edge_sign(x, y, x2, y2, x3, y3, 0.0)
+    p3 = edge_sign(x, y, x3, y3, x4, y4, 0.0)
+    p4 = edge_sign(x, y, x4, y4, x0, y0, 0.0)
+    return abs(p0) + abs(p1) + abs(p2) + abs(p3) + abs(p4) - abs(p0 + p1 + p2 + p3 + p4) < 0.5
+
+
+@kernel
+def inverse_bilinear(
+    x: float, y: float, period: float,
+    x1: float, y1: float, x2: float, y2: float, x3: float, y3: float, x4: float, y4: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return (xi, eta) of a point in the quadrilateral with corners 1..4 = SW, SE, NE, NW (spec 2.5).
+
+    The roots are those of the specification, evaluated so that nearly parallel edges and rotated cells lose no digits.
+    """
+    alpha, delta = x2 - x1, y2 - y1
+    beta, epsilon = x4 - x1, y4 - y1
+    gamma, kappa = (x3 - x1) - (alpha + beta), (y3 - y1) - (delta + epsilon)
+    dx, dy = wrap_around(x, x1, period) - x1, y - y1
+    a = kappa * beta - gamma * epsilon
+    b = (delta * beta - alpha * epsilon) - (kappa * dx - gamma * dy)
+    c = alpha * dy - delta * dx
+    if abs(a) > 1e-12:
+        # Far outside a cell the lines eta = const need not reach the point; the nearest one then points the way.
+        root = math.sqrt(max(0.25 * b * b - a * c, 0.0))
+        q = -(0.5 * b + root) if b >= 0.0 else -(0.5 * b - root)
+        first = q / a
+        second = c / q if q != 0.0 else first
+        eta = first if abs(first - 0.5) < abs(second - 0.5) else second
+    else:
+        eta = -c / b if b != 0.0 else 0.0
+    along_x, along_y = alpha + gamma * eta, delta + kappa * eta
+    if along_x != 0.0 and abs(along_x) >= abs(along_y):
+        return (dx - beta * eta) / along_x, eta
+    if along_y != 0.0:
+        return (dy - epsilon * eta) / along_y, eta
+    across = (epsilon * alpha - beta * delta) + (epsilon * gamma - beta * kappa) * eta
+    return (epsilon * dx - beta * dy) / across, eta
+
+
+@kernel
+def polar_plane(lon: float, lat: float) -> tuple[float, float]:
+    """Return a point as (x, y) in the plane around the north pole, in degrees of latitude (spec 2.5)."""
+    distance = 90.0 - lat
+    return distance * math.cos(lon * DEGREE), distance * math.sin(lon * DEGREE)
+
+
+@kernel
+def blend_corners(ne: float, nw: float, se: float, sw: float, xi: float, eta: float) -> float:
+    """Return the bilinear value at (xi, eta) of four corner values (spec 3.2)."""
+    return (ne * xi + nw * (1.0 - xi)) * eta + (se * xi + sw * (1.0 - xi)) * (1.0 - eta)
+
+
+@kernel
+def bilinear(q: Floats, i: int, j: int, xi: float, eta: float) -> float:
+    """Return the bilinear value at (xi, eta) of corner values, in the operation order of spec 3.2."""
+    return blend_corners(q[j, i], q[j, i - 1], q[j - 1, i], q[j - 1, i - 1], xi, eta)

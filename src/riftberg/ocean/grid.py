@@ -1,0 +1,375 @@
+"""The grid of the ocean: corners, halo, metrics, land, periodicity; and the fields that live on it.
+
+Arrays have shape (nj + 2 halo, ni + 2 halo) and are indexed [j, i]; cell (i, j) of the specification (counted from 1)
+is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its north-east corner. Source: spec 2.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.errors import BergError, InputError
+from riftberg.ocean.cells import locate_points
+from riftberg.ocean.metrics import cell_areas, edge_lengths
+from riftberg.state import Elements, Floats
+
+
+class GridArrays(NamedTuple):
+    """What compiled code reads of a grid; 2-D arrays of shape (nj + 2 halo, ni + 2 halo).
+
+    Attributes
+    ----------
+    lon, lat : ndarray
+        North-east corners, degrees or m.
+    lon_centre, lat_centre : ndarray
+        Mean of the four corners; row 0 and column 0 are no cells.
+    dx, dy : ndarray
+        Length of the north edge and of the east edge, m.
+    area : ndarray
+        Area of the cell, m2.
+    mask : ndarray
+        1 ocean, 0 land.
+    cos_angle, sin_angle : ndarray
+        Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u.
+    ni, nj, halo : int
+        Cells of the domain and width of the halo around it.
+    latlon, regular, cyclic : bool
+        Degrees or metres; edges along the axes; western and eastern end joined.
+    period : float
+        Zonal period of the coordinate, 0 or less if none. A regional grid in degrees has 360 without being cyclic.
+    """
+
+    lon: Floats
+    lat: Floats
+    lon_centre: Floats
+    lat_centre: Floats
+    dx: Floats
+    dy: Floats
+    area: Floats
+    mask: Floats
+    cos_angle: Floats
+    sin_angle: Floats
+    ni: int
+    nj: int
+    halo: int
+    latlon: bool
+    regular: bool
+    cyclic: bool
+    period: float
+
+
+class Fields(NamedTuple):
+    """One state of ocean, air and ice on the grid; float64 arrays of the grid's full shape.
+
+    ``uo vo ui vi ua va`` (m s-1) are values at north-east corners along the axes of the grid, the others of cells:
+    ``ssh`` (m), ``sst`` (degree Celsius), ``sss`` (1e-3), ``ice_fraction`` (1), ``ice_thickness`` (m),
+    ``depth`` of the sea floor below the geoid (m).
+    """
+
+    uo: Floats
+    vo: Floats
+    ui: Floats
+    vi: Floats
+    ua: Floats
+    va: Floats
+    ssh: Floats
+    sst: Floats
+    sss: Floats
+    ice_fraction: Floats
+    ice_thickness: Floats
+    depth: Floats
+
+
+CORNER_FIELDS = ("uo", "vo", "ui", "vi", "ua", "va")
+"""Fields at north-east corners; all others are values of cells."""
+
+ZERO_OUTSIDE = ("ua", "va", "ssh")
+"""Fields that are 0 beyond a closed boundary (spec 3.1 rule 2, quirk Q23); the others repeat the outermost value."""
+
+FIELD_DEFAULTS = {"sss": -1.0, "depth": 1e4}
+"""Values of fields that are not given, where not 0 (spec 3.1 rule 4)."""
+
+
+def _put(values: Floats, ni: int, nj: int, halo: int) -> tuple[Floats, slice, slice]:
+    """Place given values in an array with halo; return it with the rows and columns that are known."""
+    full = np.full((nj + 2 * halo, ni + 2 * halo), np.nan)
+    for before, after in ((0, 0), (1, 0), (1, 1), (halo, halo)):
+        if values.shape == (nj + before + after, ni + before + after):
+            rows = slice(halo - before, halo + nj + after)
+            columns = slice(halo - before, halo + ni + after)
+            full[rows, columns] = values
+            return full, rows, columns
+    raise InputError(
+        f"array of shape {values.shape} does not fit a grid of {nj} x {ni} cells",
+        remedy=f"Give ({nj}, {ni}), ({nj + 1}, {ni + 1}) with the outermost south and west line first, "
+        f"({nj + 2}, {ni + 2}) with one ring, or {full.shape} with the halo",
+    )
+
+
+def _join_ends(full: Floats, ni: int, halo: int, period: float = 0.0) -> None:
+    """Fill the western and eastern halo of a cyclic grid with copies, shifted by the period."""
+    columns = np.arange(full.shape[1]) - halo
+    turns = columns // ni
+    full[:] = full[:, halo + columns - turns * ni] + turns * period
+
+
+def _extrapolate_columns(full: Floats, columns: slice) -> None:
+    for i in range(columns.start - 1, -1, -1):
+        full[:, i] = 2.0 * full[:, i + 1] - full[:, i + 2]
+    for i in range(columns.stop, full.shape[1]):
+        full[:, i] = 2.0 * full[:, i - 1] - full[:, i - 2]
+
+
+def _halo_corners(
+    lon: Floats, lat: Floats, rows: slice, columns: slice, wrap: Callable[[Floats, float], None] | None, period: float
+) -> None:
+    """Fill halo corners: copied in cyclic directions, linear elsewhere; the south keeps its longitudes (spec 2.1)."""
+    for j in range(rows.start - 1, -1, -1):
+        lon[j], lat[j] = lon[j + 1], 2.0 * lat[j + 1] - lat[j + 2]
+    if wrap is not None:
+        wrap(lon, period)
+        wrap(lat, 0.0)
+    else:
+        _extrapolate_columns(lon, columns)
+        _extrapolate_columns(lat, columns)
+    for j in range(rows.stop, lon.shape[0]):
+        lon[j], lat[j] = 2.0 * lon[j - 1] - lon[j - 2], 2.0 * lat[j - 1] - lat[j - 2]
+
+
+def _centres(q: Floats) -> Floats:
+    centre = q.copy()
+    centre[1:, 1:] = 0.25 * ((q[1:, 1:] + q[:-1, :-1]) + (q[1:, :-1] + q[:-1, 1:]))
+    return centre
+
+
+def _closes(lon: Floats, ni: int, halo: int, period: float) -> bool:
+    """Whether the domain spans one period, judged on its middle row to a half cell."""
+    if period <= 0.0:
+        return False
+    row = lon[lon.shape[0] // 2, halo : halo + ni]
+    spacing = (row[-1] - row[0]) / (ni - 1)
+    return bool(abs(row[-1] + spacing - row[0] - period) < 0.5 * abs(spacing))
+
+
+class Grid:
+    """Grid of the ocean with its halo; make one with `Grid.cartesian` or `Grid.from_corners`.
+
+    Attributes
+    ----------
+    arrays : GridArrays
+        Corners, metrics and land for compiled code.
+    earth_radius : float
+        Radius of the sphere that gave the metrics, m.
+    """
+
+    def __init__(self, arrays: GridArrays, earth_radius: float) -> None:
+        self.arrays = arrays
+        self.earth_radius = earth_radius
+
+    @classmethod
+    def cartesian(
+        cls, ni: int, nj: int, spacing: float, *, period: float = 0.0, offset: float = 0.0,
+        mask: ArrayLike | None = None, halo: int = 4,
+    ) -> Grid:  # fmt: skip
+        """Return a grid of square cells in metres, as in the test cases of the reference (spec 10.1).
+
+        Parameters
+        ----------
+        ni, nj : int
+            Cells in x and y.
+        spacing : float
+            Side of a cell, m.
+        period : float
+            Zonal period, m; the grid is cyclic if it spans it. 0 for a closed grid.
+        offset : float
+            Added to all corner coordinates, m.
+        mask : array_like, optional
+            1 ocean, 0 land; shapes as in `extended`. All ocean if not given, land beyond closed ends.
+        halo : int
+            Width of the halo, cells.
+        """
+        x, y = np.meshgrid(spacing * np.arange(1, ni + 1) + offset, spacing * np.arange(1, nj + 1) + offset)
+        grid = cls.from_corners(x, y, latlon=False, regular=True, period=period, mask=mask, halo=halo)
+        # Differences of shifted coordinates are off by round-off; the lengths are known exactly.
+        grid.arrays.dx[:], grid.arrays.dy[:], grid.arrays.area[:] = spacing, spacing, spacing**2
+        return grid
+
+    @classmethod
+    def from_corners(
+        cls, lon2d: ArrayLike, lat2d: ArrayLike, *, latlon: bool = True, regular: bool = True, period: float = 360.0,
+        radius_for_metrics: float = EARTH_RADIUS_A68, mask: ArrayLike | None = None, halo: int = 4,
+        includes_southwest: bool = False, cyclic: bool | None = None,
+        cos_angle: ArrayLike | None = None, sin_angle: ArrayLike | None = None,
+    ) -> Grid:  # fmt: skip
+        """Return the grid with the given cell corners.
+
+        Parameters
+        ----------
+        lon2d, lat2d : array_like
+            North-east corners of the cells, shape (nj, ni), degrees or m.
+        latlon, regular : bool
+            Degrees or metres; edges along the axes.
+        period : float
+            Zonal period of the coordinate, 0 or less if none.
+        radius_for_metrics : float
+            Radius of the sphere for lengths and areas, m.
+        mask : array_like, optional
+            1 ocean, 0 land; shapes as in `extended`. All ocean if not given, land beyond closed ends.
+        halo : int
+            Width of the halo, cells, at least 2.
+        includes_southwest : bool
+            The corners have shape (nj + 1, ni + 1), the outermost south and west line first.
+        cyclic : bool, optional
+            Whether the western and eastern end are joined; found from ``period`` if not given.
+        cos_angle, sin_angle : array_like, optional
+            Turn of the grid at the north-east corners; none if not given.
+        """
+        lon_given, lat_given = np.asarray(lon2d, dtype=np.float64), np.asarray(lat2d, dtype=np.float64)
+        _check_corners(lon_given, lat_given, halo)
+        nj, ni = (n - includes_southwest for n in lon_given.shape)
+        lon, rows, columns = _put(lon_given, ni, nj, halo)
+        lat, _, _ = _put(lat_given, ni, nj, halo)
+        joined = _closes(lon, ni, halo, period) if cyclic is None else cyclic
+
+        def wrap(full: Floats, shift: float = 0.0) -> None:
+            _join_ends(full, ni, halo, shift)
+
+        _halo_corners(lon, lat, rows, columns, wrap if joined else None, period)
+        dx, dy = edge_lengths(lon, lat, radius_for_metrics, latlon)
+        area = np.zeros_like(lon)
+        area[1:, 1:] = cell_areas(lon, lat, radius_for_metrics, latlon)
+        empty = np.zeros_like(lon)
+        arrays = GridArrays(
+            lon, lat, _centres(lon), _centres(lat), dx, dy, area, empty, empty, empty,
+            ni, nj, halo, latlon, regular, joined, float(period),
+        )  # fmt: skip
+        grid = cls(arrays, radius_for_metrics)
+        grid.arrays = arrays._replace(
+            mask=grid.extended(1.0 if mask is None else np.asarray(mask, dtype=np.float64), outside="zero"),
+            cos_angle=grid.extended(1.0 if cos_angle is None else cos_angle),
+            sin_angle=grid.extended(0.0 if sin_angle is None else sin_angle),
+        )
+        return grid
+
+    def extended(self, values: ArrayLike, outside: str = "nearest") -> Floats:
+        """Return values of cells or north-east corners on the full shape of the grid, as a new float64 array.
+
+        Parameters
+        ----------
+        values : array_like
+            A number or an array of shape (nj, ni); (nj + 1, ni + 1) with the outermost south and west line first;
+            (nj + 2, ni + 2) with one ring; or the full shape.
+        outside : {"nearest", "zero"}
+            What stands beyond closed ends where no value is given. Cyclic ends always hold copies.
+        """
+        g = self.arrays
+        given = np.asarray(values, dtype=np.float64)
+        if given.ndim == 0:
+            given = np.broadcast_to(given, (g.nj, g.ni))
+        full, rows, columns = _put(given, g.ni, g.nj, g.halo)
+        if outside not in ("nearest", "zero"):
+            raise InputError(f"outside = {outside!r}", remedy="Use 'nearest' or 'zero'")
+        inner = full[rows, columns]
+        width = [(s.start, n - s.stop) for s, n in zip((rows, columns), full.shape, strict=True)]
+        full = np.pad(inner, width, mode="edge") if outside == "nearest" else np.pad(inner, width)
+        if g.cyclic:
+            _join_ends(full, g.ni, g.halo)
+        return np.ascontiguousarray(full)
+
+    def fields(self, **given: ArrayLike) -> Fields:
+        """Return `Fields` from numbers or arrays (shapes as in `extended`); what is not given is at rest or absent.
+
+        Wind and sea level are 0 beyond closed ends, as in the reference (spec 3.1); others repeat their last value.
+
+        Examples
+        --------
+        >>> grid = Grid.cartesian(20, 20, 1000.0, period=20000.0)
+        >>> float(grid.fields(uo=0.2, depth=1000.0).uo[10, 10])
+        0.2
+        """
+        unknown = sorted(set(given) - set(Fields._fields))
+        if unknown:
+            raise InputError(f"unknown field {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
+        values: dict[str, Any] = {name: given.get(name, FIELD_DEFAULTS.get(name, 0.0)) for name in Fields._fields}
+        return Fields(
+            **{name: self.extended(v, "zero" if name in ZERO_OUTSIDE else "nearest") for name, v in values.items()}
+        )
+
+    def locate(self, elements: Elements) -> None:
+        """Set cell and coordinates in the cell of all elements, at the start of a run (spec 2.5).
+
+        Longitudes that are whole periods off the grid's are brought to the grid's, together with ``lon_pair``.
+
+        Raises
+        ------
+        BergError
+            If an element lies outside the domain or on land.
+        """
+        e, g = elements, self.arrays
+        locate_points(e.lon, e.lat, g, e.cell_i, e.cell_j, e.xi, e.eta)
+        outside = np.flatnonzero(e.cell_i < 0)
+        if outside.size:
+            raise _misplaced(e, int(outside[0]), "outside the grid", self._extent())
+        land = np.flatnonzero(g.mask[e.cell_j, e.cell_i] < 0.5)
+        if land.size:
+            raise _misplaced(e, int(land[0]), "on land", "Move the berg, or correct the land mask there.")
+        if g.period > 0.0:
+            turns = np.round((e.lon - g.lon_centre[e.cell_j, e.cell_i]) / g.period)
+            e.lon[:] -= turns * g.period
+            e.lon_pair[:] -= turns * g.period
+
+    def _extent(self) -> str:
+        (west, east), (south, north) = self.bounds()
+        return f"The grid covers {west:g} to {east:g} and {south:g} to {north:g} {self._unit()}"
+
+    def _unit(self) -> str:
+        return "degrees" if self.arrays.latlon else "m"
+
+    def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return ((west, east), (south, north)) of the domain without halo, degrees or m."""
+        g = self.arrays
+        box = np.s_[g.halo - 1 : g.halo + g.nj, g.halo - 1 : g.halo + g.ni]
+        lon, lat = g.lon[box], g.lat[box]
+        return (float(lon.min()), float(lon.max())), (float(lat.min()), float(lat.max()))
+
+    @property
+    def domain(self) -> tuple[slice, slice]:
+        """Slices of rows and columns that cut the halo off."""
+        g = self.arrays
+        return np.s_[g.halo : g.halo + g.nj, g.halo : g.halo + g.ni]
+
+    def describe(self) -> str:
+        """Return size, extent, spacing, land and periodicity in plain words."""
+        g = self.arrays
+        dx, dy, mask = g.dx[self.domain], g.dy[self.domain], g.mask[self.domain]
+        kind = "regular" if g.regular else "general"
+        ends = f"cyclic, period {g.period:g} {self._unit()}" if g.cyclic else "closed"
+        (west, east), (south, north) = self.bounds()
+        return (
+            f"{g.ni} x {g.nj} cells, {kind}, {'longitude and latitude' if g.latlon else 'Cartesian'}, {ends}\n"
+            f"  from {west:g} to {east:g} and {south:g} to {north:g} {self._unit()}\n"
+            f"  cells {dx.min():.6g} to {dx.max():.6g} m wide, {dy.min():.6g} to {dy.max():.6g} m high\n"
+            f"  {100.0 * float((mask < 0.5).mean()):.1f} % land"
+        )
+
+
+def _check_corners(lon: NDArray[np.float64], lat: NDArray[np.float64], halo: int) -> None:
+    if lon.ndim != 2 or lon.shape != lat.shape or min(lon.shape) < 2:
+        raise InputError(
+            f"corner arrays of shapes {lon.shape} and {lat.shape}",
+            remedy="Give two 2-D arrays of one shape, at least 2 x 2",
+        )
+    if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
+        raise InputError("corner coordinates are not all finite", remedy="Fill the gaps of the grid's coordinates")
+    if halo < 2:
+        raise InputError(f"halo = {halo}", remedy="The interpolation of depth needs a halo of at least 2 cells")
+
+
+def _misplaced(elements: Elements, row: int, how: str, remedy: str) -> BergError:
+    place = f"({elements.lon[row]:.6g}, {elements.lat[row]:.6g})"
+    return BergError(f"element {elements.id[row]} at {place} lies {how}", where="berg", remedy=remedy)
