@@ -14,16 +14,17 @@ from riftberg.kernels import kernel
 
 _DEGREE = math.pi / 180.0
 _INVERSE_PI = 1.0 / math.pi
-# pi in two parts, so that reducing an angle loses no digits.
-_PI_HIGH = 3.141592653589793116
-_PI_LOW = 1.2246467991473532e-16
+# pi in three parts; the first two have 33 bits, so that their products with up to a million half turns are exact.
+_PI_HIGH = 3.1415926534682512
+_PI_MIDDLE = 1.2154201012607932e-10
+_PI_LOW = 4.044532497591901e-21
 
 
 @kernel
 def fast_sin(angle: float) -> float:
     """Sine of an angle (rad) by range reduction and a Taylor polynomial of degree 21."""
     turns = np.floor(angle * _INVERSE_PI + 0.5)
-    x = (angle - turns * _PI_HIGH) - turns * _PI_LOW
+    x = ((angle - turns * _PI_HIGH) - turns * _PI_MIDDLE) - turns * _PI_LOW
     sign = 1.0 - 2.0 * (turns - 2.0 * np.floor(0.5 * turns))
     return sign * _sin_reduced(x, x * x)
 
@@ -84,7 +85,7 @@ def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float
 
 @kernel
 def nearest_image(difference: float, period: float) -> float:
-    """Bring a difference of two zonal coordinates into (-period/2, period/2]; unchanged if period <= 0 (spec 8.2)."""
+    """Bring a difference of two zonal coordinates into [-period/2, period/2); unchanged if period <= 0 (spec 8.2)."""
     if period > 0.0:
         return difference - period * np.floor(difference / period + 0.5)
     return difference

@@ -1,0 +1,10 @@
+"""Twin of the pressure gradient of spec 4.1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def acceleration(slope):
+    """Minus g times the slope."""
+    return -9.8 * np.asarray(slope, dtype=float)

@@ -1,0 +1,20 @@
+"""Twin of the wave radiation force of spec 4.1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def acceleration(wind, current, mass, freeboard, length, width):
+    """Force per mass along the wind."""
+    wind, current = np.asarray(wind, dtype=float), np.asarray(current, dtype=float)
+    if not wind.any():
+        return np.zeros(2)
+    q = np.sum((wind - current) ** 2)
+    amplitude = 0.5 * 0.02025 * q
+    wave_length = 0.32 * q
+    cut_off, top = 0.125 * wave_length, 0.25 * wave_length
+    share = np.clip((length - cut_off) / ((top - cut_off) + 1e-30), 0.0, 1.0)
+    harmonic = 2 * width * length / (width + length)
+    size = 0.5 * 1025.0 / mass * 0.06 * share * 9.8 * amplitude * min(amplitude, freeboard) * harmonic
+    return size * wind / np.sqrt(wind @ wind)
