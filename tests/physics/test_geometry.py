@@ -155,7 +155,8 @@ def test_polar_axes_by_hand():
     np.testing.assert_allclose(geometry.vector_to_plane(0.0, 1.0, 0.0), (0.0, 1.0), atol=1e-16)
     np.testing.assert_allclose(geometry.vector_to_plane(0.0, 0.0, 1.0), (-1.0, 0.0), atol=1e-16)
     x, y = geometry.to_tangent_plane(90.0, 89.5, RADIUS)
-    assert y > 0 and abs(x) < 1e-6 * y
+    assert y > 0
+    assert abs(x) < 1e-6 * y
 
 
 @quick
