@@ -1,0 +1,143 @@
+"""From positions to checked elements and bonds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.lattice import element_area
+from riftberg.bergs.raster import Raster
+from riftberg.errors import BergError
+from riftberg.parameters import Packing
+from riftberg.state import Elements, Floats, new_elements
+
+OVERLAP_ALLOWED = 0.01
+"""Part of R1 + R2 by which two elements may overlap before the berg is refused."""
+
+
+def make_elements(
+    lon: Floats,
+    lat: Floats,
+    *,
+    radius: Any,
+    packing: Packing,
+    thickness: Any,
+    density: float,
+    velocity: tuple[Any, Any] = (0.0, 0.0),
+    spin: float = 0.0,
+    static: Any = False,
+    latlon: bool = True,
+) -> Elements:
+    """Return elements at positions, with all that follows from radius, thickness and density.
+
+    Parameters
+    ----------
+    lon, lat : ndarray
+        Positions, degrees (m if not ``latlon``).
+    radius, thickness : float or ndarray
+        Radius of the inscribed circle and ice thickness, m.
+    packing : {"square", "hexagonal"}
+        Packing, which gives the area of an element.
+    density : float
+        Ice density, kg m-3.
+    velocity : tuple
+        Eastward and northward velocity, m s-1.
+    spin : float
+        Angular velocity, rad s-1, counter-clockwise.
+    static : bool or ndarray
+        Elements that never move.
+    latlon : bool
+        Whether positions are degrees.
+    """
+    elements = new_elements(len(lon))
+    thickness = np.broadcast_to(np.asarray(thickness, dtype=np.float64), lon.shape)
+    _check(lon, lat, radius, thickness, density, latlon)
+    elements.lon[:] = elements.lon_pair[:] = lon
+    elements.lat[:] = elements.lat_pair[:] = lat
+    for name in ("u", "u_sync", "u_pair"):
+        getattr(elements, name)[:] = velocity[0]
+    for name in ("v", "v_sync", "v_pair"):
+        getattr(elements, name)[:] = velocity[1]
+    elements.spin[:] = spin
+    elements.static[:] = np.asarray(static, dtype=np.float64)
+    elements.thickness[:] = thickness
+    area = np.asarray([element_area(float(r), packing) for r in np.atleast_1d(radius)])
+    elements.length[:] = elements.width[:] = np.sqrt(area)
+    elements.mass[:] = thickness * density * area
+    return elements
+
+
+def _check(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
+    if len(lon) == 0:
+        raise BergError("no elements", remedy="Give at least one position")
+    if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
+        raise BergError("positions that are not numbers", remedy="Remove them")
+    if latlon and abs(lat).max() > 89.0:
+        raise BergError(
+            f"latitude {lat[np.argmax(abs(lat))]:g}", remedy="Latitudes must lie within 89 degrees of the equator"
+        )
+    if not (np.asarray(radius) > 0).all():
+        raise BergError(f"radius {np.min(radius)} m", remedy="Give a positive radius in metres")
+    if not 0 < density < 1025:
+        raise BergError(
+            f"ice density {density} kg m-3", remedy="Ice floats: give a density between 0 and 1025, usually 850 to 917"
+        )
+    bad = ~(thickness > 0) | ~np.isfinite(thickness)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise BergError(
+            f"thickness {thickness[k]:g} m ({bad.sum()} of {len(bad)} elements are not positive)",
+            where=f"element {k + 1} at {lon[k]:.4f}, {lat[k]:.4f}",
+            remedy="Give a positive thickness everywhere under the outline",
+        )
+
+
+def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None:
+    """Raise `BergError` if two elements stand closer than their radii allow."""
+    near = form_bonds(elements, BondRule(packing=packing), metric)
+    radius = radius_of(elements, packing)
+    ratio = near.bond_length / (radius[near.first] + radius[near.second])
+    if len(ratio) == 0 or ratio.min() >= 1.0 - OVERLAP_ALLOWED:
+        return
+    k = int(np.argmin(ratio))
+    i, j = int(near.first[k]), int(near.second[k])
+    raise BergError(
+        f"elements {i + 1} and {j + 1} overlap: {near.bond_length[k]:.6g} m apart "
+        f"instead of {radius[i] + radius[j]:.6g} m",
+        where=f"near {elements.lon[i]:.5f}, {elements.lat[i]:.5f}",
+        remedy="Place elements at least two radii apart, or give a smaller radius",
+    )
+
+
+def radius_of(elements: Elements, packing: Packing) -> Floats:
+    """Radius (m) of the inscribed circle of bonded elements (spec 1.4)."""
+    return np.sqrt(elements.length * elements.width / element_area(1.0, packing))
+
+
+def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
+    """Return thickness at positions: a number, one value per element, or a map that is sampled.
+
+    Parameters
+    ----------
+    source : float, ndarray, Raster, path or DataArray
+        The thickness, m.
+    lon, lat : ndarray
+        Positions of the elements.
+    read : callable
+        Reader of maps (`riftberg.bergs.raster.read_raster`).
+    """
+    if isinstance(source, int | float) or (isinstance(source, np.ndarray) and source.shape in ((), lon.shape)):
+        return source
+    raster: Raster = source if isinstance(source, Raster) else read(source)
+    values = raster.sample(lon, lat)
+    missing = ~np.isfinite(values)
+    if missing.any():
+        k = int(np.argmax(missing))
+        raise BergError(
+            f"no thickness for {missing.sum()} of {len(lon)} elements, the first at {lon[k]:.4f}, {lat[k]:.4f}",
+            where=raster.name,
+            remedy="Extend the map, fill its gaps, or give one number",
+        )
+    return values

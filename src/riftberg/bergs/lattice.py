@@ -1,0 +1,225 @@
+"""Square and hexagonal packing of a plane region with equal elements.
+
+Spec (thermodynamics ...) 8.2: positions are relative to the lower-left corner of the region; the first column stands
+half an element inside. Coordinates are metres in a plane; `riftberg.bergs.placement` brings them to the sphere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import BergError
+from riftberg.parameters import Packing
+from riftberg.state import Floats, Ints
+
+Booleans = NDArray[np.bool_]
+
+OFFSETS_TRIED = 5
+"""Shifts of the lattice tried along each axis when the best fit to an outline is sought."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A plane figure to be filled.
+
+    Attributes
+    ----------
+    bounds : tuple of float
+        x_min, y_min, x_max, y_max in m.
+    area : float
+        Area in m2.
+    centroid : tuple of float
+        x and y in m.
+    inside : callable
+        Takes arrays x, y (m) and returns whether each point lies in the figure.
+    """
+
+    bounds: tuple[float, float, float, float]
+    area: float
+    centroid: tuple[float, float]
+    inside: Callable[[Floats, Floats], Booleans]
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Centres of elements in a plane.
+
+    Attributes
+    ----------
+    x, y : ndarray
+        Positions in m.
+    column, row : ndarray
+        Place in the lattice, from 0.
+    """
+
+    x: Floats
+    y: Floats
+    column: Ints
+    row: Ints
+
+    def __len__(self) -> int:
+        """Return the number of elements."""
+        return len(self.x)
+
+    def where(self, chosen: Booleans | Ints) -> Lattice:
+        """Return the chosen elements, in the order given."""
+        return Lattice(self.x[chosen], self.y[chosen], self.column[chosen], self.row[chosen])
+
+
+def element_area(radius: float, packing: Packing) -> float:
+    """Plan area (m2) of an element whose inscribed circle has this radius (m); spec 8.2.
+
+    Examples
+    --------
+    >>> element_area(1500.0, "square")
+    9000000.0
+    """
+    return 2.0 * math.sqrt(3.0) * radius**2 if packing == "hexagonal" else (2.0 * radius) ** 2
+
+
+def pitch(radius: float, packing: Packing) -> tuple[float, float]:
+    """Distance (m) between columns and between the elements of a column."""
+    return (math.sqrt(3.0) * radius if packing == "hexagonal" else 2.0 * radius), 2.0 * radius
+
+
+def lattice_points(
+    bounds: tuple[float, float, float, float],
+    radius: float,
+    packing: Packing,
+    offset: tuple[float, float] = (0.0, 0.0),
+) -> Lattice:
+    """Return all lattice points strictly inside a rectangle, column by column from the lower-left corner.
+
+    Parameters
+    ----------
+    bounds : tuple of float
+        x_min, y_min, x_max, y_max in m.
+    radius : float
+        Radius of the inscribed circle of an element, m.
+    packing : {"square", "hexagonal"}
+        Packing.
+    offset : tuple of float
+        Shift of the lattice as parts (0 to 1) of the pitch; (0, 0) is the rule of spec 8.2.
+    """
+    x0, y0, x1, y1 = bounds
+    dx, dy = pitch(radius, packing)
+    columns = np.arange(-1, math.ceil((x1 - x0) / dx) + 1)
+    rows = np.arange(-2, math.ceil((y1 - y0) / dy) + 1)
+    column, row = (a.ravel() for a in np.meshgrid(columns, rows, indexing="ij"))
+    first_x = 2.0 / math.sqrt(3.0) * radius if packing == "hexagonal" else radius
+    x = first_x + column * dx + offset[0] * dx
+    y = radius + row * dy + offset[1] * dy
+    if packing == "hexagonal":
+        y = y + (column % 2) * radius
+    inside = (x > 0) & (x < x1 - x0) & (y > 0) & (y < y1 - y0)
+    places = (np.asarray(x0 + x, np.float64), np.asarray(y0 + y, np.float64))
+    return Lattice(*places, column.astype(np.int64), row.astype(np.int64)).where(inside)
+
+
+def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, float] | None = None) -> Lattice:
+    """Fill a region with the elements whose centres lie in it.
+
+    Parameters
+    ----------
+    region : Region
+        What to fill.
+    radius, packing : float, str
+        As in `lattice_points`.
+    offset : tuple of float, optional
+        Shift of the lattice as parts of the pitch. By default the shift (of 5 by 5) that comes closest to the area
+        and the centroid of the region.
+
+    Raises
+    ------
+    BergError
+        If no element fits.
+    """
+    if not radius > 0 or not math.isfinite(radius):
+        raise BergError(f"radius is {radius} m", remedy="Give a positive radius in metres, for example 1500")
+    parts = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
+    tried = [(a, b) for a in parts for b in parts] if offset is None else [offset]
+    best, best_misfit = None, math.inf
+    for shift in tried:
+        lattice = lattice_points(region.bounds, radius, packing, shift)
+        lattice = lattice.where(region.inside(lattice.x, lattice.y))
+        misfit = _misfit(lattice, region, element_area(radius, packing)) if len(lattice) else math.inf
+        if misfit < best_misfit - 1e-9:  # equal fits keep the first shift
+            best, best_misfit = lattice, misfit
+    if best is None or region.area < element_area(radius, packing):
+        raise BergError(
+            f"the outline ({region.area / 1e6:.4g} km2) is smaller than one element "
+            f"({element_area(radius, packing) / 1e6:.4g} km2)",
+            remedy=f"Give a radius below {0.2 * math.sqrt(region.area):.3g} m",
+        )
+    return along(best)
+
+
+def _misfit(lattice: Lattice, region: Region, area: float) -> float:
+    """Relative error of the area plus distance of the centroids relative to the size of the region."""
+    off_centre = math.hypot(lattice.x.mean() - region.centroid[0], lattice.y.mean() - region.centroid[1])
+    return abs(len(lattice) * area / region.area - 1.0) + off_centre / math.sqrt(region.area)
+
+
+def along(lattice: Lattice) -> Lattice:
+    """Sort elements so that bonded neighbours are close in memory: across the short side first."""
+    wide = np.ptp(lattice.x) >= np.ptp(lattice.y)
+    order = np.lexsort((lattice.row, lattice.column) if wide else (lattice.column, lattice.row))
+    return lattice.where(order)
+
+
+def rectangle_region(length: float, width: float) -> Region:
+    """Rectangle of ``length`` along x and ``width`` along y (m), centred on the origin."""
+    bounds = (-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
+    return Region(bounds, length * width, (0.0, 0.0), lambda x, y: (abs(x) < 0.5 * length) & (abs(y) < 0.5 * width))
+
+
+def cells_region(column: Ints, row: Ints, side: float) -> Region:
+    """Union of square cells, for example the elements of another square lattice.
+
+    Parameters
+    ----------
+    column, row : ndarray of int
+        Cells that belong to the region; cell (0, 0) has its lower-left corner at the origin.
+    side : float
+        Side of a cell, m.
+    """
+    held = np.zeros((column.max() + 1, row.max() + 1), dtype=bool)
+    held[column, row] = True
+
+    def inside(x: Floats, y: Floats) -> Booleans:
+        i = np.clip(np.floor(x / side).astype(np.int64), -1, held.shape[0])
+        j = np.clip(np.floor(y / side).astype(np.int64), -1, held.shape[1])
+        padded = np.pad(held, 1)
+        found: Booleans = padded[i + 1, j + 1]
+        return found
+
+    bounds = (0.0, 0.0, side * held.shape[0], side * held.shape[1])
+    centroid = (side * (float(column.mean()) + 0.5), side * (float(row.mean()) + 0.5))
+    return Region(bounds, float(held.sum()) * side**2, centroid, inside)
+
+
+def cells_of_rows(rows: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
+    """Expand lattice rows (row, first column, last column) to the columns and rows of the cells.
+
+    A row may occur several times (a notch or a hole splits it).
+    """
+    for row, first, last in rows:
+        if first > last or min(row, first) < 0:
+            raise BergError(
+                f"row {row} runs from column {first} to {last}",
+                where="table of rows",
+                remedy="Write (row, first column, last column) with 0 <= first <= last",
+            )
+    column = np.concatenate([np.arange(first, last + 1) for _, first, last in rows])
+    row_of = np.concatenate([np.full(last - first + 1, row) for row, first, last in rows])
+    pairs = np.stack([column, row_of], axis=1)
+    if len(np.unique(pairs, axis=0)) != len(pairs):
+        raise BergError(
+            "two entries cover the same cell", where="table of rows", remedy="Let the runs of a row not overlap"
+        )
+    return column.astype(np.int64), row_of.astype(np.int64)

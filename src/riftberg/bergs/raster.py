@@ -1,0 +1,127 @@
+"""Gridded berg masks and thickness maps: reading, and bilinear sampling that tolerates gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import BergError
+from riftberg.state import Floats
+
+_LON = ("lon", "longitude", "nav_lon", "x")
+_LAT = ("lat", "latitude", "nav_lat", "y")
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Values on a longitude-latitude grid.
+
+    Attributes
+    ----------
+    lon, lat : ndarray
+        Rising coordinates, degrees (m for Cartesian bergs), of shape (n,) and (m,).
+    values : ndarray
+        Shape (m, n); NaN where nothing is known.
+    name : str
+        File and variable, for messages.
+    """
+
+    lon: Floats
+    lat: Floats
+    values: Floats
+    name: str
+
+    def cells(self) -> tuple[Floats, Floats]:
+        """Widths of the cells along longitude and latitude, in the units of the coordinates."""
+        return np.gradient(self.lon), np.gradient(self.lat)
+
+    def sample(self, lon: Floats, lat: Floats) -> Floats:
+        """Return bilinear values at points; gaps are left out of the mean, NaN outside and where all four are gaps."""
+        middle = 0.5 * (self.lon[0] + self.lon[-1])
+        if self.lon[-1] - self.lon[0] <= 360 and abs(self.lon).max() <= 540:
+            lon = middle + (lon - middle + 180) % 360 - 180
+        i, a, in_lon = _bracket(self.lon, lon)
+        j, b, in_lat = _bracket(self.lat, lat)
+        total, weight = np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
+        for dj, wj in ((0, 1 - b), (1, b)):
+            for di, wi in ((0, 1 - a), (1, a)):
+                value = self.values[j + dj, i + di]
+                known = np.isfinite(value)
+                total += np.where(known, value, 0.0) * wi * wj
+                weight += known * wi * wj
+        with np.errstate(invalid="ignore"):
+            return np.where(in_lon & in_lat & (weight > 0), total / weight, np.nan)
+
+
+def _bracket(axis: Floats, points: Floats) -> tuple[Any, Floats, Any]:
+    """Lower index, weight of the upper one, and whether the point lies within the grid's outer cell edges."""
+    i = np.clip(np.searchsorted(axis, points, side="right") - 1, 0, len(axis) - 2)
+    weight = (points - axis[i]) / (axis[i + 1] - axis[i])
+    # The outermost half cell belongs to the grid: its value is held.
+    return i, np.clip(weight, 0.0, 1.0), (weight >= -0.5) & (weight <= 1.5)
+
+
+def read_raster(source: Any, variable: str | None = None, *, date: str | None = None) -> Raster:
+    """Read a two-dimensional grid.
+
+    Parameters
+    ----------
+    source : path or xarray.DataArray or xarray.Dataset
+        Anything that xarray opens, with one-dimensional longitude and latitude.
+    variable : str, optional
+        Needed where the file holds several two-dimensional variables.
+    date : str, optional
+        Nearest time to take where there is a time axis.
+    """
+    if isinstance(source, xr.DataArray):
+        return _raster(source, f"DataArray {source.name}", date)
+    where = "Dataset"
+    if isinstance(source, str | Path):
+        where = str(source)
+        if not Path(source).exists():
+            raise BergError("file not found", where=where, remedy="Check the path")
+        with xr.open_dataset(source) as opened:
+            source = opened.load()
+    names = [str(n) for n, v in source.data_vars.items() if v.ndim >= 2]
+    if variable is None and len(names) == 1:
+        variable = names[0]
+    if variable not in names:
+        raise BergError(
+            f"no variable {variable!r}",
+            where=where,
+            remedy=f"Name one with variable=: {', '.join(names) or 'none there'}",
+        )
+    return _raster(source[variable], f"{where}, {variable}", date)
+
+
+def _coordinate(array: xr.DataArray, names: tuple[str, ...], standard: str, where: str) -> str:
+    for name, coordinate in array.coords.items():
+        if coordinate.attrs.get("standard_name") == standard and coordinate.ndim == 1:
+            return str(name)
+    for name, coordinate in array.coords.items():
+        if str(name).lower() in names and coordinate.ndim == 1:
+            return str(name)
+    raise BergError(
+        f"no one-dimensional {standard} among {', '.join(map(str, array.coords)) or 'no coordinates'}",
+        where=where,
+        remedy="Regrid to a longitude-latitude grid with coordinates lon and lat",
+    )
+
+
+def _raster(array: xr.DataArray, where: str, date: str | None) -> Raster:
+    if "time" in array.dims:
+        if date is None and array.sizes["time"] > 1:
+            raise BergError(f"{array.sizes['time']} dates", where=where, remedy="Choose one with date=")
+        array = array.isel(time=0) if date is None else array.sel(time=date, method="nearest")
+    array = array.squeeze(drop=True)
+    lon = _coordinate(array, _LON, "longitude", where)
+    lat = _coordinate(array, _LAT, "latitude", where)
+    if array.ndim != 2 or min(array.shape) < 2:
+        raise BergError(f"shape {array.shape}", where=where, remedy="Give a grid of at least 2 by 2 points")
+    array = array.transpose(array[lat].dims[0], array[lon].dims[0]).sortby([lat, lon])
+    values = np.asarray(array.values, dtype=np.float64)
+    return Raster(np.asarray(array[lon], np.float64), np.asarray(array[lat], np.float64), values, where)

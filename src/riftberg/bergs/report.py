@@ -1,0 +1,67 @@
+"""What a berg is, in plain words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from riftberg.bergs.bonding import Metric, separation
+from riftberg.constants import RHO_SEAWATER
+from riftberg.state import Floats
+
+if TYPE_CHECKING:
+    from riftberg.bergs.iceberg import Iceberg
+
+
+def describe(berg: Iceberg) -> str:
+    """Return one line per property of a berg: size, place, bonds, initial strain."""
+    e, b = berg.elements, berg.bonds
+    lon, lat = berg.centroid
+    lines = [f"Iceberg from {berg.report.get('source', 'unknown source')}"]
+    if berg.report.get("feature"):
+        lines.append(f"  feature: {berg.report['feature']}")
+    lines.append(f"  elements: {len(e.id)} {berg.packing}, radius {berg.radius:g} m")
+    lines.append(_area(berg))
+    lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
+    draft = e.thickness * berg.density / RHO_SEAWATER
+    lines.append(
+        f"  thickness: {_range(e.thickness)} m, draft {_range(draft)} m, freeboard {_range(e.thickness - draft)} m"
+    )
+    place = f"{lon:.4f} E, {lat:.4f} N" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
+    lines.append(f"  centroid: {place}")
+    long_axis, short_axis, azimuth = axes(berg)
+    lines.append(
+        f"  extents: {long_axis / 1e3:.4g} km x {short_axis / 1e3:.4g} km, long axis {azimuth:.0f} degrees from north"
+    )
+    gone, weak = int((b.status != 0).sum()), int(((b.strength < 1) & (b.status == 0)).sum())
+    lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
+    count = int(e.berg.max())
+    lines.append("  pieces: 1" if count == 1 else f"  pieces: {count}, not bonded to each other")
+    lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
+    return "\n".join(lines)
+
+
+def _area(berg: Iceberg) -> str:
+    text = f"  area: {berg.area / 1e6:.6g} km2"
+    if "outline_area" in berg.report:
+        outline, error = berg.report["outline_area"], berg.report["area_error"]
+        text += f" (outline {outline / 1e6:.6g} km2, error {100 * error:+.2f} %)"
+    return text
+
+
+def _range(values: Floats) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
+
+
+def axes(berg: Iceberg) -> tuple[float, float, float]:
+    """Return the extents (m) along and across the principal axis, and the axis' azimuth (degrees, 0 to 180)."""
+    e = berg.elements
+    lon, lat = berg.centroid
+    centre = np.full_like(e.lon, lon), np.full_like(e.lat, lat)
+    x, y = separation(Metric(berg.latlon, berg.earth_radius), e.lon, e.lat, *centre)
+    angle = 0.5 * np.arctan2(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
+    along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+    size = 2.0 * berg.radius
+    return float(np.ptp(along)) + size, float(np.ptp(across)) + size, float((90.0 - np.degrees(angle)) % 180.0)

@@ -1,0 +1,134 @@
+"""Rifts and scatter of strength: bonds weakened or removed before a run starts.
+
+`riftberg.state.Bonds.strength` multiplies the fracture thresholds of a bond (1 is nominal). Rifts and scatter both
+multiply what is there, so they may be combined in any order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Literal
+
+import numpy as np
+
+from riftberg.bergs.bonding import count_bonds
+from riftberg.bergs.lattice import Booleans
+from riftberg.bergs.raster import Raster
+from riftberg.constants import DEGREE
+from riftberg.errors import BergError
+from riftberg.state import Bonds, Elements, Floats, Ints
+
+Distribution = Literal["weibull", "normal", "uniform"]
+
+GONE = 2
+"""Status of a bond that no longer exists (`riftberg.state`)."""
+
+
+def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool) -> Booleans:
+    """Return which bonds a line crosses.
+
+    A bond that a line only touches counts to one side of it, so that a line through element centres cuts on one side.
+
+    Parameters
+    ----------
+    elements, bonds : Elements, Bonds
+        The berg.
+    lines : iterable of ndarray
+        Each of shape (n, 2): longitude and latitude (m on a Cartesian grid).
+    latlon : bool
+        Whether positions are degrees.
+    """
+    lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
+    squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0
+    x, y = (elements.lon - lon0) * squeeze, elements.lat - lat0
+    ax, ay, bx, by = x[bonds.first], y[bonds.first], x[bonds.second], y[bonds.second]
+    crossed = np.zeros(len(ax), dtype=bool)
+    for line in lines:
+        east = line[:, 0] - lon0
+        px, py = (np.mod(east + 180, 360) - 180 if latlon else east) * squeeze, line[:, 1] - lat0
+        for k in range(len(line) - 1):
+            c, d = (px[k], py[k]), (px[k + 1], py[k + 1])
+            ends_apart = _left(*c, *d, ax, ay) != _left(*c, *d, bx, by)
+            crossed |= ends_apart & (_left(ax, ay, bx, by, *c) != _left(ax, ay, bx, by, *d))
+    return crossed
+
+
+def _left(ax: Any, ay: Any, bx: Any, by: Any, px: Any, py: Any) -> Any:
+    """Whether P lies on or left of the directed line from A to B."""
+    return (bx - ax) * (py - ay) - (by - ay) * (px - ax) >= 0.0
+
+
+def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: float = 0.5) -> Booleans:
+    """Return which bonds run through cells of a rift mask; each bond is probed at nine points along it."""
+    crossed = np.zeros(len(bonds.first), dtype=bool)
+    i, j = bonds.first, bonds.second
+    for part in np.linspace(0.0, 1.0, 9):
+        lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
+        lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
+        crossed |= np.nan_to_num(mask.sample(lon, lat)) > threshold
+    return crossed
+
+
+def remove(elements: Elements, bonds: Bonds, chosen: Booleans) -> None:
+    """Remove bonds in place: status, number of bonds of their ends and numbers of the pieces."""
+    chosen = chosen & (bonds.status == 0)
+    bonds.status[chosen] = GONE
+    number_pieces(elements, bonds)
+
+
+def number_pieces(elements: Elements, bonds: Bonds) -> None:
+    """Set ``bond_count`` and ``berg`` (pieces, from 1) of the elements from their unbroken bonds."""
+    count_bonds(elements, bonds)
+    intact = bonds.status == 0
+    elements.berg[:] = pieces(len(elements.id), bonds.first[intact], bonds.second[intact])
+
+
+def pieces(size: int, first: Ints, second: Ints) -> Ints:
+    """Give the connected pieces of a graph numbers from 1, in the order of their first element."""
+    label = np.arange(size)
+    while True:
+        lowest = np.minimum(label[first], label[second])
+        new = label.copy()
+        np.minimum.at(new, label[first], lowest)
+        np.minimum.at(new, label[second], lowest)
+        new = new[new]
+        if np.array_equal(new, label):
+            break
+        label = new
+    numbers: Ints = np.unique(label, return_inverse=True)[1].astype(np.int64) + 1
+    return numbers
+
+
+def scatter(size: int, distribution: Distribution, *, shape: float | None, spread: float | None, seed: int) -> Floats:
+    """Draw relative strengths of mean 1.
+
+    Parameters
+    ----------
+    size : int
+        Number of bonds.
+    distribution : {"weibull", "normal", "uniform"}
+        Weibull of modulus ``shape`` (default 10); normal of standard deviation ``spread`` (default 0.1), values that
+        are not positive drawn again; uniform between 1 - ``spread`` and 1 + ``spread``.
+    shape, spread : float, optional
+        See above.
+    seed : int
+        Seed of ``numpy.random.default_rng``.
+    """
+    generator = np.random.default_rng(seed)
+    spread = 0.1 if spread is None else spread
+    if distribution == "weibull":
+        modulus = 10.0 if shape is None else shape
+        if not modulus > 0:
+            raise BergError(f"Weibull modulus {modulus}", where="strength", remedy="Give a positive shape")
+        return generator.weibull(modulus, size) / math.gamma(1.0 + 1.0 / modulus)
+    if not 0 <= spread < 1:
+        raise BergError(f"spread {spread}", where="strength", remedy="Give a spread from 0 up to, not including, 1")
+    if distribution == "uniform":
+        return generator.uniform(1.0 - spread, 1.0 + spread, size)
+    if distribution != "normal":
+        raise BergError(f"distribution {distribution!r}", where="strength", remedy="Use weibull, normal or uniform")
+    values = generator.normal(1.0, spread, size)
+    while (low := values <= 0).any():
+        values[low] = generator.normal(1.0, spread, int(low.sum()))
+    return values
