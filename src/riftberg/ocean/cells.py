@@ -39,30 +39,28 @@ MAX_CELLS = 4
 
 
 @kernel
-def _in_box(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
-    lat = grid.lat
+def _in_box(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, period: float) -> bool:
     south = min(min(lat[j - 1, i - 1], lat[j - 1, i]), min(lat[j, i], lat[j, i - 1]))
     north = max(max(lat[j - 1, i - 1], lat[j - 1, i]), max(lat[j, i], lat[j, i - 1]))
     if y < south or y > north:
         return False
-    x0 = wrap_around(grid.lon[j - 1, i - 1], x, grid.period)
-    x1 = wrap_around(grid.lon[j - 1, i], x, grid.period)
-    x2 = wrap_around(grid.lon[j, i], x, grid.period)
-    x3 = wrap_around(grid.lon[j, i - 1], x, grid.period)
+    x0 = wrap_around(lon[j - 1, i - 1], x, period)
+    x1 = wrap_around(lon[j - 1, i], x, period)
+    x2 = wrap_around(lon[j, i], x, period)
+    x3 = wrap_around(lon[j, i - 1], x, period)
     if x < min(min(x0, x1), min(x2, x3)) - BOX_MARGIN:
         return False
     return x <= max(max(x0, x1), max(x2, x3)) + BOX_MARGIN
 
 
 @kernel
-def _in_quadrilateral(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
-    lon, lat = grid.lon, grid.lat
+def _in_quadrilateral(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, period: float) -> bool:
     centre = lon[j - 1, i - 1]
-    x0 = wrap_around(centre, centre, grid.period)
-    x1 = wrap_around(lon[j - 1, i], centre, grid.period)
-    x2 = wrap_around(lon[j, i], centre, grid.period)
-    x3 = wrap_around(lon[j, i - 1], centre, grid.period)
-    x = wrap_around(x, centre, grid.period)
+    x0 = wrap_around(centre, centre, period)
+    x1 = wrap_around(lon[j - 1, i], centre, period)
+    x2 = wrap_around(lon[j, i], centre, period)
+    x3 = wrap_around(lon[j, i - 1], centre, period)
+    x = wrap_around(x, centre, period)
     y0, y1, y2, y3 = lat[j - 1, i - 1], lat[j - 1, i], lat[j, i], lat[j, i - 1]
     p0 = edge_sign(x, y, x0, y0, x1, y1, -0.5)
     p1 = edge_sign(x, y, x1, y1, x2, y2, 0.5)
@@ -72,9 +70,8 @@ def _in_quadrilateral(x: float, y: float, i: int, j: int, grid: GridArrays) -> b
 
 
 @kernel
-def _in_polar_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
+def _in_polar_cell(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, period: float) -> bool:
     """Cell test where a corner is the pole: that corner becomes a stretch of its parallel (spec 2.5)."""
-    lon, lat, period = grid.lon, grid.lat, grid.period
     xsw, xse, xne, xnw = lon[j - 1, i - 1], lon[j - 1, i], lon[j, i], lon[j, i - 1]
     ysw, yse, yne, ynw = lat[j - 1, i - 1], lat[j - 1, i], lat[j, i], lat[j, i - 1]
     if yne > POLAR_LATITUDE:
@@ -87,9 +84,17 @@ def _in_polar_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool
 
 
 @kernel
-def _northernmost(i: int, j: int, grid: GridArrays) -> float:
-    lat = grid.lat
+def _northernmost(i: int, j: int, lat: Floats) -> float:
     return max(max(lat[j - 1, i - 1], lat[j - 1, i]), max(lat[j, i], lat[j, i - 1]))
+
+
+@kernel
+def _inside(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlon: bool, period: float) -> bool:
+    if not _in_box(x, y, i, j, lon, lat, period):
+        return False
+    if latlon and _northernmost(i, j, lat) > POLAR_LATITUDE:
+        return _in_polar_cell(x, y, i, j, lon, lat, period)
+    return _in_quadrilateral(x, y, i, j, lon, lat, period)
 
 
 @kernel
@@ -105,21 +110,17 @@ def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
     grid : GridArrays
         Grid.
     """
-    if not _in_box(x, y, i, j, grid):
-        return False
-    if grid.latlon and _northernmost(i, j, grid) > POLAR_LATITUDE:
-        return _in_polar_cell(x, y, i, j, grid)
-    return _in_quadrilateral(x, y, i, j, grid)
+    return _inside(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.period)
 
 
 @kernel
 def _position_in_polar_cell(
-    x: float, y: float, i: int, j: int, inside: bool, grid: GridArrays
+    x: float, y: float, i: int, j: int, inside: bool, lon: Floats, lat: Floats
 ) -> tuple[float, float, bool]:
-    x1, y1 = polar_plane(grid.lon[j - 1, i - 1], grid.lat[j - 1, i - 1])
-    x2, y2 = polar_plane(grid.lon[j - 1, i], grid.lat[j - 1, i])
-    x3, y3 = polar_plane(grid.lon[j, i], grid.lat[j, i])
-    x4, y4 = polar_plane(grid.lon[j, i - 1], grid.lat[j, i - 1])
+    x1, y1 = polar_plane(lon[j - 1, i - 1], lat[j - 1, i - 1])
+    x2, y2 = polar_plane(lon[j - 1, i], lat[j - 1, i])
+    x3, y3 = polar_plane(lon[j, i], lat[j, i])
+    x4, y4 = polar_plane(lon[j, i - 1], lat[j, i - 1])
     x, y = polar_plane(x, y)
     xi, eta = inverse_bilinear(x, y, 0.0, x1, y1, x2, y2, x3, y3, x4, y4)
     if inside and (xi < 0.0 or xi >= 1.0 or eta < 0.0 or eta >= 1.0):
@@ -130,25 +131,32 @@ def _position_in_polar_cell(
 
 
 @kernel
+def _position(
+    x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlon: bool, regular: bool, period: float
+) -> tuple[float, float, bool]:
+    """Body of `position_in_cell` on bare arrays: handing a tuple of arrays on counts references to each of them."""
+    inside = _inside(x, y, i, j, lon, lat, latlon, period)
+    if regular and not latlon:
+        height, width = abs(lat[j, i] - lat[j - 1, i]), abs(lon[j, i] - lon[j, i - 1])
+        xc, yc = lon[j, i] - 0.5 * width, lat[j, i] - 0.5 * height
+        return (wrap_around(x, xc, period) - xc) / width + 0.5, (y - yc) / height + 0.5, inside
+    if latlon and _northernmost(i, j, lat) >= POLAR_LATITUDE:
+        return _position_in_polar_cell(x, y, i, j, inside, lon, lat)
+    xi, eta = inverse_bilinear(
+        x, y, period,
+        lon[j - 1, i - 1], lat[j - 1, i - 1], lon[j - 1, i], lat[j - 1, i],
+        lon[j, i], lat[j, i], lon[j, i - 1], lat[j, i - 1],
+    )  # fmt: skip
+    return xi, eta, inside
+
+
+@kernel
 def position_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> tuple[float, float, bool]:
     """Return (xi, eta, inside): coordinates of a point in a cell, 0 at the south-west corner (spec 2.5).
 
     Points outside get coordinates outside [0, 1) that tell in which direction they lie.
     """
-    inside = point_in_cell(x, y, i, j, grid)
-    lon, lat = grid.lon, grid.lat
-    if grid.regular and not grid.latlon:
-        height, width = abs(lat[j, i] - lat[j - 1, i]), abs(lon[j, i] - lon[j, i - 1])
-        xc, yc = lon[j, i] - 0.5 * width, lat[j, i] - 0.5 * height
-        return (wrap_around(x, xc, grid.period) - xc) / width + 0.5, (y - yc) / height + 0.5, inside
-    if grid.latlon and _northernmost(i, j, grid) >= POLAR_LATITUDE:
-        return _position_in_polar_cell(x, y, i, j, inside, grid)
-    xi, eta = inverse_bilinear(
-        x, y, grid.period,
-        lon[j - 1, i - 1], lat[j - 1, i - 1], lon[j - 1, i], lat[j - 1, i],
-        lon[j, i], lat[j, i], lon[j, i - 1], lat[j, i - 1],
-    )  # fmt: skip
-    return xi, eta, inside
+    return _position(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.regular, grid.period)
 
 
 @kernel
@@ -158,7 +166,7 @@ def position_from_cell(xi: float, eta: float, i: int, j: int, grid: GridArrays) 
     In a polar cell the corners are blended in the polar plane, because the longitude of the pole means nothing.
     """
     lon, lat = grid.lon, grid.lat
-    if not (grid.latlon and _northernmost(i, j, grid) >= POLAR_LATITUDE):
+    if not (grid.latlon and _northernmost(i, j, lat) >= POLAR_LATITUDE):
         return bilinear(lon, i, j, xi, eta), bilinear(lat, i, j, xi, eta)
     x1, y1 = polar_plane(lon[j - 1, i - 1], lat[j - 1, i - 1])
     x2, y2 = polar_plane(lon[j - 1, i], lat[j - 1, i])
@@ -331,9 +339,14 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
         Number of elements that land stopped.
     """
     e, stopped = elements, 0
+    lon, lat, latlon, regular, period = grid.lon, grid.lat, grid.latlon, grid.regular, grid.period
     first, behind = grid.halo, grid.halo + grid.ni
     for n in range(e.lon.size):
         if e.static[n] >= 0.5:
+            continue
+        i, j = e.cell_i[n], e.cell_j[n]
+        e.xi[n], e.eta[n], inside = _position(e.lon[n], e.lat[n], i, j, lon, lat, latlon, regular, period)
+        if inside:
             continue
         x, y, i, j, xi, eta, bounced = adjust_cell(e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], grid)
         stopped += bounced

@@ -1,0 +1,345 @@
+"""Forcing from gridded fields in time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riftberg.errors import ForcingError
+from riftberg.ocean.cells import locate_points
+from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.interpolation import (
+    DEPTH_BIQUADRATIC,
+    DEPTH_OF_CELL,
+    DEPTH_ZONE,
+    blend_around,
+    fill_depth,
+    points_from_corners,
+    sample_gridded,
+)
+from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
+from riftberg.ocean.tides import add_tidal_drift
+from riftberg.state import Elements, Floats, Ints
+
+DepthRule = Literal["cell", "biquadratic", "zone"]
+TimeRule = Literal["linear", "previous"]
+Records = Fields | Sequence[Fields] | Callable[[int], Fields]
+
+DEPTH_RULES = {"cell": DEPTH_OF_CELL, "biquadratic": DEPTH_BIQUADRATIC, "zone": DEPTH_ZONE}
+"""Names of the depth rules: constant in a cell (STS), biquadratic (MTS), dry quadrant (A68) (spec 3.2)."""
+
+MARGIN = 3
+"""Cells around the elements whose fields are blended in time; interpolation reaches two."""
+
+TIME_TOLERANCE = 1e-6
+"""Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
+
+
+class GriddedForcing:
+    """Ocean, air, sea ice and sea floor from fields on a grid, constant or in records over time.
+
+    Implements `riftberg.ocean.forcing.Forcing`.
+
+    Parameters
+    ----------
+    grid : Grid
+        Grid of the fields.
+    records : Fields or sequence of Fields or callable
+        One state, states in time, or a function that returns state number k (counted from 0) when it is needed.
+        NaN may stand on land. Arrays that are the same object in successive records are not interpolated in time, so
+        share what does not change.
+    times : array_like, optional
+        Times of the records, s since the start of the run, increasing. Not needed for a single state, which then
+        holds for ever.
+    depth_rule : {"biquadratic", "cell", "zone"}
+        How the depth under an element is found.
+    zone : tuple of float, optional
+        (longitude, latitude) of the south-west point of the dry quadrant, for ``depth_rule="zone"``.
+    interpolation : {"linear", "previous"}
+        Between records: linear, or the record before.
+    stepwise : sequence of str
+        Fields that keep the record before although the others are interpolated (sea level in the A68 run, spec 10.5).
+    coastal_drift, tidal_drift : float
+        Drift away from land and random current near land, m s-1.
+    mirrored, even_parity : bool
+        Quirks Q22 and Q20.
+    start : datetime, optional
+        Date of time 0, named in messages.
+    source : str
+        Where the fields come from, for `describe`.
+    """
+
+    def __init__(
+        self, grid: Grid, records: Records, times: ArrayLike | None = None, *, depth_rule: DepthRule = "biquadratic",
+        zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
+        coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
+        start: datetime | None = None, source: str = "",
+    ) -> None:  # fmt: skip
+        self.grid: Grid | None = grid
+        self._grid = grid
+        self.start, self.source = start, source
+        self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
+        self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
+        self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
+        self._check_rules(stepwise)
+        self._rule = DEPTH_RULES[depth_rule]
+        self._zone_lon, self._zone_lat = (float(z) for z in zone) if zone else (0.0, 0.0)
+        self._held = frozenset(Fields._fields if interpolation == "previous" else stepwise)
+        self._store = _Records(grid, records)
+        self._times = _checked_times(times, self._store.count)
+        self._buffers = grid.fields()
+        self._weights = np.full(len(Fields._fields), -1.0)
+        self._no_cells = np.empty(0, dtype=np.int64)
+
+    def _check_rules(self, stepwise: Sequence[str]) -> None:
+        if self.depth_rule not in DEPTH_RULES:
+            raise ForcingError(f"depth_rule = {self.depth_rule!r}", remedy=f"Use one of {', '.join(DEPTH_RULES)}")
+        if self.depth_rule == "zone" and self.zone is None:
+            raise ForcingError("depth_rule = 'zone' without a zone", remedy="Give zone=(longitude, latitude)")
+        if self.interpolation not in ("linear", "previous"):
+            raise ForcingError(f"interpolation = {self.interpolation!r}", remedy="Use 'linear' or 'previous'")
+        unknown = sorted(set(stepwise) - set(Fields._fields))
+        if unknown:
+            raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
+
+    @property
+    def cover(self) -> tuple[float, float]:
+        """First and last time served, s since the start of the run; infinite for a constant state."""
+        if self._times is None:
+            return -np.inf, np.inf
+        return self._times[0], self._times[-1]
+
+    def _date(self, time: float) -> str:
+        if self.start is None or not np.isfinite(time):
+            return f"{time:g} s"
+        return f"{time:g} s ({self.start + timedelta(seconds=time):%Y-%m-%d %H:%M:%S})"
+
+    def _require_cover(self, first: float, last: float) -> None:
+        begin, end = self.cover
+        if first < begin - TIME_TOLERANCE or last > end + TIME_TOLERANCE:
+            need = self._date(first) if first == last else f"{self._date(first)} to {self._date(last)}"
+            raise ForcingError(
+                f"the run needs {need}, the records cover {self._date(begin)} to {self._date(end)}",
+                where="forcing", remedy="Add records, or shorten or shift the run",
+            )  # fmt: skip
+
+    def _between(self, time: float) -> tuple[int, float]:
+        """Record before a time, and the weight of the record after it."""
+        if self._times is None:
+            return 0, 0.0
+        self._require_cover(time, time)
+        k = min(max(bisect_right(self._times, time) - 1, 0), len(self._times) - 1)
+        if k == len(self._times) - 1:
+            return k, 0.0
+        weight = (time - self._times[k]) / (self._times[k + 1] - self._times[k])
+        return k, max(weight, 0.0)
+
+    def fields_at(self, time: float, cell_i: Ints | None = None, cell_j: Ints | None = None) -> Fields:
+        """Return the fields at a time.
+
+        Parameters
+        ----------
+        time : float
+            Seconds since the start of the run.
+        cell_i, cell_j : ndarray, optional
+            Array cells near which the fields are needed; everywhere if not given. Elsewhere old values may stand.
+
+        Returns
+        -------
+        Fields
+            Arrays that the next call may overwrite.
+        """
+        k, weight = self._between(time)
+        before = self._store[k]
+        if weight == 0.0:
+            return before
+        after, chosen = self._store[k + 1], []
+        for n, name in enumerate(Fields._fields):
+            same = before[n] is after[n] or name in self._held
+            self._weights[n] = -1.0 if same else weight
+            chosen.append(before[n] if same else self._buffers[n])
+        i, j = (self._no_cells, self._no_cells) if cell_i is None or cell_j is None else (cell_i, cell_j)
+        blend_around(i, j, MARGIN, before, after, self._weights, self._buffers)
+        return Fields(*chosen)
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements (``uo`` ... ``vorticity``) at their positions and cells.
+
+        Parameters
+        ----------
+        elements : Elements
+            Their ``lon``, ``lat``, ``cell_i``, ``cell_j``, ``xi`` and ``eta`` are read.
+        time : float
+            Seconds since the start of the run.
+        """
+        if elements.lon.size == 0:
+            return
+        fields, grid = self.fields_at(time, elements.cell_i, elements.cell_j), self._grid.arrays
+        sample_gridded(
+            elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
+            self.coastal_drift, self.mirrored, self.even_parity,
+        )  # fmt: skip
+        if self.tidal_drift > 0.0:
+            add_tidal_drift(elements, grid, fields.ssh, self.tidal_drift, self.mirrored)
+
+    def check(self, elements: Elements, start: float, end: float) -> None:
+        """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).
+
+        Refused are elements off the grid or on land, times that no record covers, and gaps (NaN) over water.
+        """
+        self._require_cover(start, end)
+        self._check_elements(elements)
+        (first, _), (last, weight) = self._between(start), self._between(end)
+        for k in range(first, last + 1 + (weight > 0.0)):
+            gap = self._store.gap(k)
+            if gap:
+                raise self._gap_error(k, *gap)
+
+    def _check_elements(self, elements: Elements) -> None:
+        g, i, j = self._grid.arrays, elements.cell_i, elements.cell_j
+        inside = (i >= g.halo) & (i < g.halo + g.ni) & (j >= g.halo) & (j < g.halo + g.nj)
+        wet = inside & (g.mask[np.where(inside, j, 0), np.where(inside, i, 0)] >= 0.5)
+        if not wet.all():
+            row = int(np.flatnonzero(~wet)[0])
+            how = "on land" if inside[row] else "in no cell of the domain"
+            raise ForcingError(
+                f"element {elements.id[row]} at ({elements.lon[row]:.6g}, {elements.lat[row]:.6g}) is {how}",
+                where="forcing", remedy="Call grid.locate(elements) first; move the berg, or correct the land mask",
+            )  # fmt: skip
+
+    def _gap_error(self, record: int, name: str, i: int, j: int) -> ForcingError:
+        g = self._grid.arrays
+        when = "" if self._times is None else f" at {self._date(self._times[record])}"
+        return ForcingError(
+            f"{name} is NaN over water in cell ({i - g.halo + 1}, {j - g.halo + 1}) "
+            f"near ({g.lon_centre[j, i]:.6g}, {g.lat_centre[j, i]:.6g}), record {record}{when}",
+            where=self.source or "forcing",
+            remedy="Fill the gap, for example with the nearest valid value, or make the cell land in the mask",
+        )
+
+    def _located(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats, Ints, Ints, Floats, Floats]:
+        x, y = (np.ascontiguousarray(q, dtype=np.float64).ravel() for q in (lon, lat))
+        i, j = np.empty(x.size, dtype=np.int64), np.empty(x.size, dtype=np.int64)
+        xi, eta = np.empty(x.size), np.empty(x.size)
+        locate_points(x, y, self._grid.arrays, i, j, xi, eta)
+        i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
+        return x, y, i, j, xi, eta
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
+        _, _, i, j, xi, eta = self._located(lon, lat)
+        fields = self.fields_at(time)
+        u, v = np.full(i.size, np.nan), np.full(i.size, np.nan)
+        points_from_corners(fields.uo, fields.vo, i, j, xi, eta, self._grid.arrays, u, v)
+        return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points, by the first record; NaN outside and on land."""
+        x, y, i, j, xi, eta = self._located(lon, lat)
+        fields, g = self._store[0], self._grid.arrays
+        out = np.full(i.size, np.nan)
+        fill_depth(
+            x, y, i, j, xi, eta, g, fields.depth, fields.ssh,
+            self._rule, self._zone_lon, self._zone_lat, self.even_parity, out,
+        )  # fmt: skip
+        return out.reshape(np.shape(lon))
+
+    def describe(self) -> str:
+        """Return what this forcing is, where it comes from and what it covers, in plain words."""
+        begin, end = self.cover
+        if self._times is None:
+            time = "constant in time"
+        else:
+            between = "linear between them" if self.interpolation == "linear" else "each held until the next"
+            time = f"{len(self._times)} records from {self._date(begin)} to {self._date(end)}, {between}"
+        depth = f"within a quadrant at {self.zone}" if self.depth_rule == "zone" else self.depth_rule
+        lines = ["gridded fields" + (f" from {self.source}" if self.source else ""), time, f"depth: {depth}"]
+        if self._held and self.interpolation == "linear":
+            lines.append(f"held until the next record: {', '.join(sorted(self._held))}")
+        for name in ("coastal_drift", "tidal_drift"):
+            if getattr(self, name) > 0.0:
+                lines.append(f"{name.replace('_', ' ')} {getattr(self, name):g} m/s")
+        return "\n".join([*lines, self._grid.describe()])
+
+
+def _checked_times(times: ArrayLike | None, count: int) -> list[float] | None:
+    if times is None:
+        if count != 1:
+            raise ForcingError("records without times", where="forcing", remedy="Give times=, s since the start")
+        return None
+    values = np.asarray(times, dtype=np.float64)
+    if values.ndim != 1 or values.size == 0 or not np.isfinite(values).all() or not (np.diff(values) > 0.0).all():
+        raise ForcingError("times are not a rising sequence of finite numbers", where="forcing", remedy="Sort them")
+    if count not in (values.size, -1):
+        raise ForcingError(f"{values.size} times for {count} records", where="forcing", remedy="Give one per record")
+    return [float(t) for t in values]
+
+
+class _Records:
+    """Records made usable for the kernels, and the gaps found in them.
+
+    States given as arrays are prepared once, at the start; shared arrays are prepared once and stay shared. States
+    from a function are loaded when needed; the last two are kept.
+    """
+
+    def __init__(self, grid: Grid, records: Records) -> None:
+        self._mask, self._halo = grid.arrays.mask, grid.arrays.halo
+        self._prepared: dict[int, tuple[Floats, Floats, tuple[int, int]]] = {}
+        self._kept: dict[int, tuple[Fields, tuple[str, int, int] | None]] = {}
+        self._load: Callable[[int], Fields] | None = None
+        self.count = -1
+        if callable(records):
+            self._load = records
+            return
+        states = (records,) if isinstance(records, Fields) else tuple(records)
+        if not states:
+            raise ForcingError("no records", where="forcing", remedy="Give at least one state")
+        self.count = len(states)
+        self._kept = {k: self._prepare(state) for k, state in enumerate(states)}
+
+    def _prepare(self, state: Fields) -> tuple[Fields, tuple[str, int, int] | None]:
+        gap: tuple[str, int, int] | None = None
+        arrays = []
+        for name, raw in zip(Fields._fields, state, strict=True):
+            array, (i, j) = self._field(name, raw)
+            arrays.append(array)
+            if i >= 0 and gap is None:
+                gap = name, i, j
+        return Fields(*arrays), gap
+
+    def _field(self, name: str, raw: Floats) -> tuple[Floats, tuple[int, int]]:
+        if np.shape(raw) != self._mask.shape:
+            raise ForcingError(
+                f"{name} has shape {np.shape(raw)}, the grid {self._mask.shape} with its halo",
+                where="forcing", remedy="Use grid.fields(...) or grid.extended(...)",
+            )  # fmt: skip
+        zero_on_land = name in ZERO_ON_LAND
+        key = 2 * id(raw) + zero_on_land
+        known = self._prepared.get(key)
+        if known is None:
+            values = np.require(raw, dtype=np.float64, requirements=["C", "W"])
+            # The raw array is kept too, so that its id stays its own.
+            known = raw, usable(values, self._mask, zero_on_land), first_gap(values, self._mask, self._halo)
+            self._prepared[key] = known
+        return known[1], known[2]
+
+    def _get(self, k: int) -> tuple[Fields, tuple[str, int, int] | None]:
+        if k not in self._kept and self._load is not None:
+            while len(self._kept) > 1:
+                del self._kept[min(self._kept, key=lambda old: (abs(old - k) <= 1, old))]
+            self._kept[k] = self._prepare(self._load(k))
+            alive = {id(a) for state, _ in self._kept.values() for a in state}
+            self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in alive}
+        return self._kept[k]
+
+    def __getitem__(self, k: int) -> Fields:
+        return self._get(k)[0]
+
+    def gap(self, k: int) -> tuple[str, int, int] | None:
+        """First gap over water in record ``k``: name of the field and array indices (i, j), or None."""
+        return self._get(k)[1]
