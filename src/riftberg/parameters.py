@@ -130,7 +130,9 @@ class Bonds(Group):
     linear_bending: bool = quantity(
         True, "", "bending moment from the angle instead of its sine", "spec 5.4 orig_dem_moment_of_inertia"
     )
-    max_bonds: int = quantity(4, "1", "bonds of an interior element", "spec 0.2 max_bonds", ge=0, le=12)
+    max_bonds: int | None = quantity(
+        None, "1", "bonds of an interior element; none means 4 for squares and 6 for hexagons", "spec 0.2", ge=0, le=12
+    )
     constant_size: bool = quantity(
         False, "", "use one length and width for all interactions", "spec 1.4 constant_interaction_LW"
     )
@@ -171,6 +173,9 @@ class Stepping(Group):
         le=1,
     )
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "spec 6.4")
+    predictor_corrector: bool = quantity(
+        True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "spec 4.2"
+    )
     skip_first_long_force: bool = quantity(
         False, "", "the first long step has no long-step forces", "spec 6.4 skip_first_outer_mts_step"
     )
@@ -200,6 +205,9 @@ class Compatibility(Group):
     The names of the quirks are those of the specification's catalogue (spec 11).
     """
 
+    inline_break_in_first_step: bool = quantity(
+        False, "", "Q9: bonds may break in the sub-steps of the first step in spite of not_in_first_step", "spec 7.1"
+    )
     zero_start: bool = quantity(
         False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4"
     )
@@ -227,6 +235,7 @@ class Compatibility(Group):
         """All switches as KID/iKID behaves, except those given."""
         on = {
             "zero_start": True,
+            "inline_break_in_first_step": True,
             "forcing_lag": True,
             "sticky_collision_flags": True,
             "shared_shear_lever": True,
@@ -376,7 +385,7 @@ class Parameters(Group):
             objective_damping=p.bonds.objective_damping,
             no_shear=p.bonds.no_shear,
             linear_bending=p.bonds.linear_bending,
-            max_bonds=p.bonds.max_bonds,
+            max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
             constant_size=p.bonds.constant_size,
             constant_length=p.bonds.constant_length,
             constant_width=p.bonds.constant_width,

@@ -1,0 +1,106 @@
+"""The loops of a sub-step over bonds: gather the ends, apply the DEM law to whole rows, sum per element (spec 5.3, 5.4)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.physics.bonds import (
+    advance_shear,
+    bending_torque,
+    bond_section,
+    contact_velocity,
+    normal_force,
+    overlap,
+    shear_stiffness,
+    tensile_stress,
+    torque_of,
+)
+from riftberg.physics.geometry import fast_cos_latitude, fast_sin
+
+
+@kernel
+def gather_ends(rows, count, el):
+    """Bring the differences between both ends of each bond into contiguous rows."""
+    for r in range(count):
+        i, j = rows.first[r], rows.second[r]
+        rows.dx[r] = el.lon_pair[i] - el.lon_pair[j]
+        rows.dy[r] = el.lat_pair[i] - el.lat_pair[j]
+        rows.y_mean[r] = 0.5 * (el.lat_pair[i] + el.lat_pair[j])
+        rows.du[r] = el.u_pair[i] - el.u_pair[j]
+        rows.dv[r] = el.v_pair[i] - el.v_pair[j]
+        rows.spin1[r], rows.spin2[r] = el.spin[i], el.spin[j]
+        rows.angle[r] = el.rotation[i] - el.rotation[j]
+
+
+@kernel
+def unwrap_ends(rows, count, period):
+    """Take the nearest image of the other end in a zonally periodic domain."""
+    inverse = 1.0 / period
+    for r in range(count):
+        rows.dx[r] -= period * np.floor(rows.dx[r] * inverse + 0.5)
+
+
+@kernel
+def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objective, no_shear, linear_bending):
+    """Apply the DEM law to rows 0 ... count - 1.
+
+    Reads the gathered differences; writes forces on the first ends, torques on both ends, stresses, lengths and the new
+    shear displacements. ``dt`` is the sub-step, s.
+    """
+    size = rows.alive.size
+    per_unit = math.pi / 180.0 * earth_radius if latlon else 1.0
+    to_degrees = 1.0 if latlon else 0.0
+    shear_on = 0.0 if no_shear else 1.0
+    slip_part = 1.0 if objective else 0.0
+    for r in range(count):
+        rx = rows.dx[r] * (per_unit * fast_cos_latitude(to_degrees * rows.y_mean[r]))
+        ry = rows.dy[r] * per_unit
+        length = math.sqrt(rx * rx + ry * ry)
+        nx, ny = rx / length, ry / length
+        half = overlap(rows.rest[r], length)
+        lever1, lever2 = rows.lever1[r] - half, rows.lever2[r] - half
+        width, thickness = bond_section(
+            rows.radius_small[r], rows.radius_gap[r], rows.thickness_small[r], rows.thickness_gap[r], half, length
+        )
+        fn = normal_force(youngs, width, thickness, rows.rest[r], half)
+        spins = (rows.radius1[r] - half) * rows.spin1[r] + (rows.radius2[r] - half) * rows.spin2[r]
+        cx, cy = contact_velocity(rows.du[r], rows.dv[r], nx, ny, spins)
+        sx, sy = advance_shear(rows.sx[r], rows.sy[r], nx, ny, cx, cy, dt)
+        stiffness = shear_on * shear_stiffness(youngs, poisson, width, thickness, rows.rest[r])
+        tx, ty = -stiffness * sx, -stiffness * sy
+        angle = rows.angle[r] if linear_bending else fast_sin(rows.angle[r])
+        bending = bending_torque(youngs, width, thickness, rows.rest[r], angle)
+        c = rows.damping[r]
+        # The objective damper acts on the slip at the contact, so its force there has a moment about both centres.
+        bx = -c * (cx if objective else rows.du[r])
+        by = -c * (cy if objective else rows.dv[r])
+        spin_damping = -c * (rows.spin1[r] - rows.spin2[r])
+        lx, ly = tx + slip_part * bx, ty + slip_part * by
+        rows.nx[r], rows.ny[r] = nx, ny
+        rows.sx[r], rows.sy[r] = sx, sy
+        rows.fx[r] = rows.alive[r] * (fn * nx + tx + bx)
+        rows.fy[r] = rows.alive[r] * (fn * ny + ty + by)
+        rows.torque[r] = rows.alive[r] * (torque_of(lever1, nx, ny, lx, ly) + bending + spin_damping)
+        rows.torque[size + r] = rows.alive[r] * (torque_of(lever2, nx, ny, lx, ly) - bending - spin_damping)
+        rows.normal_stress[r] = tensile_stress(youngs, rows.rest[r], half, angle, width)
+        rows.shear_stress[r] = math.sqrt(tx * tx + ty * ty) / (width * thickness)
+        rows.length[r] = length
+        rows.relative_rotation[r] += (rows.spin1[r] - rows.spin2[r]) * dt
+
+
+@kernel
+def sum_over_bonds(rows, fx, fy, torque):
+    """Sum forces (N) and torques (N m) over the bonds of each element, in order of slot."""
+    slots, count = rows.slot.shape
+    fx[:] = 0.0
+    fy[:] = 0.0
+    torque[:] = 0.0
+    for k in range(slots):
+        slot, sign, torque_slot = rows.slot[k], rows.sign[k], rows.torque_slot[k]
+        for e in range(count):
+            fx[e] += sign[e] * rows.fx[slot[e]]
+            fy[e] += sign[e] * rows.fy[slot[e]]
+            torque[e] += rows.torque[torque_slot[e]]

@@ -1,0 +1,139 @@
+"""Breaking of bonds inside a sub-step, and what a broken bond does until its ends part (spec 7.2, 5.5)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.physics.bonds import bond_section, normal_force, overlap
+from riftberg.physics.fracture import exceeds
+from riftberg.physics.geometry import separation
+from riftberg.state import Ints
+from riftberg.stepping.interactions import SAME_BERG_CONTACT, pair_terms
+
+
+class ContactPairs(NamedTuple):
+    """Pairs of one berg that may touch in the sub-steps: ends of broken bonds, or candidates of a search.
+
+    ``count[0]`` of the rows are in use. ``row`` is the bond row of a pair that is still bonded (it then does not touch),
+    or -1.
+    """
+
+    first: Ints
+    second: Ints
+    row: Ints
+    count: Ints
+
+
+def allocate_pairs(size: int) -> ContactPairs:
+    """Return room for ``size`` pairs."""
+    return ContactPairs(*(np.zeros(size, np.int64) for _ in range(3)), np.zeros(1, np.int64))
+
+
+@kernel
+def any_exceeds(rows, count):
+    """Number of unbroken rows whose stress is above their strength; a loop that vectorises."""
+    found = 0.0
+    for r in range(count):
+        over = (rows.normal_stress[r] > rows.normal_limit[r]) | (rows.shear_stress[r] > rows.shear_limit[r])
+        found += rows.alive[r] if over else 0.0
+    return found
+
+
+@kernel
+def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_contact):
+    """Break the bonds that are overloaded: mark them, replace their force, and list them as contact pairs.
+
+    A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
+    any other contributes nothing.
+
+    Returns
+    -------
+    int
+        Bonds broken.
+    """
+    broken = 0
+    size = rows.alive.size
+    for r in range(count):
+        over = exceeds(rows.normal_stress[r], rows.shear_stress[r], rows.normal_limit[r], rows.shear_limit[r], 1.0)
+        if rows.alive[r] == 0.0 or not over:
+            continue
+        b = rows.bond[r]
+        bonds.status[b] = 1
+        bonds.break_time[b] = time
+        bonds.break_grounded[b] = 1 if aground[rows.first[r]] > 0.0 or aground[rows.second[r]] > 0.0 else 0
+        bonds.shear_x[b], bonds.shear_y[b] = rows.sx[r], rows.sy[r]
+        bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
+        bonds.bond_length[b], bonds.relative_rotation[b] = rows.length[r], rows.relative_rotation[r]
+        el.bond_count[rows.first[r]] -= 1
+        el.bond_count[rows.second[r]] -= 1
+        rows.alive[r] = 0.0
+        _force_while_breaking(rows, r, el, youngs)
+        rows.torque[r] = rows.torque[size + r] = 0.0
+        broken += 1
+        if keep_contact:
+            k = pairs.count[0]
+            pairs.first[k], pairs.second[k], pairs.row[k] = rows.first[r], rows.second[r], -1
+            pairs.count[0] = k + 1
+    return broken
+
+
+@kernel
+def _force_while_breaking(rows, r, el, youngs):
+    """Normal force and damping of a bond that fails in shear under compression; zero otherwise."""
+    rows.fx[r] = rows.fy[r] = 0.0
+    if rows.normal_stress[r] >= 0.0:
+        return
+    half = overlap(rows.rest[r], rows.length[r])
+    width, thickness = bond_section(
+        rows.radius_small[r], rows.radius_gap[r], rows.thickness_small[r], rows.thickness_gap[r], half, rows.length[r]
+    )
+    fn = normal_force(youngs, width, thickness, rows.rest[r], half)
+    rows.fx[r] = fn * rows.nx[r] - rows.damping[r] * rows.du[r]
+    rows.fy[r] = fn * rows.ny[r] - rows.damping[r] * rows.dv[r]
+
+
+@kernel
+def add_contacts(pairs, rows, el, sizes, law, ax, ay, search, max_bonds, skip_full):
+    """Add the accelerations (m s-2) of pairs of one berg that touch (spec 5.5).
+
+    Parameters
+    ----------
+    pairs : ContactPairs
+    search : bool
+        The pairs are candidates of a search: a pair acts only while unbonded and while the partner has fewer than
+        ``max_bonds`` bonds (Q21); with ``skip_full`` an element with exactly ``max_bonds`` bonds does not look at all.
+    """
+    for k in range(pairs.count[0]):
+        i, j = pairs.first[k], pairs.second[k]
+        if search and pairs.row[k] >= 0 and rows.alive[pairs.row[k]] > 0.0:
+            continue
+        rx, ry = separation(
+            el.lon_pair[i], el.lat_pair[i], el.lon_pair[j], el.lat_pair[j], law.latlon, law.earth_radius, law.period
+        )
+        radii = sizes.bond_radius[i] + sizes.bond_radius[j]
+        if rx * rx + ry * ry >= radii * radii:
+            continue
+        for end in range(2):
+            e, c = (i, j) if end == 0 else (j, i)
+            looks = not (skip_full and el.bond_count[e] == max_bonds) and el.bond_count[c] < max_bonds
+            if search and not looks:
+                continue
+            s = 1.0 if end == 0 else -1.0
+            ix, iy = contact_acceleration(e, c, s * rx, s * ry, radii, el, sizes, law)
+            ax[e] += ix
+            ay[e] += iy
+
+
+@kernel
+def contact_acceleration(e, c, rx, ry, radii, el, sizes, law):
+    """Acceleration (m s-2) of element e by its contact with c of the same berg: spring and damper."""
+    m1, m2 = sizes.bond_mass[e], sizes.bond_mass[c]
+    du, dv = el.u_pair[c] - el.u[e], el.v_pair[c] - el.v[e]
+    ix, iy, p11, p12, p22 = pair_terms(
+        SAME_BERG_CONTACT, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law
+    )
+    wu, wv = el.u_pair[c] - el.u_pair[e], el.v_pair[c] - el.v_pair[e]
+    return ix + p11 * wu + p12 * wv, iy + p12 * wu + p22 * wv

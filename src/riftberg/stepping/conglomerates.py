@@ -1,0 +1,90 @@
+"""Conglomerates: which elements hang together over unbroken bonds (spec 1.5)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.physics.fracture import exceeds
+from riftberg.state import Bonds, Elements, Ints
+from riftberg.stepping.neighbours import adjacency
+
+
+@kernel
+def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints:
+    """Number the connected parts 0, 1, ... in order of their first element.
+
+    Parameters
+    ----------
+    count : int
+        Number of elements.
+    first, second, status : array of int, shape (bonds,)
+        Ends of the bonds; only bonds of status 0 connect.
+
+    Returns
+    -------
+    array of int, shape (count,)
+    """
+    pairs, _ = adjacency(first, second, status, count)
+    part = np.full(count, -1, np.int64)
+    stack = np.empty(count, np.int64)
+    parts = 0
+    for seed in range(count):
+        if part[seed] >= 0:
+            continue
+        part[seed] = parts
+        stack[0] = seed
+        depth = 1
+        while depth > 0:
+            depth -= 1
+            e = stack[depth]
+            for k in range(pairs.start[e], pairs.start[e + 1]):
+                c = pairs.partner[k]
+                if part[c] < 0:
+                    part[c] = parts
+                    stack[depth] = c
+                    depth += 1
+        parts += 1
+    return part
+
+
+@kernel
+def drop_parted_bonds(bonds: Bonds, part: Ints) -> None:
+    """Forget broken bonds whose ends now belong to different conglomerates (status 2)."""
+    for b in range(bonds.first.size):
+        if bonds.status[b] == 1 and part[bonds.first[b]] != part[bonds.second[b]]:
+            bonds.status[b] = 2
+
+
+@kernel
+def drop_broken_bonds(bonds: Bonds) -> None:
+    """Forget all broken bonds (when they do not serve as contact pairs)."""
+    for b in range(bonds.first.size):
+        if bonds.status[b] == 1:
+            bonds.status[b] = 2
+
+
+@kernel
+def break_after_step(
+    el: Elements, bonds: Bonds, normal_strength: float, shear_strength: float, time: float
+) -> int:
+    """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (spec 7.1).
+
+    Returns
+    -------
+    int
+        Bonds broken.
+    """
+    normal = normal_strength if normal_strength > 0.0 else np.inf
+    shear = shear_strength if shear_strength > 0.0 else np.inf
+    broken = 0
+    for b in range(bonds.first.size):
+        if bonds.status[b] == 0 and exceeds(
+            bonds.normal_stress[b], bonds.shear_stress[b], normal, shear, bonds.strength[b]
+        ):
+            bonds.status[b] = 2
+            bonds.break_time[b] = time
+            el.bond_count[bonds.first[b]] -= 1
+            el.bond_count[bonds.second[b]] -= 1
+            broken += 1
+    return broken

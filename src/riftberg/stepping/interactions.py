@@ -1,0 +1,201 @@
+"""Sum of KID's spring and damper over the partners of one element (spec 5.1, 5.2)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from riftberg.kernels import kernel
+from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
+from riftberg.physics.geometry import separation
+from riftberg.parameters import KernelParameters
+from riftberg.state import Elements, Floats
+from riftberg.stepping.neighbours import PairList
+from riftberg.stepping.sizes import Sizes
+
+BONDED, SAME_BERG_CONTACT, COLLISION, PLAIN_CONTACT, PLAIN_BOND = 0, 1, 2, 3, 4
+"""Kinds of pair. The plain kinds are those of branch B: repulsion by search, attraction by bond (Q40)."""
+
+
+class PairLaw(NamedTuple):
+    """Scalars of the pair law."""
+
+    spring: float
+    contact_spring: float
+    contact_distance: float
+    critical: bool
+    tangential_critical: bool
+    radial: float
+    tangential: float
+    by_speed: bool
+    latlon: bool
+    earth_radius: float
+    period: float
+
+
+class PairView(NamedTuple):
+    """What other elements see of an element: position, velocity, radius (m) and mass (kg)."""
+
+    x: Floats
+    y: Floats
+    u: Floats
+    v: Floats
+    radius: Floats
+    mass: Floats
+    bond_radius: Floats
+    bond_mass: Floats
+
+
+class Partners(NamedTuple):
+    """Partners of each element by kind of pair."""
+
+    bonded: PairList
+    same_berg: PairList
+    collision: PairList
+
+
+@kernel
+def _stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[float, float]:
+    """Stiffness (s-2) and distance (m) at which the force vanishes, by kind of pair (spec 5.2)."""
+    if kind == COLLISION or kind == PLAIN_CONTACT:
+        return law.contact_spring, max(sum_radii, law.contact_distance)
+    return law.spring, sum_radii
+
+
+@kernel
+def pair_terms(
+    kind: int,
+    rx: float,
+    ry: float,
+    sum_radii: float,
+    mass_ratio: float,
+    du0: float,
+    dv0: float,
+    du1: float,
+    dv1: float,
+    law: PairLaw,
+) -> tuple[float, float, float, float, float]:
+    """Spring acceleration (ix, iy; m s-2) and damping tensor (p11, p12, p22; s-1) of one pair; zeros if it does not act.
+
+    Parameters
+    ----------
+    kind : int
+        Kind of pair.
+    rx, ry : float
+        Vector from the partner to the element, m.
+    sum_radii : float
+        m.
+    mass_ratio : float
+        Smaller mass over the mass of the element.
+    du0, dv0, du1, dv1 : float
+        Partner's velocity minus the element's, at the start of the step and at the current iterate, m s-1.
+    law : PairLaw
+    """
+    stiffness, reach = _stiffness_and_reach(kind, sum_radii, law)
+    d = math.sqrt(rx * rx + ry * ry)
+    in_reach = d < reach
+    if kind == BONDED:
+        acts = True
+    elif kind == PLAIN_BOND:
+        acts = d > reach
+    else:
+        acts = in_reach
+    if d == 0.0 or not acts:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    nx, ny = rx / d, ry / d
+    ix, iy = spring_acceleration(nx, ny, d, reach, stiffness, mass_ratio)
+    radial, tangential = damping_coefficients(
+        stiffness, law.critical, law.tangential_critical, law.radial, law.tangential
+    )
+    p11, p12, p22 = damping_tensor(nx, ny, radial, tangential, mass_ratio, law.by_speed, du0, dv0, du1, dv1)
+    return ix, iy, p11, p12, p22
+
+
+@kernel
+def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, own_size, view, law):
+    """Sum the terms of one kind of pair; also P u of the partners."""
+    sx = sy = s11 = s12 = s22 = px = py = 0.0
+    for k in range(pairs.start[e], pairs.start[e + 1]):
+        c = pairs.partner[k]
+        if own_size:
+            radii, m1, m2 = view.radius[e] + view.radius[c], view.mass[e], view.mass[c]
+        else:
+            radii, m1, m2 = view.bond_radius[e] + view.bond_radius[c], view.bond_mass[e], view.bond_mass[c]
+        rx, ry = separation(x, y, view.x[c], view.y[c], law.latlon, law.earth_radius, law.period)
+        uc, vc = view.u[c], view.v[c]
+        ix, iy, p11, p12, p22 = pair_terms(
+            kind, rx, ry, radii, min(m1, m2) / m1, uc - u0, vc - v0, uc - u1, vc - v1, law
+        )
+        sx += ix
+        sy += iy
+        s11 += p11
+        s12 += p12
+        s22 += p22
+        px += p11 * uc + p12 * vc
+        py += p12 * uc + p22 * vc
+    return sx, sy, s11, s12, s22, px, py
+
+
+@kernel
+def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view, law):
+    """Sum over all partners of element ``e`` at (x, y): I, P and P u of the partners (spec 5.1).
+
+    Parameters
+    ----------
+    e : int
+        Row of the element.
+    x, y : float
+        Its position, degrees or m.
+    u0, v0, u1, v1 : float
+        Its velocity at the start of the step and at the current iterate, m s-1.
+    partners : Partners
+    plain : bool
+        Branch B: ``collision`` holds all elements in reach, bonds act in tension only.
+    bond_size : bool
+        Bonded and same-berg pairs use the constant interaction size (spec 1.4).
+    view : PairView
+    law : PairLaw
+
+    Returns
+    -------
+    tuple of 7 floats
+        ix, iy (m s-2), p11, p12, p22 (s-1), px, py (m s-2).
+    """
+    b = _sum_over(e, x, y, u0, v0, u1, v1, PLAIN_BOND if plain else BONDED, partners.bonded, not bond_size, view, law)
+    s = _sum_over(e, x, y, u0, v0, u1, v1, SAME_BERG_CONTACT, partners.same_berg, not bond_size, view, law)
+    c = _sum_over(e, x, y, u0, v0, u1, v1, PLAIN_CONTACT if plain else COLLISION, partners.collision, True, view, law)
+    return (
+        b[0] + s[0] + c[0],
+        b[1] + s[1] + c[1],
+        b[2] + s[2] + c[2],
+        b[3] + s[3] + c[3],
+        b[4] + s[4] + c[4],
+        b[5] + s[5] + c[5],
+        b[6] + s[6] + c[6],
+    )
+
+
+@kernel
+def pair_view(el: Elements, sizes: Sizes) -> PairView:
+    """Gather what the elements show to each other."""
+    return PairView(
+        el.lon_pair, el.lat_pair, el.u_pair, el.v_pair, sizes.radius, sizes.mass, sizes.bond_radius, sizes.bond_mass
+    )
+
+
+@kernel
+def pair_law(p: KernelParameters) -> PairLaw:
+    """Pick the scalars of the pair law."""
+    return PairLaw(
+        p.spring,
+        p.contact_spring,
+        p.contact_distance,
+        p.critical_damping,
+        p.tangential_critical_damping,
+        p.radial_damping,
+        p.tangential_damping,
+        p.damping_by_speed,
+        p.latlon,
+        p.earth_radius,
+        p.period,
+    )

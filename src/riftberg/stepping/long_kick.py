@@ -1,0 +1,161 @@
+"""Slow forces of the multiple-time-step scheme: two half kicks per long step (spec 6.4, parts 1 and 2)."""
+
+from __future__ import annotations
+
+import math
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.drag import draft_of, spin_drag
+from riftberg.physics.grounding import grounded_fraction, grounding_rate, grounding_spin_rate
+from riftberg.state import Elements
+from riftberg.stepping.interactions import PairLaw, Partners, pair_view
+from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.substep import Scratch
+from riftberg.stepping.surroundings import surroundings_of
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, solve_velocity
+
+
+@kernel
+def sea_floor_rates(el: Elements, scratch: Scratch, sizes: Sizes, p: KernelParameters) -> None:
+    """Rates (s-1) of sub-step grounding drag and torque; the depth holds for the long step (spec 6.4, 3b and 3c)."""
+    for e in range(el.mass.size):
+        scratch.active[e] = 1.0 if el.static[e] < 0.5 else 0.0
+        draft = draft_of(el.thickness[e], p.rho_ice)
+        fraction = grounded_fraction(el.depth[e], draft, p.ground_ramp)
+        rate = grounding_rate(p.ground_coefficient, sizes.bond_area[e], sizes.bond_mass[e], fraction)
+        scratch.ground_rate[e] = rate if p.ground_on_substeps else 0.0
+        turning = grounding_spin_rate(p.ground_coefficient, sizes.bond_radius[e], sizes.bond_mass[e], fraction)
+        scratch.ground_spin_rate[e] = turning if p.ground_torque and p.dem else 0.0
+
+
+@kernel
+def _half_kick_of(el, e, dt, partners, view, law, p):
+    """Solve for the slow acceleration of one element at its current position and velocity."""
+    around = surroundings_of(el, e, el.lat[e], True, p)
+    mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
+    u, v = el.u[e], el.v[e]
+    return solve_velocity(
+        e, el.lon[e], el.lat[e], u, v, u, v, u, v, around, 0.5, 0.5, True, mode, dt, partners, False, False, view, law
+    )
+
+
+@kernel
+def _first_pass(el, dt, partners, view, law, kick, p):
+    """Evaluate all moving elements; returns whether any is in contact, and the sum of squared velocities."""
+    collided = False
+    norm = 0.0
+    for e in range(el.u.size):
+        if not p.sticky_collision_flags:
+            el.in_contact[e] = 0.0
+        if el.static[e] >= 0.5:
+            continue
+        s = _half_kick_of(el, e, dt, partners, view, law, p)
+        el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
+        if s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate):
+            collided = True
+            el.in_contact[e] = 1.0
+        el.u_sync[e] = el.u[e] + kick * dt * s.total_x
+        el.v_sync[e] = el.v[e] + kick * dt * s.total_y
+        norm += el.u_sync[e] ** 2 + el.v_sync[e] ** 2
+    return collided, norm
+
+
+@kernel
+def _later_pass(el, dt, partners, view, law, kick, p):
+    """Evaluate again the elements in contact with the velocities the others showed in the pass before."""
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5 or el.in_contact[e] == 0.0:
+            continue
+        s = _half_kick_of(el, e, dt, partners, view, law, p)
+        el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
+        el.u_sync[e] = el.u[e] + kick * dt * s.total_x
+        el.v_sync[e] = el.v[e] + kick * dt * s.total_y
+
+
+@kernel
+def _change_and_norm(el):
+    """Squared change of velocity since the pass before, and squared velocity, over the elements in contact."""
+    change = norm = 0.0
+    for e in range(el.u.size):
+        if el.static[e] < 0.5 and el.in_contact[e] != 0.0:
+            change += (el.u_sync[e] - el.u_pair[e]) ** 2 + (el.v_sync[e] - el.v_pair[e]) ** 2
+            norm += el.u_sync[e] ** 2 + el.v_sync[e] ** 2
+    return change, norm
+
+
+@kernel
+def _show_synchronised(el):
+    """Let the others see the velocities of this pass."""
+    for e in range(el.u.size):
+        if el.static[e] < 0.5:
+            el.u_pair[e], el.v_pair[e] = el.u_sync[e], el.v_sync[e]
+
+
+@kernel
+def closing_half_kick(
+    el: Elements, dt: float, partners: Partners, sizes: Sizes, law: PairLaw, starting: bool, p: KernelParameters
+) -> int:
+    """Complete the slow half kick of the step before; leaves the synchronised velocity in ``u_sync`` (part 1).
+
+    Elements in contact see each other's velocity, so the solve is repeated until the velocities settle.
+
+    Parameters
+    ----------
+    el : Elements
+    dt : float
+        Long step, s.
+    partners : Partners
+        Collisions between different bergs.
+    starting : bool
+        First step of a run with a proper start: the velocity is synchronised already, only the accelerations are
+        found.
+
+    Returns
+    -------
+    int
+        Passes needed; -1 if the iteration did not settle within ``p.max_iterations``.
+    """
+    view = pair_view(el, sizes)
+    kick = 0.0 if starting else 1.0
+    collided, norm_before = _first_pass(el, dt, partners, view, law, kick, p)
+    if not p.iterate:
+        for e in range(el.u.size):
+            if el.static[e] < 0.5:
+                el.u[e], el.v[e] = el.u_sync[e], el.v_sync[e]
+        return 1
+    _show_synchronised(el)
+    passes = 1
+    while collided:
+        if passes >= p.max_iterations:
+            return -1
+        _later_pass(el, dt, partners, view, law, kick, p)
+        passes += 1
+        change, norm = _change_and_norm(el)
+        _show_synchronised(el)
+        scale = math.sqrt(norm_before) + math.sqrt(norm)
+        if scale == 0.0 or 2.0 * math.sqrt(change) / scale < p.tolerance:
+            break
+        norm_before = norm
+    return passes
+
+
+@kernel
+def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
+    """Start the long step with its first slow half kick (part 2), and the rotational drag of the water."""
+    half = 0.5 * dt
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5:
+            continue
+        el.u[e] = el.u_sync[e] + half * (el.ax[e] + el.bx[e])
+        el.v[e] = el.v_sync[e] + half * (el.ay[e] + el.by[e])
+        el.u_pair[e], el.v_pair[e] = el.u[e], el.v[e]
+        if p.iterate:
+            el.ax[e], el.ay[e], el.bx[e], el.by[e] = el.ax_fast[e], el.ay_fast[e], el.bx_fast[e], el.by_fast[e]
+        if p.rotational_drag and p.dem and not p.only_interactions:
+            inertia = 0.5 * sizes.bond_mass[e] * sizes.bond_radius[e] ** 2
+            drag = spin_drag(inertia, sizes.bond_radius[e], p.ocean_scale)
+            # The decay of a spin under a drag quadratic in it, solved exactly over the step.
+            water = 0.5 * el.vorticity[e]
+            relative = el.spin[e] - water
+            el.spin[e] = water + relative / (1.0 + dt * drag * abs(relative))

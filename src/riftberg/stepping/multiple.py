@@ -1,0 +1,173 @@
+"""Multiple-time-step velocity Verlet: slow half kick, sub-steps of the bonds, slow half kick (spec 6.4)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.state import Bonds, Elements, Ints
+from riftberg.stepping.bond_rows import BondRows, load_rows, store_rows
+from riftberg.stepping.breaking import ContactPairs
+from riftberg.stepping.conglomerates import break_after_step
+from riftberg.stepping.implicit_substep import implicit_kick
+from riftberg.stepping.interactions import PairLaw, Partners, pair_law
+from riftberg.stepping.long_kick import closing_half_kick, opening_half_kick, sea_floor_rates
+from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.substep import (
+    Scratch,
+    dem_accelerations,
+    drift,
+    drift_near_pole,
+    kick,
+    show_velocities,
+    spin_up,
+    spring_accelerations,
+)
+
+POLAR_LATITUDE = 88.0
+"""North of this (degrees) the tangent plane may be needed within a long step."""
+
+
+class StepPlan(NamedTuple):
+    """What holds for one long step.
+
+    Attributes
+    ----------
+    dt : float
+        Length of the long step, s.
+    substeps : int
+    time : float
+        Seconds since the start at its beginning.
+    starting : bool
+        First step with a proper start: evaluate all forces before moving.
+    skip_slow : bool
+        Leave out the slow forces (skip_first_outer_mts_step).
+    search : bool
+        Contact inside a berg goes over candidates of a search, not over broken bonds.
+    break_inline, break_after : bool
+        Test for fracture in every sub-step, or once after the closing half kick.
+    """
+
+    dt: float
+    substeps: int
+    time: float
+    starting: bool
+    skip_slow: bool
+    search: bool
+    break_inline: bool
+    break_after: bool
+
+
+class StepReport(NamedTuple):
+    """Bonds broken in the long step and passes of the contact iteration (-1: it did not settle)."""
+
+    broken: int
+    passes: int
+
+
+@kernel
+def _remember_fast(el):
+    """Keep the fast accelerations of this sub-step where the reference keeps them."""
+    el.ax[:] = el.ax_fast
+    el.ay[:] = el.ay_fast
+    el.bx[:] = el.bx_fast
+    el.by[:] = el.by_fast
+
+
+@kernel
+def _initial_fast(el, bonds, rows, count, pairs, scratch, sizes, law, partners, plan, p):
+    """Evaluate the fast accelerations at the start, so that the first sub-step has its first half kick."""
+    el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+    el.u_pair[:], el.v_pair[:] = el.u, el.v
+    if p.dem:
+        dem_accelerations(
+            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, 0.0, plan.time, False, p
+        )
+    elif p.bonds_on:
+        spring_accelerations(el, partners, p.constant_size, scratch, sizes, law)
+    for e in range(el.u.size):
+        rate = 0.0 if p.ground_implicit else scratch.ground_rate[e]
+        el.ax_fast[e] = scratch.active[e] * (scratch.accel_x[e] - rate * el.u[e])
+        el.ay_fast[e] = scratch.active[e] * (scratch.accel_y[e] - rate * el.v[e])
+
+
+@kernel
+def _drift_and_show(el, scratch, dt, near_pole, p):
+    """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
+    q1 = p.swapped_implicit_velocity and not p.explicit_substeps
+    if near_pole:
+        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1)
+    else:
+        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
+
+
+@kernel
+def advance(
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
+    sizes: Sizes, earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> StepReport:  # fmt: skip
+    """Advance the state by one long step; cells, environment and conglomerates are the caller's.
+
+    Parameters
+    ----------
+    el, bonds : Elements, Bonds
+        The state, changed in place.
+    rows, pairs, scratch
+        Room for the sub-steps; ``pairs`` holds the pairs of broken bonds or the candidates of a search.
+    partners : Partners
+        Collisions between bergs and, with spring bonds, bonded pairs and contacts inside a berg.
+    sizes : Sizes
+    earlier : array of int
+        Rank of the elements in the order of processing (quirks Q10, Q11).
+    plan : StepPlan
+    p : KernelParameters
+
+    Returns
+    -------
+    StepReport
+    """
+    law = pair_law(p)
+    sea_floor_rates(el, scratch, sizes, p)
+    near_pole = p.latlon and el.lat.max() > POLAR_LATITUDE
+    passes = 1
+    broken = 0
+    if plan.starting:
+        count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
+        _initial_fast(el, bonds, rows, count, pairs, scratch, sizes, law, partners, plan, p)
+    if not plan.skip_slow:
+        passes = closing_half_kick(el, plan.dt, partners, sizes, law, plan.starting, p)
+        if passes < 0:
+            return StepReport(0, passes)
+        if plan.break_after:
+            broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
+        opening_half_kick(el, plan.dt, sizes, p)
+    count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
+    dt = plan.dt / plan.substeps
+    for n in range(plan.substeps):
+        _drift_and_show(el, scratch, dt, near_pole, p)
+        if p.explicit_substeps or p.dem:
+            if p.dem:
+                now = plan.time + (n + 1) * dt
+                broken += dem_accelerations(
+                    el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, plan.break_inline, p
+                )
+            else:
+                spring_accelerations(el, partners, p.constant_size, scratch, sizes, law)
+            kick(el, scratch, dt, p.ground_implicit, near_pole)
+        else:
+            passes = implicit_kick(el, dt, partners, sizes, law, scratch, p)
+            if passes < 0:
+                return StepReport(broken, passes)
+        show_velocities(el, scratch.active)
+        if p.dem:
+            spin_up(el, scratch, dt)
+        if p.iterate and not p.explicit_substeps:
+            _remember_fast(el)
+    if p.iterate:
+        _remember_fast(el)
+    store_rows(rows, count, bonds)
+    for e in range(el.u.size):
+        if el.static[e] < 0.5:
+            el.u_pair[e], el.v_pair[e] = el.u[e], el.v[e]
+    return StepReport(broken, passes)

@@ -1,0 +1,164 @@
+"""Which elements are near each other: a uniform hash grid of cells as wide as the reach of the forces.
+
+The reference searches the cells of the ocean grid; the forces act only within their reach, so any search that finds all
+pairs within it gives the same forces. Here it does not depend on an ocean grid.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.physics.geometry import fast_cos_latitude, separation
+from riftberg.state import Floats, Ints
+
+ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
+_MAX_COLUMNS = 4096
+
+
+class PairList(NamedTuple):
+    """Partners of each element: those of element e are ``partner[start[e]:start[e + 1]]``."""
+
+    start: Ints
+    partner: Ints
+
+
+def no_pairs(count: int) -> PairList:
+    """Return a list of ``count`` elements without partners."""
+    return PairList(np.zeros(count + 1, np.int64), np.zeros(0, np.int64))
+
+
+@kernel
+def _hash_columns(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float):
+    """Width of a column and a row in units of x and y, their numbers, and the origin."""
+    high = 0.0
+    for lat in y:
+        high = max(high, abs(lat))
+    per_unit = np.pi / 180.0 * radius if latlon else 1.0
+    # The largest cosine deficit makes columns wide enough everywhere; near the pole one column holds all.
+    cosine = max(fast_cos_latitude(min(high + reach / per_unit, 90.0)), 1e-3) if latlon else 1.0
+    width_x, width_y = reach / (per_unit * cosine), reach / per_unit
+    x0, y0 = (0.0 if period > 0.0 else x.min()), y.min()
+    span = period if period > 0.0 else x.max() - x0
+    columns = int(min(max(span / width_x, 1.0), _MAX_COLUMNS))
+    rows = int(min(max((y.max() - y0) / width_y + 1.0, 1.0), _MAX_COLUMNS))
+    width_x = max(width_x, span / columns) if period <= 0.0 else span / columns
+    if period <= 0.0:
+        columns = min(columns + 1, _MAX_COLUMNS + 1)
+    return width_x, max(width_y, (y.max() - y0) / rows), columns, rows + 1, x0, y0
+
+
+@kernel
+def _bin(x: Floats, y: Floats, width_x, width_y, columns, rows, x0, y0, period):
+    """Sort elements into bins: start of each bin, and the elements of all bins in turn."""
+    count = x.size
+    cell = np.empty(count, np.int64)
+    start = np.zeros(columns * rows + 1, np.int64)
+    for e in range(count):
+        along = x[e] - x0
+        if period > 0.0:
+            along -= period * np.floor(along / period)
+        column = min(int(along / width_x), columns - 1)
+        row = min(int((y[e] - y0) / width_y), rows - 1)
+        cell[e] = row * columns + column
+        start[cell[e] + 1] += 1
+    for c in range(columns * rows):
+        start[c + 1] += start[c]
+    place = start[:-1].copy()
+    member = np.empty(count, np.int64)
+    for e in range(count):
+        member[place[cell[e]]] = e
+        place[cell[e]] += 1
+    return cell, start, member
+
+
+@kernel
+def find_pairs(
+    x: Floats, y: Floats, berg: Ints, reach: float, rule: int, latlon: bool, radius: float, period: float
+) -> PairList:
+    """Find all partners of each element within ``reach``.
+
+    Parameters
+    ----------
+    x, y : array of float, shape (n,)
+        Positions, degrees or m.
+    berg : array of int, shape (n,)
+        Number of the conglomerate of each element.
+    reach : float
+        Distance, m.
+    rule : int
+        `ANY`, `SAME_BERG` or `OTHER_BERG`.
+    latlon, radius, period
+        Coordinates, see `riftberg.parameters.Earth`.
+
+    Returns
+    -------
+    PairList
+        Each pair stands in the lists of both partners; partners ascend.
+    """
+    count = x.size
+    start = np.zeros(count + 1, np.int64)
+    if count == 0:
+        return PairList(start, np.zeros(0, np.int64))
+    width_x, width_y, columns, rows, x0, y0 = _hash_columns(x, y, reach, latlon, radius, period)
+    cell, bin_start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+    partner = np.empty(8 * count, np.int64)
+    total = 0
+    side = 1 if columns > 2 else 0
+    for e in range(count):
+        row, column = cell[e] // columns, cell[e] % columns
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for shift in range(-side if side else 0, (side + 1) if side else columns):
+                c = column + shift if side else shift
+                if period > 0.0:
+                    c %= columns
+                elif c < 0 or c >= columns:
+                    continue
+                for k in range(bin_start[r * columns + c], bin_start[r * columns + c + 1]):
+                    f = member[k]
+                    same = berg[e] == berg[f]
+                    if f == e or (rule == SAME_BERG and not same) or (rule == OTHER_BERG and same):
+                        continue
+                    rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
+                    if rx * rx + ry * ry < reach * reach:
+                        if total == partner.size:
+                            bigger = np.empty(2 * total, np.int64)
+                            bigger[:total] = partner
+                            partner = bigger
+                        partner[total] = f
+                        total += 1
+        start[e + 1] = total
+        partner[start[e] : total].sort()
+    return PairList(start, partner[:total].copy())
+
+
+@kernel
+def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[PairList, Ints]:
+    """Partners of each element over unbroken bonds, in order of bond number, and the bonds themselves.
+
+    Returns
+    -------
+    pairs : PairList
+    bond : array of int
+        Bond of each entry of ``pairs.partner``.
+    """
+    start = np.zeros(count + 1, np.int64)
+    for b in range(first.size):
+        if status[b] == 0:
+            start[first[b] + 1] += 1
+            start[second[b] + 1] += 1
+    for e in range(count):
+        start[e + 1] += start[e]
+    place = start[:-1].copy()
+    partner = np.empty(start[count], np.int64)
+    bond = np.empty(start[count], np.int64)
+    for b in range(first.size):
+        if status[b] == 0:
+            i, j = first[b], second[b]
+            partner[place[i]], bond[place[i]] = j, b
+            partner[place[j]], bond[place[j]] = i, b
+            place[i] += 1
+            place[j] += 1
+    return PairList(start, partner), bond

@@ -1,0 +1,126 @@
+"""Fourth-order Runge-Kutta (spec 6.3).
+
+All elements go through a stage together, because the forcing is sampled at the positions of the stage; partners are
+seen where they were at the start of the step, so this changes nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import metres_per_unit, move
+from riftberg.state import Elements, Floats
+from riftberg.stepping.interactions import Partners, pair_law, pair_view
+from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.surroundings import surroundings_of
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, solve_velocity
+
+
+class Stages(NamedTuple):
+    """Start of the step and the four stages: arrays of shape (n,) and (4, n)."""
+
+    x0: Floats
+    y0: Floats
+    u0: Floats
+    v0: Floats
+    rate_x: Floats
+    rate_y: Floats
+    u: Floats
+    v: Floats
+    total_x: Floats
+    total_y: Floats
+    a_x: Floats
+    a_y: Floats
+
+
+def allocate_stages(count: int) -> Stages:
+    """Return room for ``count`` elements."""
+    flat, deep = [np.zeros(count) for _ in range(4)], [np.zeros((4, count)) for _ in range(8)]
+    return Stages(*flat, *deep)
+
+
+FRACTION = (0.5, 0.5, 1.0, 1.0)
+"""Part of the step that the semi-implicit solve of each stage spans."""
+
+AHEAD = (0.0, 0.5, 0.5, 1.0)
+"""Place of each stage in the step."""
+
+
+@kernel
+def begin(el: Elements, stages: Stages) -> None:
+    """Remember the start of the step; it is also the first stage."""
+    stages.x0[:], stages.y0[:], stages.u0[:], stages.v0[:] = el.lon, el.lat, el.u, el.v
+    stages.u[0, :], stages.v[0, :] = el.u, el.v
+
+
+@kernel
+def evaluate(
+    el: Elements, stages: Stages, stage: int, fraction: float, partners: Partners, sizes: Sizes, dt: float,
+    mean_speeds: bool, p: KernelParameters,
+) -> None:  # fmt: skip
+    """Find the accelerations of a stage; ``el.lon``, ``el.lat`` hold its positions, ``stages.u[stage]`` its velocity."""
+    view, law = pair_view(el, sizes), pair_law(p)
+    mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
+    span = fraction * dt
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5:
+            continue
+        u0, v0 = stages.u0[e], stages.v0[e]
+        us, vs = stages.u[stage, e], stages.v[stage, e]
+        half_u, half_v = u0 + 0.5 * span * el.ax[e], v0 + 0.5 * span * el.ay[e]
+        around = surroundings_of(el, e, el.lat[e], False, p)
+        s = solve_velocity(
+            e, el.lon[e], el.lat[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds, mode, span,
+            partners, p.plain_kid_branch, False, view, law,
+        )  # fmt: skip
+        stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
+        stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y
+        mx, my = metres_per_unit(el.lat[e], p.latlon, p.earth_radius)
+        stages.rate_x[stage, e], stages.rate_y[stage, e] = us / mx, vs / my
+
+
+@kernel
+def go_to_stage(el: Elements, stages: Stages, stage: int, part: float, dt: float, p: KernelParameters) -> None:
+    """Place the elements at stage 1, 2 or 3: ``part`` of a step from the start with the slopes of the stage before."""
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5:
+            continue
+        span = part * dt
+        if p.latlon and stages.y0[e] > 89.0:
+            el.lon[e], el.lat[e] = move(
+                stages.x0[e], stages.y0[e], stages.u[stage - 1, e], stages.v[stage - 1, e], span, True, p.earth_radius
+            )
+        else:
+            el.lon[e] = stages.x0[e] + span * stages.rate_x[stage - 1, e]
+            el.lat[e] = stages.y0[e] + span * stages.rate_y[stage - 1, e]
+        stages.u[stage, e] = stages.u0[e] + span * stages.total_x[stage - 1, e]
+        stages.v[stage, e] = stages.v0[e] + span * stages.total_y[stage - 1, e]
+
+
+@kernel
+def _weighted(values, e):
+    """Mean of four stages with weights 1, 2, 2, 1."""
+    return (values[0, e] + values[3, e] + 2.0 * (values[1, e] + values[2, e])) / 6.0
+
+
+@kernel
+def finish(el: Elements, stages: Stages, dt: float, p: KernelParameters) -> None:
+    """Combine the stages into the new position, velocity and accelerations."""
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5:
+            continue
+        if p.latlon and stages.y0[e] > 89.0:
+            u, v = _weighted(stages.u, e), _weighted(stages.v, e)
+            el.lon[e], el.lat[e] = move(stages.x0[e], stages.y0[e], u, v, dt, True, p.earth_radius)
+        else:
+            el.lon[e] = stages.x0[e] + dt * _weighted(stages.rate_x, e)
+            el.lat[e] = stages.y0[e] + dt * _weighted(stages.rate_y, e)
+        total_x, total_y = _weighted(stages.total_x, e), _weighted(stages.total_y, e)
+        el.u[e], el.v[e] = stages.u0[e] + dt * total_x, stages.v0[e] + dt * total_y
+        el.u_sync[e], el.v_sync[e] = el.u[e], el.v[e]
+        el.ax[e], el.ay[e] = _weighted(stages.a_x, e), _weighted(stages.a_y, e)
+        el.bx[e], el.by[e] = total_x - 0.5 * el.ax[e], total_y - 0.5 * el.ay[e]

@@ -1,0 +1,51 @@
+"""Sizes and masses of elements in interactions (spec 1.4)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.state import Elements, Floats
+
+
+class Sizes(NamedTuple):
+    """Radius (m), mass (kg) and area (m2) of each element, own and as bonds see it (constant_interaction_LW)."""
+
+    radius: Floats
+    mass: Floats
+    bond_radius: Floats
+    bond_mass: Floats
+    bond_area: Floats
+
+
+@kernel
+def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
+    """Radius (m) of an element: inscribed circle of a hexagon or square, or the disc of an unbonded one."""
+    if hexagonal:
+        return math.sqrt(area / (2.0 * math.sqrt(3.0)))
+    if bonded:
+        return 0.5 * math.sqrt(area)
+    return math.sqrt(area / math.pi)
+
+
+@kernel
+def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
+    """Compute the sizes of all elements."""
+    count = elements.mass.size
+    radius, bond_radius = np.empty(count), np.empty(count)
+    bond_mass, bond_area = np.empty(count), np.empty(count)
+    for e in range(count):
+        area = elements.length[e] * elements.width[e]
+        radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
+        if p.constant_size:
+            bond_area[e] = p.constant_length * p.constant_width
+            bond_mass[e] = bond_area[e] * elements.thickness[e] * p.rho_ice
+        else:
+            bond_area[e] = area
+            bond_mass[e] = elements.mass[e]
+        bond_radius[e] = radius_of(bond_area[e], p.hexagonal, True)
+    return Sizes(radius, elements.mass, bond_radius, bond_mass, bond_area)

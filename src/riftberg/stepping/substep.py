@@ -1,0 +1,192 @@
+"""One explicit sub-step of the multiple-time-step scheme (spec 6.4, part 3)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import add_velocity, fast_cos_latitude, move
+from riftberg.state import Bonds, Elements, Floats
+from riftberg.stepping.bond_law import bond_forces, gather_ends, sum_over_bonds, unwrap_ends
+from riftberg.stepping.bond_rows import BondRows
+from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, break_overloaded
+from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
+from riftberg.stepping.neighbours import PairList
+from riftberg.stepping.sizes import Sizes
+
+
+class Scratch(NamedTuple):
+    """Room for one value per element: 1 where it moves, sums of force and torque, rates of the sea floor (s-1)."""
+
+    active: Floats
+    force_x: Floats
+    force_y: Floats
+    torque: Floats
+    ground_rate: Floats
+    ground_spin_rate: Floats
+    accel_x: Floats
+    accel_y: Floats
+
+
+def allocate_scratch(count: int) -> Scratch:
+    """Return zeroed scratch rows for ``count`` elements."""
+    return Scratch(*(np.zeros(count) for _ in Scratch._fields))
+
+
+@kernel
+def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
+    """Move the elements by their mid-step velocity and show position and velocity to the others (spec 6.4, 3a).
+
+    With ``q1`` the northward mid-step velocity uses the eastward implicit acceleration, as the reference does (Q1).
+    """
+    half = 0.5 * dt
+    per_unit = math.pi / 180.0 * radius if latlon else 1.0
+    to_degrees = 1.0 if latlon else 0.0
+    for e in range(el.lon.size):
+        wu = el.u[e] + half * (el.ax_fast[e] + el.bx_fast[e])
+        wv = el.v[e] + half * (el.ay_fast[e] + el.by_fast[e])
+        step = active[e] * dt
+        el.lon[e] += step * (wu / (per_unit * fast_cos_latitude(to_degrees * el.lat[e])))
+        el.lat[e] += step * (wv / per_unit)
+        el.lon_pair[e], el.lat_pair[e] = el.lon[e], el.lat[e]
+        seen = el.v[e] + half * (el.ay_fast[e] + el.bx_fast[e]) if q1 else wv
+        el.u_pair[e] = wu if active[e] > 0.0 else el.u_pair[e]
+        el.v_pair[e] = seen if active[e] > 0.0 else el.v_pair[e]
+
+
+@kernel
+def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
+    """As `drift`, on the tangent plane where latitude is above 89 degrees."""
+    for e in range(el.lon.size):
+        if active[e] == 0.0:
+            continue
+        wu = el.u[e] + 0.5 * dt * (el.ax_fast[e] + el.bx_fast[e])
+        wv = el.v[e] + 0.5 * dt * (el.ay_fast[e] + el.by_fast[e])
+        el.lon[e], el.lat[e] = move(el.lon[e], el.lat[e], wu, wv, dt, True, radius)
+        el.lon_pair[e], el.lat_pair[e] = el.lon[e], el.lat[e]
+        el.u_pair[e] = wu
+        el.v_pair[e] = el.v[e] + 0.5 * dt * (el.ay_fast[e] + el.bx_fast[e]) if q1 else wv
+
+
+@kernel
+def dem_accelerations(
+    el: Elements, bonds: Bonds, rows: BondRows, count: int, pairs: ContactPairs, search: bool, scratch: Scratch,
+    sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, p: KernelParameters,
+) -> int:  # fmt: skip
+    """Accelerations and angular accelerations of all elements by bonds, loads and contact inside the berg.
+
+    Parameters
+    ----------
+    dt, time : float
+        Sub-step, and time since the start at its end, s; bonds that break get this time.
+    may_break : bool
+        Whether to test for fracture at all.
+
+    Returns
+    -------
+    int
+        Bonds broken.
+    """
+    gather_ends(rows, count, el)
+    if p.period > 0.0:
+        unwrap_ends(rows, count, p.period)
+    bond_forces(
+        rows, count, dt, p.latlon, p.earth_radius, p.youngs_modulus, p.poisson, p.objective_damping, p.no_shear,
+        p.linear_bending,
+    )  # fmt: skip
+    scratch.accel_x[:] = 0.0
+    scratch.accel_y[:] = 0.0
+    if pairs.count[0] > 0:
+        add_contacts(
+            pairs, rows, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True
+        )
+    broken = 0
+    if may_break and any_exceeds(rows, count) > 0.0:
+        broken = break_overloaded(
+            rows, count, el, bonds, pairs, scratch.ground_rate, time, p.youngs_modulus, p.broken_as_contact
+        )
+    sum_over_bonds(rows, scratch.force_x, scratch.force_y, scratch.torque)
+    for e in range(el.lon.size):
+        m, r = sizes.bond_mass[e], sizes.bond_radius[e]
+        scratch.accel_x[e] += (scratch.force_x[e] + el.load_x[e]) / m
+        scratch.accel_y[e] += (scratch.force_y[e] * el.free_y[e] + el.load_y[e]) / m
+        el.spin_rate[e] = scratch.active[e] * (scratch.torque[e] / (0.5 * m * r * r))
+    return broken
+
+
+@kernel
+def spring_accelerations(el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw):
+    """Accelerations (m s-2) by KID's bonds and contact inside the berg (spec 5.3 without DEM)."""
+    view = pair_view(el, sizes)
+    for e in range(el.lon.size):
+        ix, iy, p11, p12, p22, px, py = interaction_terms(
+            e, el.lon[e], el.lat[e], el.u[e], el.v[e], el.u[e], el.v[e], partners, False, bond_size, view, law
+        )
+        uw, vw = el.u_pair[e], el.v_pair[e]
+        scratch.accel_x[e] = ix + px - p11 * uw - p12 * vw
+        scratch.accel_y[e] = iy + py - p12 * uw - p22 * vw
+
+
+@kernel
+def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool, near_pole: bool) -> None:
+    """Update velocities by half the old and half the new fast acceleration (spec 6.4, 3b).
+
+    The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
+    implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate.
+    """
+    half = 0.5 * dt
+    for e in range(el.lon.size):
+        on = scratch.active[e]
+        rate = scratch.ground_rate[e]
+        explicit_rate = 0.0 if implicit_ground else rate
+        slow = 1.0 / (1.0 + rate * dt) if implicit_ground else 1.0
+        ax = scratch.accel_x[e] - explicit_rate * el.u[e]
+        ay = scratch.accel_y[e] - explicit_rate * el.v[e]
+        if near_pole:
+            u, v = add_velocity(el.lon[e], el.lat[e], el.u[e] + half * el.ax_fast[e], el.v[e] + half * el.ay_fast[e],
+                                0.5 * ax, 0.5 * ay, dt, True)  # fmt: skip
+        else:
+            u = el.u[e] + half * el.ax_fast[e] + half * ax
+            v = el.v[e] + half * el.ay_fast[e] + half * ay
+        el.u[e] = u * slow if on > 0.0 else el.u[e]
+        el.v[e] = v * slow if on > 0.0 else el.v[e]
+        el.ax_fast[e] = ax if on > 0.0 else el.ax_fast[e]
+        el.ay_fast[e] = ay if on > 0.0 else el.ay_fast[e]
+
+
+@kernel
+def spin_up(el: Elements, scratch: Scratch, dt: float) -> None:
+    """Update angular velocity, then the angle with the new angular velocity (spec 6.4, 3c)."""
+    for e in range(el.lon.size):
+        spin = (el.spin[e] + dt * el.spin_rate[e]) / (1.0 + scratch.ground_spin_rate[e] * dt)
+        el.spin[e] = spin if scratch.active[e] > 0.0 else el.spin[e]
+        el.rotation[e] += scratch.active[e] * dt * spin
+
+
+@kernel
+def show_velocities(el: Elements, active: Floats) -> None:
+    """Let the others see the new velocities."""
+    for e in range(el.u.size):
+        el.u_pair[e] = el.u[e] if active[e] > 0.0 else el.u_pair[e]
+        el.v_pair[e] = el.v[e] if active[e] > 0.0 else el.v_pair[e]
+
+
+@kernel
+def pairs_from_list(pairs: ContactPairs, found: PairList, row_of_bond, bonded: PairList, bond_of) -> None:
+    """Fill ``pairs`` with the candidates of a search, each once, with the bond row that still joins them or -1."""
+    k = 0
+    for e in range(found.start.size - 1):
+        for n in range(found.start[e], found.start[e + 1]):
+            c = found.partner[n]
+            if c <= e:
+                continue
+            pairs.first[k], pairs.second[k], pairs.row[k] = e, c, -1
+            for q in range(bonded.start[e], bonded.start[e + 1]):
+                if bonded.partner[q] == c:
+                    pairs.row[k] = row_of_bond[bond_of[q]]
+            k += 1
+    pairs.count[0] = k

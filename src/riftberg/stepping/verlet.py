@@ -1,0 +1,55 @@
+"""Single-step velocity Verlet (spec 6.2)."""
+
+from __future__ import annotations
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import add_velocity, move
+from riftberg.state import Elements
+from riftberg.stepping.interactions import Partners, pair_law, pair_view
+from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.surroundings import surroundings_of
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, solve_velocity
+
+
+@kernel
+def update_velocities(el: Elements, partners: Partners, sizes: Sizes, dt: float, p: KernelParameters) -> None:
+    """Update velocities and accelerations at the current positions; the others are seen as they were before.
+
+    ``u_sync`` receives the reference's diagnostic u - dt/2 b of the velocity before the update.
+    """
+    view, law = pair_view(el, sizes), pair_law(p)
+    mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5:
+            continue
+        u, v = el.u[e], el.v[e]
+        el.u_sync[e], el.v_sync[e] = u - 0.5 * dt * el.bx[e], v - 0.5 * dt * el.by[e]
+        us, vs = u + 0.5 * dt * el.ax[e], v + 0.5 * dt * el.ay[e]
+        around = surroundings_of(el, e, el.lat[e], False, p)
+        s = solve_velocity(
+            e, el.lon[e], el.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, mode, dt, partners,
+            p.plain_kid_branch, False, view, law,
+        )  # fmt: skip
+        el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
+        el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
+
+
+@kernel
+def impose_velocity(el: Elements, u: float, v: float) -> None:
+    """Give all moving elements one velocity (m s-1) and no acceleration."""
+    for e in range(el.u.size):
+        if el.static[e] < 0.5:
+            el.u[e], el.v[e] = u, v
+            el.ax[e] = el.ay[e] = el.bx[e] = el.by[e] = 0.0
+
+
+@kernel
+def update_positions(el: Elements, dt: float, p: KernelParameters) -> None:
+    """Move by the new velocity and half kick: x += dt (u + dt/2 (a + b))."""
+    for e in range(el.u.size):
+        if el.static[e] >= 0.5:
+            continue
+        u = el.u[e] + 0.5 * dt * el.ax[e] + 0.5 * dt * el.bx[e]
+        v = el.v[e] + 0.5 * dt * el.ay[e] + 0.5 * dt * el.by[e]
+        el.lon[e], el.lat[e] = move(el.lon[e], el.lat[e], u, v, dt, p.latlon, p.earth_radius)
