@@ -1,0 +1,165 @@
+"""What a run came to, in one dictionary that is written as ``summary.json``.
+
+Keys
+----
+experiment : name of the experiment
+start, end : dates of the first and the last state (ISO 8601)
+days : length of the run, days
+elements : number of elements
+bonds_total, bonds_broken : number of bonds, and of those that broke
+fragments : number of fragments at the end
+breakups : list, one entry per fragment that split from its parent:
+    time, lon, lat, area_km2, bonds (broken to free it), grounded (true where a bond broke aground), fragment, parent
+track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
+    azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
+largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
+wall_seconds : wall time of the whole run, s
+seconds_per_day : wall time per simulated day without the first step (which may compile), s; null in runs of one step
+steps : long steps taken
+numerics : all parameters of the run by group
+forcing : what the forcing says of itself
+riftberg : version of Riftberg
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time as clock
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from riftberg import __version__, constants
+from riftberg.diagnostics.track import Position, track_table
+from riftberg.io.provenance import forcing_text
+from riftberg.io.restart import fragment_rows
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+
+
+class Stopwatch:
+    """Recorder that measures how fast the run is.
+
+    Attributes
+    ----------
+    wall_seconds : float
+        Wall time from the first call to the last one, s.
+    steps : int
+        Long steps seen.
+    """
+
+    def __init__(self) -> None:
+        self.wall_seconds, self.steps = 0.0, 0
+        self._began = self._after_first = clock.perf_counter()
+        self._time_after_first = self._time = 0.0
+
+    def start(self, model: Model) -> None:
+        """Start the clock."""
+        self.__init__()  # type: ignore[misc]
+        self._time = self._time_after_first = model.time
+
+    def record(self, model: Model) -> None:
+        """Note the time; the first step is kept apart, because it may compile."""
+        now = clock.perf_counter()
+        self.steps, self._time, self.wall_seconds = self.steps + 1, model.time, now - self._began
+        if self.steps == 1:
+            self._after_first, self._time_after_first = now, model.time
+
+    def finish(self, model: Model) -> None:
+        """Stop the clock."""
+        self.wall_seconds = clock.perf_counter() - self._began
+
+    @property
+    def seconds_per_day(self) -> float:
+        """Wall seconds per simulated day after the first step; NaN before the second."""
+        days = (self._time - self._time_after_first) / constants.SECONDS_PER_DAY
+        spent = self._began + self.wall_seconds - self._after_first
+        return spent / days if days > 0.0 else math.nan
+
+
+def summarize(
+    model: Model,
+    *,
+    experiment: str = "",
+    track: Sequence[tuple[datetime, Position]] = (),
+    stopwatch: Stopwatch | None = None,
+) -> dict[str, Any]:
+    """Return the summary of a run; its keys are documented at the top of this file.
+
+    Parameters
+    ----------
+    model : Model
+        The model after the run.
+    experiment : str, optional
+        Name of the experiment.
+    track : sequence of (datetime, Position), optional
+        ``DailyTrack.rows``.
+    stopwatch : Stopwatch, optional
+        Recorder that took part in the run.
+    """
+    areas = fragment_areas(model)
+    speed = math.nan if stopwatch is None else stopwatch.seconds_per_day
+    return {
+        "experiment": experiment,
+        "start": model.start.isoformat(),
+        "end": (model.start + timedelta(seconds=model.time)).isoformat(),
+        "days": model.time / constants.SECONDS_PER_DAY,
+        "elements": len(model.elements.id),
+        "bonds_total": len(model.bonds.status),
+        "bonds_broken": bonds_broken(model),
+        "fragments": len(areas),
+        "breakups": breakups(model),
+        "track": track_table(track),
+        "largest_km2": areas[0] if areas else 0.0,
+        "areas_km2": areas,
+        "wall_seconds": None if stopwatch is None else stopwatch.wall_seconds,
+        "seconds_per_day": None if math.isnan(speed) else speed,
+        "steps": model.step_number,
+        "numerics": model.parameters.model_dump(mode="json"),
+        "forcing": forcing_text(model.forcing),
+        "riftberg": __version__,
+    }
+
+
+def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
+    """Write a summary as JSON."""
+    path = Path(path)
+    path.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return path
+
+
+def bonds_broken(model: Model) -> int:
+    """Return the number of bonds that broke since the start."""
+    return int(np.count_nonzero(model.bonds.status))
+
+
+def fragment_areas(model: Model) -> list[float]:
+    """Return the areas of all fragments, km2, largest first."""
+    e = model.elements
+    _, index = np.unique(e.berg, return_inverse=True)
+    areas = np.bincount(index, weights=e.length * e.width) / 1e6
+    return sorted((float(area) for area in areas), reverse=True)
+
+
+def breakups(model: Model) -> list[dict[str, Any]]:
+    """Return one entry per fragment that split from its parent, in order of time."""
+    born = [row for row in fragment_rows(model) if row.get("parent") is not None and row["parent"] >= 0]
+    return [_breakup(model.start, row) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
+
+
+def _breakup(start: datetime, row: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "time": (start + timedelta(seconds=float(row["birth_time"]))).isoformat(),
+        "lon": float(row["lon"]),
+        "lat": float(row["lat"]),
+        "area_km2": float(row["area"]) / 1e6,
+        "bonds": int(row.get("bonds_broken", 0)),
+        "grounded": bool(row.get("grounded", False)),
+        "fragment": int(row["number"]),
+        "parent": int(row["parent"]),
+    }
