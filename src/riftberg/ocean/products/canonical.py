@@ -1,0 +1,167 @@
+"""The canonical quantities: names, units, CF names, signs; and the change of units into them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import xarray as xr
+
+from riftberg.errors import ForcingError
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One canonical variable.
+
+    Attributes
+    ----------
+    name : str
+        Name in the canonical dataset.
+    units : str
+        CF units.
+    standard_name, long_name : str
+        CF standard name and meaning in plain words.
+    sign : str
+        What a positive value means.
+    limit : float
+        Magnitude beyond which a value is not believable (in ``units``).
+    """
+
+    name: str
+    units: str
+    standard_name: str
+    long_name: str
+    sign: str
+    limit: float
+
+
+_ROWS = (
+    ("uo", "m s-1", "eastward_sea_water_velocity", "eastward current", "towards the east", 5.0),
+    ("vo", "m s-1", "northward_sea_water_velocity", "northward current", "towards the north", 5.0),
+    ("ssh", "m", "sea_surface_height_above_geoid", "sea surface height above the geoid", "up", 10.0),
+    ("sst", "degree_Celsius", "sea_surface_temperature", "sea surface temperature", "warmer", 45.0),
+    ("sss", "1e-3", "sea_surface_salinity", "sea surface salinity", "saltier", 45.0),
+    ("ua", "m s-1", "eastward_wind", "eastward wind at 10 m", "blowing towards the east", 80.0),
+    ("va", "m s-1", "northward_wind", "northward wind at 10 m", "blowing towards the north", 80.0),
+    ("taux", "Pa", "surface_downward_eastward_stress", "eastward wind stress", "pulling the sea eastward", 10.0),
+    ("tauy", "Pa", "surface_downward_northward_stress", "northward wind stress", "pulling the sea northward", 10.0),
+    ("ice_fraction", "1", "sea_ice_area_fraction", "sea ice area fraction", "more ice, 0 to 1", 1.01),
+    ("ice_thickness", "m", "sea_ice_thickness", "sea ice thickness", "thicker", 30.0),
+    ("ui", "m s-1", "eastward_sea_ice_velocity", "eastward drift of sea ice", "towards the east", 5.0),
+    ("vi", "m s-1", "northward_sea_ice_velocity", "northward drift of sea ice", "towards the north", 5.0),
+    ("wave_height", "m", "sea_surface_wave_significant_height", "significant wave height", "higher", 30.0),
+    ("wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0),
+    (
+        "wave_direction",
+        "degree",
+        "sea_surface_wave_from_direction",
+        "direction FROM which the waves come, clockwise from north",
+        "coming FROM that bearing (90 = waves travelling west)",
+        360.0,
+    ),
+    (
+        "depth_below_surface",
+        "m",
+        "sea_floor_depth_below_geoid",
+        "depth of the sea floor below mean sea level",
+        "down (deeper); land is missing",
+        12000.0,
+    ),
+)
+QUANTITIES: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
+"""All canonical variables by name."""
+
+_SAME = (1.0, 0.0)
+_UNITS: dict[str, dict[str, tuple[float, float]]] = {
+    "m s-1": {
+        **dict.fromkeys(
+            (
+                "m s-1",
+                "m/s",
+                "m s**-1",
+                "m s^-1",
+                "m.s-1",
+                "ms-1",
+                "meter/sec",
+                "meter/second",
+                "meters/second",
+                "metre/second",
+                "meter second-1",
+                "m sec-1",
+                "m/sec",
+            ),
+            _SAME,
+        ),
+        **dict.fromkeys(("cm/s", "cm s-1", "cm s**-1", "cm/sec"), (0.01, 0.0)),
+    },
+    "m": {
+        **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), _SAME),
+        **dict.fromkeys(("cm", "centimeter", "centimeters"), (0.01, 0.0)),
+        **dict.fromkeys(("km", "kilometer", "kilometers"), (1000.0, 0.0)),
+    },
+    "degree_Celsius": {
+        **dict.fromkeys(("degree_celsius", "degc", "degrees_c", "degree_c", "celsius", "c", "degrees celsius"), _SAME),
+        **dict.fromkeys(("k", "kelvin", "degk", "deg_k"), (1.0, -273.15)),
+    },
+    "1e-3": dict.fromkeys(("1e-3", "psu", "0.001", "g/kg", "g kg-1", "1", "pss-78"), _SAME),
+    "Pa": dict.fromkeys(("pa", "n m-2", "n/m2", "n m**-2", "n/m^2", "n m^-2", "n.m-2", "pascal"), _SAME),
+    "1": {
+        **dict.fromkeys(("1", "", "(0 - 1)", "0-1", "fraction", "none", "dimensionless"), _SAME),
+        **dict.fromkeys(("%", "percent"), (0.01, 0.0)),
+    },
+    "s": dict.fromkeys(("s", "second", "seconds", "sec"), _SAME),
+    "degree": dict.fromkeys(("degree", "degrees", "degree true", "degree_true", "degrees true", "deg"), _SAME),
+}
+
+
+def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, float]:
+    """Return factor and offset that turn ``units`` into the units of ``quantity``.
+
+    Raises
+    ------
+    ForcingError
+        If the units are not known for this quantity.
+    """
+    table = _UNITS[quantity.units]
+    key = " ".join(units.split()).lower()
+    if key not in table:
+        raise ForcingError(
+            f"units {units!r} are not known for {quantity.name} ({quantity.long_name})",
+            where=where,
+            remedy=f"Give the variable units of {quantity.units} (or one of: {', '.join(sorted(table))})",
+        )
+    return table[key]
+
+
+def canonicalise(data: xr.DataArray, quantity: Quantity, units: str, *, where: str) -> xr.DataArray:
+    """Return ``data`` in canonical units with canonical attributes; nothing is computed where the units agree already.
+
+    Parameters
+    ----------
+    data : xarray.DataArray
+        Decoded values in ``units``.
+    quantity : Quantity
+        What it is.
+    units : str
+        Units stated by the file, or by the product where the file states none.
+    where : str
+        File and variable, for messages.
+    """
+    factor, offset = conversion(quantity, units, where=where)
+    if factor != 1.0:
+        data = data * factor
+    if offset != 0.0:
+        data = data + offset
+    return labelled(data, quantity)
+
+
+def labelled(data: xr.DataArray, quantity: Quantity) -> xr.DataArray:
+    """Return ``data`` under its canonical name, with the CF attributes of ``quantity`` and no others."""
+    data = data.rename(quantity.name).copy(deep=False)
+    data.attrs = {
+        "standard_name": quantity.standard_name,
+        "long_name": quantity.long_name,
+        "units": quantity.units,
+        "positive_means": quantity.sign,
+    }
+    return data

@@ -1,0 +1,115 @@
+"""What a product is: how it is recognised, which fields it holds, and what must be mended on the way in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+Step = Callable[[xr.Dataset], xr.Dataset]
+Evidence = Literal["sample", "layout", "documentation"]
+DAY = np.timedelta64(86400, "s")
+
+
+def unchanged(ds: xr.Dataset) -> xr.Dataset:
+    """Return the dataset as it is."""
+    return ds
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a product keeps one canonical quantity.
+
+    Attributes
+    ----------
+    quantity : str
+        Canonical name.
+    names : tuple of str
+        Names of the variable in files, the preferred one first.
+    units : str
+        Units to assume where the file states none; empty = the file must state them.
+    """
+
+    quantity: str
+    names: tuple[str, ...]
+    units: str = ""
+
+
+@dataclass(frozen=True)
+class Product:
+    """One data product.
+
+    Attributes
+    ----------
+    name : str
+        Short name, used on the command line and in files.
+    title : str
+        Full name.
+    citation : str
+        How to cite it.
+    evidence : {"sample", "layout", "documentation"}
+        What the reader was checked against: a real file, a published header, or documentation only.
+    matches : callable
+        Tells from an undecoded dataset (names, dimensions, attributes) whether it is this product.
+    sources : tuple of Source
+        Fields that it may hold.
+    mend : callable
+        Repairs metadata before xarray decodes packing and time.
+    reshape : callable
+        Brings decoded data to the dimensions ``time, depth, lat, lon`` (or ``y, x``) by name.
+    finish : callable
+        Last change of the canonical dataset: masks, position of the stamp in time.
+    averaging : numpy.timedelta64
+        Length of time that one record stands for; 0 for instants.
+    notes : tuple of str
+        Signs, stamps and quirks that a user should know, in plain words.
+    """
+
+    name: str
+    title: str
+    citation: str
+    evidence: Evidence
+    matches: Callable[[xr.Dataset], bool]
+    sources: tuple[Source, ...]
+    mend: Step = unchanged
+    reshape: Step = unchanged
+    finish: Step = unchanged
+    averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
+    notes: tuple[str, ...] = ()
+
+    @property
+    def gives(self) -> tuple[str, ...]:
+        """Canonical names that this product may hold."""
+        return tuple(source.quantity for source in self.sources)
+
+
+def text_of(ds: xr.Dataset, *names: str) -> str:
+    """Return the named global attributes joined in lower case, empty where absent."""
+    return " ".join(str(ds.attrs.get(name, "")) for name in names).lower()
+
+
+def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
+    """Return daily means with their stamp at 12:00 UTC, the middle of the day, whatever hour the file wrote."""
+    if "time" not in ds.dims:
+        return ds
+    noon = ds["time"].values.astype("datetime64[D]").astype("datetime64[ns]") + np.timedelta64(12, "h")
+    return ds.assign_coords(time=("time", noon, ds["time"].attrs))
+
+
+def without_single(ds: xr.Dataset, *names: str, what: str = "") -> xr.Dataset:
+    """Drop dimensions of length one and their coordinates; longer ones are an error that says which file is wanted."""
+    from riftberg.errors import ForcingError
+
+    for name in names:
+        if name in ds.dims:
+            if ds.sizes[name] != 1:
+                raise ForcingError(
+                    f"dimension {name!r} has {ds.sizes[name]} entries",
+                    where=str(ds.encoding.get("source", "")),
+                    remedy=what,
+                )
+            ds = ds.isel({name: 0}, drop=True)
+    return ds.drop_vars([name for name in names if name in ds.variables and name not in ds.dims])
