@@ -113,6 +113,8 @@ def _polygon(shell: Any, holes: list[Any], where: str) -> Any:
             where=where,
             remedy="A ring needs at least 3 vertices of longitude and latitude",
         )
+    if not all(np.isfinite(np.asarray(ring, dtype=float)).all() for ring in (shell, *holes)):
+        raise BergError("vertices that are not numbers", where=where, remedy="Remove them")
     return needed("shapely").Polygon(shell[:, :2], [np.asarray(h, dtype=float)[:, :2] for h in holes])
 
 
@@ -127,7 +129,7 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         items = [(data, {})]
     try:
         return [Feature(shape(g), dict(p)) for g, p in items if g and g.get("coordinates")], crs
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, needed("shapely.errors").ShapelyError) as error:
         raise BergError(
             f"not a GeoJSON geometry ({error})", where=where, remedy="Write GeoJSON as in RFC 7946"
         ) from error

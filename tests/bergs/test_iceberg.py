@@ -1,0 +1,225 @@
+"""Bergs from masks, tables, points and rectangles; what they weigh and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import BergError
+
+OUTLINE = [(-39.5, -55.2), (-38.5, -55.2), (-38.5, -54.9), (-39.5, -54.9)]
+
+
+def grid(function, west=-40.0, east=-38.0, south=-55.6, north=-54.6, step=0.02, name="h"):
+    """Sample a function at the centres of the cells."""
+    lon, lat = np.arange(west + step / 2, east, step), np.arange(south + step / 2, north, step)
+    return xr.DataArray(
+        function(*np.meshgrid(lon, lat)), coords={"lat": lat, "lon": lon}, dims=("lat", "lon"), name=name
+    )
+
+
+def test_rectangle_has_the_mass_bonds_and_start_of_theory():
+    berg = Iceberg.rectangle(30e3, 15e3, thickness=200.0, velocity=(0.22, -0.1), spin=1e-6, placement=(-39.0, -55.0))
+    e = berg.elements
+    assert len(e.id) == 50
+    assert berg.area == pytest.approx(450e6, rel=1e-12)
+    assert berg.mass == pytest.approx(450e6 * 200 * 850, rel=1e-12)
+    assert len(berg.bonds.first) == 9 * 5 + 10 * 4
+    assert np.bincount(e.bond_count).tolist() == [0, 0, 4, 22, 24]
+    assert (e.berg == 1).all()
+    assert berg.report["area_error"] == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_array_equal(e.lon, e.lon_pair)
+    assert (e.u == 0.22).all()
+    assert (e.u_pair == 0.22).all()
+    assert (e.v_sync == -0.1).all()
+    assert (e.spin == 1e-6).all()
+
+
+def test_interior_elements_of_a_hexagonal_berg_have_six_bonds():
+    berg = Iceberg.rectangle(30e3, 30e3, thickness=200.0, packing="hexagonal", placement=(-39.0, -55.0))
+    assert berg.elements.bond_count.max() == 6
+    assert berg.area == pytest.approx(900e6, rel=0.03)
+
+
+def test_cartesian_rectangle_stands_where_it_is_put():
+    berg = Iceberg.rectangle(5.0, 1.0, thickness=1.0, radius=0.5, placement=(100.0, 50.0), latlon=False)
+    np.testing.assert_allclose(berg.elements.lon, 100 + np.array([-2.0, -1.0, 0.0, 1.0, 2.0]), atol=1e-12)
+    np.testing.assert_allclose(berg.elements.lat, 50.0, atol=1e-12)
+    assert berg.initial_strain == pytest.approx(0.0, abs=1e-12)
+
+
+def test_points_stay_where_they_are():
+    x = 101000 + 5000.0 * np.arange(4)
+    berg = Iceberg.from_points(
+        x, np.full(4, 146e3), thickness=1.0, radius=2500.0, density=900.0, latlon=False, static=[1, 0, 0, 0]
+    )
+    np.testing.assert_array_equal(berg.elements.lon, x)
+    assert berg.elements.static.tolist() == [1, 0, 0, 0]
+    assert berg.elements.mass.tolist() == [2.25e10] * 4
+    assert len(berg.bonds.first) == 3
+
+
+def test_bonds_by_length_and_across_a_period():
+    x = np.array([500.0, 2500.0, 19500.0])
+    made = {"thickness": 1.0, "radius": 500.0, "latlon": False}
+    assert len(Iceberg.from_points(x, np.zeros(3), **made).bonds.first) == 0
+    assert len(Iceberg.from_points(x, np.zeros(3), bond_length=2100.0, **made).bonds.first) == 1
+    berg = Iceberg.from_points(x, np.zeros(3), period=20000.0, **made)
+    assert list(zip(berg.bonds.first, berg.bonds.second, strict=True)) == [(0, 2)]
+
+
+def test_makeberg_rules_give_the_elements_of_the_published_run(shared):
+    """Spec 10.5: the 472 elements of icebergs.res.nc, to the last digit."""
+    netcdf = pytest.importorskip("netCDF4")
+    folder = shared / "data" / "a68a"
+    berg = Iceberg.from_mask(
+        folder / "a68_experiment_berg_2020_12_09_gridded_ll_p0625_cropped.nc", variable="b_id", rules="makeberg",
+        reference_latitude=-55.2, shift=(0.0, -0.1), thickness=200.0, velocity=(0.22, 0.0),
+    )  # fmt: skip
+    with netcdf.Dataset(folder / "icebergs.res.nc") as file:
+        file.set_auto_mask(False)
+        lon, lat, mass, width = (file[name][:] for name in ("lon", "lat", "mass", "width"))
+    assert len(berg.elements.id) == len(lon) == 472
+    metres = np.hypot(*separation(Metric(True, berg.earth_radius), berg.elements.lon, berg.elements.lat, lon, lat))
+    print(f"largest difference from the published elements: {metres.max():.3g} m")
+    assert metres.max() < 1e-6
+    np.testing.assert_allclose(berg.elements.mass, mass, rtol=1e-15)
+    np.testing.assert_allclose(berg.elements.width, width, rtol=1e-15)
+    assert len(berg.bonds.first) == 874
+    assert berg.initial_strain * 3000 > 1.0  # the sheared columns of spec 10.5
+
+
+def test_observed_mask_is_filled_with_its_own_area(shared):
+    path = shared / "data" / "a68a" / "a68_experiment_berg_2020_12_09_gridded_ll_p0625_cropped.nc"
+    for packing in ("square", "hexagonal"):
+        berg = Iceberg.from_mask(path, thickness=200.0, packing=packing)
+        assert berg.report["outline_area"] == pytest.approx(4215e6, rel=0.01)
+        assert abs(berg.report["area_error"]) < 0.01
+        assert abs(berg.initial_strain) < 1e-5
+
+
+@pytest.mark.parametrize("conformal", [True, False])
+def test_mask_and_outline_of_the_same_box_agree(conformal):
+    pytest.importorskip("shapely")
+    mask = grid(lambda lon, lat: ((abs(lon + 39) < 0.5) & (abs(lat + 55.05) < 0.15)).astype(float))
+    made = {"thickness": 200.0, "conformal": conformal, "radius": 1000.0}
+    from_mask, from_outline = Iceberg.from_mask(mask, **made), Iceberg.from_outline(OUTLINE, **made)
+    assert from_mask.area == pytest.approx(from_outline.area, rel=0.03)
+    assert from_mask.centroid == pytest.approx(from_outline.centroid, abs=0.01)
+
+
+def test_descending_latitude_and_360_longitudes_make_no_difference():
+    mask = grid(lambda lon, lat: ((abs(lon + 39) < 0.5) & (abs(lat + 55.05) < 0.15)).astype(float))
+    turned = mask.isel(lat=slice(None, None, -1)).T.assign_coords(lon=mask.lon + 360)
+    one, other = (Iceberg.from_mask(m, thickness=200.0) for m in (mask, turned))
+    np.testing.assert_allclose(other.elements.lon - 360, one.elements.lon, atol=1e-9)
+    np.testing.assert_allclose(other.elements.lat, one.elements.lat, atol=1e-9)
+
+
+def test_gridded_thickness_is_mask_and_thickness_in_one():
+    wedge = grid(
+        lambda lon, lat: np.where((abs(lon + 39) < 0.5) & (abs(lat + 55) < 0.2), 250 + 50 * (lon + 39), np.nan)
+    )
+    berg = Iceberg.from_mask(wedge)
+    expected = 250 + 50 * (berg.elements.lon + 39)
+    inner = abs(berg.elements.lon + 39) < 0.45
+    np.testing.assert_allclose(berg.elements.thickness[inner], expected[inner], atol=0.1)
+    assert berg.mass == pytest.approx(850 * (berg.elements.thickness * 9e6).sum(), rel=1e-12)
+
+
+def test_thickness_raster_is_sampled_where_the_outline_was_drawn():
+    pytest.importorskip("shapely")
+    heights = grid(lambda lon, lat: 200 + 100 * (lon + 39))
+    still = Iceberg.from_outline(OUTLINE, thickness=heights)
+    np.testing.assert_allclose(still.elements.thickness, 200 + 100 * (still.elements.lon + 39), atol=1e-3)
+    moved = Iceberg.from_outline(OUTLINE, thickness=heights, placement=(20.0, -60.0), rotation=90.0)
+    np.testing.assert_array_equal(moved.elements.thickness, still.elements.thickness)
+    assert moved.centroid == pytest.approx((20.0, -60.0), abs=0.05)
+    # Its eastern, thick end now points north.
+    assert moved.elements.lat[np.argmax(moved.elements.thickness)] > -60.0 + 0.2
+
+
+def test_shift_moves_by_degrees():
+    pytest.importorskip("shapely")
+    here, there = (Iceberg.from_outline(OUTLINE, thickness=200.0, shift=s) for s in ((0.0, 0.0), (1.0, 0.5)))
+    np.testing.assert_allclose(np.subtract(there.centroid, here.centroid), [1.0, 0.5], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "match"), [(0.0, "thickness 0 m"), (-5.0, "thickness -5 m"), (np.nan, "thickness nan")]
+)
+def test_impossible_thickness_is_refused(thickness, match):
+    with pytest.raises(BergError, match=match):
+        Iceberg.rectangle(30e3, 15e3, thickness=thickness)
+
+
+def test_thickness_map_with_a_gap_is_refused_with_the_place():
+    pytest.importorskip("shapely")
+    heights = grid(lambda lon, lat: np.where(lon < -39.0, 200.0, np.nan))
+    with pytest.raises(BergError, match=r"no thickness for \d+ of \d+ elements, the first at -3"):
+        Iceberg.from_outline(OUTLINE, thickness=heights)
+
+
+def test_overlapping_elements_are_refused_with_their_numbers():
+    with pytest.raises(BergError, match="elements 2 and 3 overlap: 2900 m apart instead of 3000 m"):
+        Iceberg.from_points([0.0, 3000.0, 5900.0], np.zeros(3), thickness=200.0, latlon=False)
+
+
+def test_overlap_is_found_even_where_no_bond_reaches():
+    with pytest.raises(BergError, match="overlap"):
+        Iceberg.from_points([0.0, 500.0], np.zeros(2), thickness=200.0, latlon=False, bond_length=100.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"density": 1100.0}, "Ice floats"),
+        ({"lat": [0.0, 0.0, 0.0]}, "equal length"),
+        ({"lon": [0.0, np.inf]}, "not numbers"),
+        ({"lat": [0.0, 89.5]}, "within 89"),
+        ({"radius": -1.0}, "positive radius"),
+        ({"lon": [], "lat": []}, "no elements"),
+    ],
+)
+def test_impossible_points_are_refused(changes, match):
+    with pytest.raises(BergError, match=match):
+        Iceberg.from_points(**{"lon": [0.0, 1.0], "lat": [0.0, 1.0], "thickness": 1.0, **changes})
+
+
+def test_masks_that_cannot_be_used_are_refused(tmp_path):
+    with pytest.raises(BergError, match="file not found"):
+        Iceberg.from_mask(tmp_path / "none.nc", thickness=200.0)
+    empty = grid(lambda lon, lat: 0 * lon)
+    with pytest.raises(BergError, match=r"no value above 0\.5"):
+        Iceberg.from_mask(empty, thickness=200.0)
+    both = xr.Dataset({"a": empty, "b": empty})
+    with pytest.raises(BergError, match="a, b"):
+        Iceberg.from_mask(both, thickness=200.0)
+    with pytest.raises(BergError, match="2 dates"):
+        Iceberg.from_mask(xr.concat([empty, empty], dim="time"), thickness=200.0)
+    with pytest.raises(BergError, match="one-dimensional longitude"):
+        Iceberg.from_mask(empty.rename(lon="column"), thickness=200.0)
+
+
+def test_description_names_size_place_and_strain():
+    text = Iceberg.rectangle(30e3, 15e3, thickness=200.0, placement=(-39.0, 0.0)).describe()
+    for part in (
+        "50 square",
+        "450 km2",
+        "76.5 Gt",
+        "draft 165.9 m",
+        "30 km x 15 km",
+        "85 (0 removed",
+        "pieces: 1",
+        "strain",
+    ):
+        assert part in text
+
+
+def test_separate_pieces_are_counted():
+    berg = Iceberg.from_points([0.0, 3000.0, 9000.0], np.zeros(3), thickness=200.0, latlon=False)
+    assert berg.elements.berg.tolist() == [1, 1, 2]
+    assert "pieces: 2" in berg.describe()

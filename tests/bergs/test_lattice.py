@@ -1,0 +1,107 @@
+"""Packing of plane regions: counts and places known from geometry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.lattice import (
+    Region,
+    cells_of_rows,
+    cells_region,
+    element_area,
+    fill,
+    lattice_points,
+    rectangle_region,
+)
+from riftberg.errors import BergError
+
+
+def test_square_rectangle_is_filled_completely():
+    lattice = fill(rectangle_region(30e3, 12e3), 1500.0, "square")
+    assert len(lattice) == 10 * 4
+    assert lattice.x.min() == -15e3 + 1500.0
+    assert lattice.y.max() == 6e3 - 1500.0
+
+
+def test_hexagonal_lattice_is_that_of_the_grounding_case():
+    """Spec 10.4: columns of 12, 11, 12, 11, 12, 11 elements in 15 km by 35 km."""
+    lattice = lattice_points((42500.0, 32500.0, 57500.0, 67500.0), 1500.0, "hexagonal")
+    assert np.bincount(lattice.column).tolist() == [12, 11, 12, 11, 12, 11]
+    assert lattice.x.min() == pytest.approx(42500 + 2 / math.sqrt(3) * 1500, abs=1e-9)
+    assert lattice.x.max() == pytest.approx(57222.43, abs=0.01)
+
+
+def test_hexagonal_lattice_is_that_of_the_collision_case():
+    """Spec 10.2: eight elements on a 2 km square of ice whose corner is (4 km, 4 km) of the thickness grid."""
+    radius = math.sqrt(3) / 2 * 0.45 * 1000
+    everywhere = lattice_points((0.0, 0.0, 2e4, 2e4), radius, "hexagonal")
+    i, j = everywhere.x // 1000, everywhere.y // 1000
+    kept = everywhere.where((i >= 4) & (i <= 5) & (j >= 4) & (j <= 5))
+    expected = [
+        (4500, 4286.825748732971), (4500, 5066.248612138966), (4500, 5845.67147554496), (5175, 4676.537180435968),
+        (5175, 5455.960043841963), (5850, 4286.825748732971), (5850, 5066.248612138966), (5850, 5845.67147554496),
+    ]  # fmt: skip
+    # The first x is one ulp below 4500 and falls into cell 4 either way.
+    np.testing.assert_allclose(np.stack([kept.x, kept.y], axis=1), expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("packing", "neighbours", "distance"), [("square", 4, 2.0), ("hexagonal", 6, 2.0)])
+def test_interior_elements_have_all_neighbours_at_two_radii(packing, neighbours, distance):
+    lattice = fill(rectangle_region(20.0, 20.0), 1.0, packing, (0.0, 0.0))
+    d = np.hypot(lattice.x[:, None] - lattice.x, lattice.y[:, None] - lattice.y)
+    touching = (np.abs(d - distance) < 1e-9).sum(axis=1)
+    assert touching.max() == neighbours
+    assert d[d > 0].min() == pytest.approx(distance, abs=1e-9)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_elements_tile_the_plane(packing):
+    """A large disc holds as many elements as its area says."""
+    disc = Region((-50.0, -50.0, 50.0, 50.0), math.pi * 2500, (0.0, 0.0), lambda x, y: x * x + y * y < 2500)
+    lattice = fill(disc, 0.5, packing)
+    assert len(lattice) * element_area(0.5, packing) == pytest.approx(disc.area, rel=2e-3)
+    assert math.hypot(lattice.x.mean(), lattice.y.mean()) < 0.3
+
+
+def test_best_offset_is_at_least_as_good_as_none():
+    region = rectangle_region(31e3, 13.5e3)
+    cell = element_area(1500.0, "square")
+    plain, best = (fill(region, 1500.0, "square", offset) for offset in ((0.0, 0.0), None))
+    assert abs(len(best) * cell - region.area) <= abs(len(plain) * cell - region.area)
+
+
+def test_elements_are_sorted_across_the_short_side_first():
+    wide = fill(rectangle_region(30e3, 9e3), 1500.0, "square")
+    tall = fill(rectangle_region(9e3, 30e3), 1500.0, "square")
+    assert np.all(np.diff(wide.column) >= 0)
+    assert np.all(np.diff(tall.row) >= 0)
+
+
+def test_cells_give_themselves_back():
+    column, row = cells_of_rows([(0, 1, 3), (1, 0, 0), (1, 2, 4)])
+    lattice = fill(cells_region(column, row, 3000.0), 1500.0, "square")
+    got = set(zip((lattice.x // 3000).tolist(), (lattice.y // 3000).tolist(), strict=True))
+    assert got == set(zip(column.tolist(), row.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("rows", [[(0, 3, 1)], [(-1, 0, 1)], [(0, 0, 2), (0, 2, 3)]])
+def test_impossible_rows_are_refused(rows):
+    with pytest.raises(BergError, match="table of rows"):
+        cells_of_rows(rows)
+
+
+def test_region_smaller_than_an_element_is_refused_with_a_radius_that_fits():
+    region = rectangle_region(2000.0, 1000.0)
+    with pytest.raises(BergError, match="smaller than one element") as caught:
+        fill(region, 1500.0, "square")
+    fitting = float(caught.value.remedy.split("below ")[1].split(" m")[0])
+    assert len(fill(region, fitting, "square")) >= 4
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
+def test_impossible_radius_is_refused(radius):
+    with pytest.raises(BergError, match="radius"):
+        fill(rectangle_region(1.0, 1.0), radius, "square")

@@ -1,0 +1,167 @@
+"""Rifts cut exactly the bonds they cross; scatter of strength can be repeated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.rifts import pieces, scatter
+from riftberg.errors import BergError
+
+
+@pytest.fixture(scope="module")
+def block() -> Iceberg:
+    """Six by four square elements of 2 m on a plane, centres at odd coordinates from 1."""
+    return Iceberg.rectangle(12.0, 8.0, thickness=1.0, radius=1.0, placement=(6.0, 4.0), latlon=False)
+
+
+def ends(berg: Iceberg, chosen) -> set[tuple[float, float, float, float]]:
+    e, b = berg.elements, berg.bonds
+    i, j = b.first[chosen], b.second[chosen]
+    return set(zip(e.lon[i], e.lat[i], e.lon[j], e.lat[j], strict=True))
+
+
+def test_full_rift_separates_the_berg(block):
+    broken = block.with_rifts([(4.0, -1.0), (4.0, 9.0)], broken=True)
+    assert ends(broken, broken.bonds.status == 2) == {(3.0, y, 5.0, y) for y in (1.0, 3.0, 5.0, 7.0)}
+    assert broken.elements.berg.max() == 2
+    assert (broken.elements.berg == 1).sum() == 8
+    assert broken.bonds.status[broken.bonds.status != 0].tolist() == [2] * 4
+    assert np.isnan(broken.bonds.break_time).all()
+
+
+def test_number_of_bonds_of_the_ends_falls(block):
+    broken = block.with_rifts([(4.0, -1.0), (4.0, 2.0)], broken=True)
+    changed = block.elements.bond_count - broken.elements.bond_count
+    assert changed.sum() == 2
+    assert sorted(broken.elements.lon[changed == 1]) == [3.0, 5.0]
+    assert broken.elements.berg.max() == 1
+
+
+def test_weak_rift_keeps_bonds_and_the_original_untouched(block):
+    weak = block.with_rifts([(-1.0, 4.0), (6.0, 4.0)], strength=0.3)
+    assert ends(weak, weak.bonds.strength == 0.3) == {(x, 3.0, x, 5.0) for x in (1.0, 3.0, 5.0)}
+    assert (weak.bonds.status == 0).all()
+    assert (block.bonds.strength == 1.0).all()
+
+
+def test_broken_line_of_several_segments(block):
+    weak = block.with_rifts([(4.0, -1.0), (4.0, 4.0), (13.0, 4.0)], strength=0.0)
+    vertical = {(3.0, y, 5.0, y) for y in (1.0, 3.0)}
+    horizontal = {(x, 3.0, x, 5.0) for x in (5.0, 7.0, 9.0, 11.0)}
+    assert ends(weak, weak.bonds.strength == 0.0) == vertical | horizontal
+
+
+def test_rift_through_element_centres_still_separates(block):
+    """A line through a column of centres must cut on exactly one side of it, not on both or none."""
+    broken = block.with_rifts([(5.0, -1.0), (5.0, 9.0)], broken=True)
+    assert (broken.bonds.status == 2).sum() == 4
+    assert broken.elements.berg.max() == 2
+
+
+@given(angle=st.floats(0, np.pi), across=st.floats(-3.0, 3.0))
+def test_any_long_straight_rift_leaves_no_bond_between_its_sides(block, angle, across):
+    centre = np.array([6.0, 4.0]) + across * np.array([-np.sin(angle), np.cos(angle)])
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    line = np.array([centre - 30 * direction, centre + 30 * direction])
+    e = block.elements
+    side = (line[1, 0] - line[0, 0]) * (e.lat - line[0, 1]) - (line[1, 1] - line[0, 1]) * (e.lon - line[0, 0])
+    if np.abs(side).min() < 1e-6 or np.all(side > 0) or np.all(side < 0):
+        return
+    broken = block.with_rifts(line, broken=True)
+    apart = (side[block.bonds.first] > 0) != (side[block.bonds.second] > 0)
+    np.testing.assert_array_equal(broken.bonds.status == 2, apart)
+
+
+def test_rift_mask_cuts_bonds_that_pass_its_cells():
+    berg = Iceberg.rectangle(30e3, 12e3, thickness=100.0, placement=(10.0, -60.0))
+    lon, lat = np.linspace(9.5, 10.5, 201), np.linspace(-60.2, -59.8, 81)
+    values = (np.abs(lon - 10.0) < 0.011)[None, :] & np.ones(81, bool)[:, None]
+    mask = xr.DataArray(values.astype(float), coords={"lat": lat, "lon": lon}, dims=("lat", "lon"), name="rift")
+    cut = berg.with_rifts(mask, broken=True)
+    e, b = berg.elements, berg.bonds
+    gone = cut.bonds.status == 2
+    assert gone.sum() == 4
+    assert (np.minimum(e.lon[b.first[gone]], e.lon[b.second[gone]]) < 10.0).all()
+    assert cut.elements.berg.max() == 2
+
+
+def test_rift_beside_the_berg_is_refused(block):
+    with pytest.raises(BergError, match="crosses no bond"):
+        block.with_rifts([(100.0, 0.0), (101.0, 1.0)])
+
+
+@pytest.mark.parametrize("strength", [-0.1, 1.1])
+def test_impossible_strength_is_refused(block, strength):
+    with pytest.raises(BergError, match="factor from 0 to 1"):
+        block.with_rifts([(4.0, -1.0), (4.0, 9.0)], strength=strength)
+
+
+def test_rift_in_0_to_360_longitudes_cuts_a_berg_in_negative_longitudes():
+    berg = Iceberg.rectangle(30e3, 12e3, thickness=100.0, placement=(-39.0, -55.0))
+    east = np.array([(321.0, -56.0), (321.0, -54.0)])
+    one, other = (berg.with_rifts(line, broken=True) for line in (east, east - [360.0, 0.0]))
+    np.testing.assert_array_equal(one.bonds.status, other.bonds.status)
+    assert (one.bonds.status == 2).sum() == 4
+
+
+@pytest.mark.parametrize("distribution", ["weibull", "normal", "uniform"])
+def test_scatter_is_reproducible_and_has_mean_one(block, distribution):
+    first, second, other = (block.with_strength(distribution, seed=seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(first.bonds.strength, second.bonds.strength)
+    assert (first.bonds.strength != other.bonds.strength).all()
+    many = scatter(200_000, distribution, shape=None, spread=None, seed=1)
+    assert many.mean() == pytest.approx(1.0, abs=2e-3)
+    assert many.min() > 0
+
+
+def test_weibull_modulus_is_that_of_the_distribution():
+    """The share below x of a Weibull distribution is 1 - exp(-(x / scale)**m)."""
+    from math import gamma
+
+    values = scatter(200_000, "weibull", shape=4.0, spread=None, seed=3)
+    scale = 1 / gamma(1.25)
+    for x in (0.6, 1.0, 1.3):
+        assert (values < x).mean() == pytest.approx(1 - np.exp(-((x / scale) ** 4)), abs=4e-3)
+
+
+def test_wide_normal_scatter_stays_positive():
+    assert scatter(100_000, "normal", shape=None, spread=0.9, seed=2).min() > 0
+
+
+def test_drawn_seed_is_reported_and_makes_the_same_berg(block):
+    first = block.with_strength("normal", spread=0.2)
+    again = block.with_strength("normal", spread=0.2, seed=first.report["scatter"]["seed"])
+    np.testing.assert_array_equal(first.bonds.strength, again.bonds.strength)
+
+
+def test_rift_and_scatter_may_come_in_any_order(block):
+    line = [(4.0, -1.0), (4.0, 9.0)]
+    one = block.with_rifts(line, strength=0.5).with_strength(seed=5)
+    other = block.with_strength(seed=5).with_rifts(line, strength=0.5)
+    np.testing.assert_allclose(one.bonds.strength, other.bonds.strength, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "values"), [("weibull", {"shape": 0.0}), ("uniform", {"spread": 1.0}), ("gamma", {})]
+)
+def test_impossible_scatter_is_refused(block, distribution, values):
+    with pytest.raises(BergError, match="strength"):
+        block.with_strength(distribution, seed=1, **values)
+
+
+@given(st.integers(1, 30), st.data())
+def test_pieces_are_those_of_a_plain_search(size, data):
+    pairs = data.draw(st.lists(st.tuples(st.integers(0, size - 1), st.integers(0, size - 1)), max_size=40))
+    first, second = (np.array([p[k] for p in pairs], dtype=np.int64) for k in (0, 1))
+    got = pieces(size, first, second)
+    label = list(range(size))
+    for _ in range(size):
+        for a, b in pairs:
+            label[a] = label[b] = min(label[a], label[b])
+    order = {root: n for n, root in enumerate(sorted(set(label)), start=1)}
+    assert got.tolist() == [order[root] for root in label]
