@@ -112,11 +112,8 @@ class Iceberg:
         repair : bool
             Mend an outline that crosses itself instead of refusing it.
         earth_radius : float
-            Radius of the sphere, m.
-
-        Returns
-        -------
-        Iceberg
+            Radius of the sphere, m. The report gives areas on this sphere, not on the ellipsoid of a chart
+            (0.7 % less at 55 S for the radius of the A68a experiment).
 
         Raises
         ------
@@ -507,25 +504,9 @@ class Iceberg:
         BergError
             If no bond is crossed.
         """
-        if not 0 <= strength <= 1:
-            raise BergError(f"strength {strength}", where="rift", remedy="Give a factor from 0 to 1")
         elements, bonds = copy_state(self.elements, self.bonds)
-        if isinstance(rift, Raster) or (hasattr(rift, "coords") and hasattr(rift, "dims")):
-            mask = rift if isinstance(rift, Raster) else read_raster(rift)
-            crossed = rifts.crossed_by_mask(elements, bonds, mask, threshold)
-        else:
-            crossed = rifts.crossed_by_lines(elements, bonds, outlines.line_strings(rift, crs), self.latlon)
-        crossed &= bonds.status == 0
-        if not crossed.any():
-            raise BergError(
-                "the rift crosses no bond",
-                where="rift",
-                remedy="Check that it lies on the berg, in longitude and latitude",
-            )
-        if broken:
-            rifts.remove(elements, bonds, crossed)
-        else:
-            bonds.strength[crossed] *= strength
+        crossed = rifts.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
+        rifts.weaken(elements, bonds, crossed, strength=strength, broken=broken)
         made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
         report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
         return replace(self, elements=elements, bonds=bonds, report=report)

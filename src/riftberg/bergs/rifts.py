@@ -11,10 +11,12 @@ from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
+import xarray as xr
 
 from riftberg.bergs.bonding import count_bonds
 from riftberg.bergs.lattice import Booleans
-from riftberg.bergs.raster import Raster
+from riftberg.bergs.outline import line_strings
+from riftberg.bergs.raster import Raster, read_raster
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -70,11 +72,34 @@ def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: f
     return crossed
 
 
-def remove(elements: Elements, bonds: Bonds, chosen: Booleans) -> None:
-    """Remove bonds in place: status, number of bonds of their ends and numbers of the pieces."""
-    chosen = chosen & (bonds.status == 0)
-    bonds.status[chosen] = GONE
-    number_pieces(elements, bonds)
+def crossed_by(
+    elements: Elements, bonds: Bonds, rift: Any, *, latlon: bool, crs: str | None = None, threshold: float = 0.5
+) -> Booleans:
+    """Return which unbroken bonds a rift crosses: a mask, or lines in any form that `line_strings` reads."""
+    if isinstance(rift, Raster | xr.DataArray):
+        mask = rift if isinstance(rift, Raster) else read_raster(rift)
+        crossed = crossed_by_mask(elements, bonds, mask, threshold)
+    else:
+        crossed = crossed_by_lines(elements, bonds, line_strings(rift, crs), latlon)
+    crossed &= bonds.status == 0
+    if not crossed.any():
+        raise BergError(
+            "the rift crosses no bond",
+            where="rift",
+            remedy="Check that it lies on the berg, in longitude and latitude",
+        )
+    return crossed
+
+
+def weaken(elements: Elements, bonds: Bonds, chosen: Booleans, *, strength: float, broken: bool) -> None:
+    """Weaken bonds in place by a factor, or remove them: status, bonds of their ends and numbers of the pieces."""
+    if not 0 <= strength <= 1:
+        raise BergError(f"strength {strength}", where="rift", remedy="Give a factor from 0 to 1")
+    if broken:
+        bonds.status[chosen] = GONE
+        number_pieces(elements, bonds)
+    else:
+        bonds.strength[chosen] *= strength
 
 
 def number_pieces(elements: Elements, bonds: Bonds) -> None:
