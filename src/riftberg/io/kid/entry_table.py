@@ -88,8 +88,8 @@ def _not(
 # fmt: off
 ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("Runge_not_Verlet", LOGICAL, True, "", "RK4 (T) or velocity Verlet (F) stepping"),
-    _nil("use_new_predictive_corrective", LOGICAL, False, "", "unused (the predictor-corrector is always on)",
-         "the predictor-corrector is always on, as in the reference"),
+    _yes("use_new_predictive_corrective", LOGICAL, False, "", "drag by the mean of two speeds",
+         "in Runge-Kutta stepping; Verlet always has it"),
     _yes("rho_bergs", REAL, 850.0, "kg m-3", "ice density of all bergs"),
     _nil("LoW_ratio", REAL, 1.5, "1", "length/width of newly calved bergs", CALVING),
     _nil("speed_limit", REAL, 0.0, "1",
@@ -99,8 +99,7 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("use_f_plane", LOGICAL, False, "", "constant Coriolis parameter"),
     _yes("lat_ref", REAL, 0.0, "degree", "latitude for the f-plane (and for Cartesian grids)"),
     _yes("coastal_drift", REAL, 0.0, "m s-1", "velocity pushing bergs off land cells"),
-    _not("tidal_drift", REAL, 0.0, "m s-1", "amplitude of random near-coast velocity",
-         "the random current near coasts is not built in", 0.0, "set it to 0"),
+    _yes("tidal_drift", REAL, 0.0, "m s-1", "amplitude of random near-coast velocity"),
     _yes("ocean_drag_scale", REAL, 1.0, "1", "multiplies ocean drag coefficients"),
     _yes("internal_bergs_for_drag", LOGICAL, False, "", "reduce side drag of elements according to their bonds"),
     _yes("radius_based_drag", LOGICAL, False, "", "side-face area from element diameter (hex, dem)"),

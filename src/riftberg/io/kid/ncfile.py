@@ -62,11 +62,17 @@ def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
     return len(dataset.dimensions[name])
 
 
-def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> NDArray[Any]:
-    """Return the stored numbers of a variable, without mask or scaling."""
+def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
+    """Return the shape of a variable that must be there."""
     if name not in dataset.variables:
         found = ", ".join(sorted(dataset.variables))
         raise InputError(f"no variable '{name}' (found: {found})", where=str(path), remedy=f"Add '{name}'")
+    return tuple(dataset.variables[name].shape)
+
+
+def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> NDArray[Any]:
+    """Return the stored numbers of a variable, without mask or scaling."""
+    shape_of(dataset, path, name)
     variable = dataset.variables[name]
     variable.set_auto_maskandscale(False)
     try:

@@ -192,7 +192,7 @@ def _fracture(group: NamelistGroup) -> dict[str, Any]:
         "shear_strength": shear,
         "on_substeps": inline,
         "broken_as_contact": group.flag("use_broken_bonds_for_substep_contact") and inline,
-        "not_in_first_step": group.flag("no_frac_first_ts") and not inline,
+        "not_in_first_step": group.flag("no_frac_first_ts"),
     }
 
 
@@ -214,6 +214,7 @@ def _stepping(group: NamelistGroup, dt: float) -> dict[str, Any]:
         "time_step": dt,
         "substeps": substeps(group, dt),
         "explicit_substeps": group.flag("explicit_inner_mts") or group.flag("dem"),
+        "predictor_corrector": group.flag("use_new_predictive_corrective"),
         "skip_first_long_force": group.flag("skip_first_outer_mts_step"),
         "only_interactions": group.flag("only_interactive_forces"),
         "frozen": group.flag("Static_icebergs"),
@@ -235,7 +236,6 @@ def _earth(group: NamelistGroup) -> dict[str, Any]:
 def _compatibility(group: NamelistGroup) -> Compatibility:
     plain = is_plain_kid(group)
     return Compatibility.kid(
-        forcing_lag=group.flag("mts"),
         shared_shear_lever=group.flag("save_bond_forces"),
         grid_position_round_trip=plain,
         mirrored_bilinear=group.flag("old_bug_bilin"),
