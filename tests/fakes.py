@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from riftberg import constants
+from riftberg.diagnostics.fragments import Fragment
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.state import new_bonds, new_elements
 
@@ -17,26 +18,10 @@ SIDE = 3000.0
 
 
 @dataclass
-class FakeFragment:
-    """Row of the family tree, with the fields of the real one."""
-
-    number: int
-    parent: int | None
-    birth_time: float
-    lon: float
-    lat: float
-    elements: int
-    area: float
-    mass: float
-    bonds_broken: int = 0
-    grounded: bool = False
-
-
-@dataclass
 class FakeTree:
     """Family tree of the fragments."""
 
-    rows: list[FakeFragment] = field(default_factory=list)
+    rows: list[Fragment] = field(default_factory=list)
 
 
 class FakeForcing:
@@ -92,7 +77,7 @@ class FakeModel:
         self.elements.mass[:] = 200.0 * SIDE**2 * 850.0
         self.elements.berg[:] = 1
         area = SIDE**2 * nx * ny
-        self.fragments = FakeTree([FakeFragment(1, None, 0.0, lon, lat, nx * ny, area, area * 200.0 * 850.0)])
+        self.fragments = FakeTree([Fragment(1, 0, 0.0, lon, lat, nx * ny, area, area * 200.0 * 850.0, 0, False)])
         self._place()
 
     def _place(self) -> None:
@@ -123,13 +108,13 @@ class FakeModel:
         self.elements.berg[loose] = 2
         cut = loose[self.bonds.first] != loose[self.bonds.second]
         self.bonds.status[cut], self.bonds.break_time[cut] = 2, self.time
-        lon, lat = self.elements.lon[loose].mean(), self.elements.lat[loose].mean()
+        lon, lat = float(self.elements.lon[loose].mean()), float(self.elements.lat[loose].mean())
         area = float(loose.sum()) * SIDE**2
         self.fragments.rows.append(
-            FakeFragment(2, 1, self.time, lon, lat, int(loose.sum()), area, area * 170e3, int(cut.sum()), True)
+            Fragment(2, 1, self.time, lon, lat, int(loose.sum()), area, area * 170e3, int(cut.sum()), True)
         )
 
-    def run(self, days: float, recorders: Any = (), progress: bool = False) -> None:
+    def advance(self, days: float, recorders: Any = ()) -> None:
         """Run as the real model does."""
         end = self.time + days * 86_400.0
         for recorder in recorders:

@@ -135,7 +135,7 @@ def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
 
 def bonds_broken(model: Model) -> int:
     """Return the number of bonds that broke since the start."""
-    return int(np.count_nonzero(model.bonds.status))
+    return int(np.isfinite(model.bonds.break_time).sum())
 
 
 def fragment_areas(model: Model) -> list[float]:
@@ -148,7 +148,7 @@ def fragment_areas(model: Model) -> list[float]:
 
 def breakups(model: Model) -> list[dict[str, Any]]:
     """Return one entry per fragment that split from its parent, in order of time."""
-    born = [row for row in fragment_rows(model) if row.get("parent") is not None and row["parent"] >= 0]
+    born = [row for row in fragment_rows(model) if row["parent"] > 0]
     return [_breakup(model.start, row) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
 
 

@@ -19,6 +19,7 @@ import netCDF4
 import numpy as np
 
 from riftberg import __version__
+from riftberg.diagnostics.fragments import Fragment
 from riftberg.errors import InputError
 from riftberg.io.provenance import forcing_text
 from riftberg.parameters import Parameters
@@ -65,6 +66,10 @@ class RestartState:
     extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)
     forcing: str = ""
 
+    def fragment_rows(self) -> list[Fragment]:
+        """Return the rows of the family tree."""
+        return [Fragment(**row) for row in self.fragments]
+
 
 def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
     """Write the state of ``model`` to ``path``; an earlier file is replaced only by a complete new one.
@@ -100,7 +105,7 @@ def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = No
     return path
 
 
-def load(path: str | Path) -> RestartState:
+def load_state(path: str | Path) -> RestartState:
     """Read a file written by `save`.
 
     Raises

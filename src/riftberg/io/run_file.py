@@ -9,10 +9,10 @@ fragments lies along ``fragment``.
 
 Safety
 ------
-Records are held for about ``flush_seconds`` of wall time. Then a copy of the file takes them and its name: whoever opens
-the file meets a complete one, nobody who has it open can stop the run, and a run killed at any moment loses its last
-record, or the last seconds of a run that makes many records in a second. An interrupt loses nothing, because ``finish``
-writes what is held.
+Records are held for about ``flush_seconds`` of wall time. Then a copy of the file takes them and its name: whoever
+opens the file meets a complete one, nobody who has it open can stop the run, and a run killed at any moment loses its
+last record, or the last second of a run that makes many records in a second. An interrupt loses nothing, because
+``finish`` writes what is held.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from __future__ import annotations
 import os
 import shutil
 import time as clock
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 import netCDF4
@@ -50,7 +52,7 @@ BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "br
 
 FRAGMENT_VARIABLES: Final = (
     Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),
-    Variable("parent", "1", "number of the fragment it broke off, -1 for a berg of the start", dtype="i8"),
+    Variable("parent", "1", "number of the fragment it broke off, 0 for a berg of the start", dtype="i8"),
     Variable("birth_time", "s", "time of its birth"),
     Variable("lon", "degrees_east", "longitude of its centre at birth"),
     Variable("lat", "degrees_north", "latitude of its centre at birth"),
@@ -85,7 +87,7 @@ class RunWriter:
 
     Examples
     --------
-    >>> model.run(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
+    >>> model.advance(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
     """
 
     def __init__(
@@ -216,6 +218,38 @@ def open_run(path: str | Path) -> xr.Dataset:
         dataset.close()
         raise InputError("not the trajectory file of a run", where=str(file), remedy="Name a run.nc")
     return dataset
+
+
+class _RunWithDataset(RunWriter):
+    """Writer whose file can be had as a dataset; one without a name of its own lives in memory afterwards."""
+
+    def __init__(self, path: Path, every_hours: float, in_memory: bool) -> None:
+        super().__init__(path, every_hours=every_hours)
+        self._in_memory = in_memory
+
+    def dataset(self) -> xr.Dataset:
+        """Return what has been written."""
+        dataset = open_run(self.path)
+        if self._in_memory:
+            dataset.load()
+            dataset.close()
+        return dataset
+
+
+@contextmanager
+def memory_run(output: str | Path | None, every_hours: float) -> Iterator[_RunWithDataset]:
+    """Give a recorder for ``output``, or for a passing file whose content ends up in memory.
+
+    Parameters
+    ----------
+    output : path or None
+        The run file to write, if one is wanted.
+    every_hours : float
+        Interval between records, in hours of model time.
+    """
+    with TemporaryDirectory(prefix="riftberg-") as folder:
+        path = Path(folder) / "run.nc" if output is None else Path(output)
+        yield _RunWithDataset(path, every_hours, in_memory=output is None)
 
 
 def _define(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
