@@ -75,7 +75,10 @@ def inverse_bilinear(
         q = -(0.5 * b + root) if b >= 0.0 else -(0.5 * b - root)
         first = q / a
         second = c / q if q != 0.0 else first
-        eta = first if abs(first - 0.5) < abs(second - 0.5) else second
+        eta, other = (first, second) if abs(first - 0.5) < abs(second - 0.5) else (second, first)
+        # In a cell whose northern corners are one point (the pole) the other root is always that point.
+        if abs(alpha + gamma * eta) + abs(delta + kappa * eta) < 1e-9 * (abs(alpha) + abs(delta)):
+            eta = other
     else:
         eta = -c / b if b != 0.0 else 0.0
     along_x, along_y = alpha + gamma * eta, delta + kappa * eta
@@ -84,7 +87,7 @@ def inverse_bilinear(
     if along_y != 0.0:
         return (dy - epsilon * eta) / along_y, eta
     across = (epsilon * alpha - beta * delta) + (epsilon * gamma - beta * kappa) * eta
-    return (epsilon * dx - beta * dy) / across, eta
+    return ((epsilon * dx - beta * dy) / across if across != 0.0 else 0.5), eta
 
 
 @kernel
