@@ -26,7 +26,7 @@ def _matches(ds: xr.Dataset) -> bool:
 def _surface_or_all(ds: xr.Dataset) -> xr.Dataset:
     """Give a scalar time a dimension; keep every level of the currents and the first of temperature and salinity."""
     if "time" in ds.variables and "time" not in ds.dims:
-        ds = ds.expand_dims("time")
+        ds = ds.set_coords("time").expand_dims("time")
     levelled = [name for name in ("thetao", "so") if name in ds.variables and "depth" in ds[name].dims]
     return ds.assign({name: ds[name].isel(depth=0, drop=True) for name in levelled})
 

@@ -99,7 +99,10 @@ def _open(path: str, **options: Any) -> xr.Dataset:
             raise ForcingError("Zarr is not installed", where=path, remedy="pip install 'riftberg[products]'")
         if path.startswith("gs://"):
             options["storage_options"] = {"token": "anon"}
-        store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
+        with warnings.catch_warnings():
+            # A store without consolidated metadata opens more slowly, which is no fault of the reader.
+            warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
+            store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
         return store
     if not remote:
         check_readable(path)
