@@ -75,7 +75,7 @@ def test_depth_stencil_of_the_other_parity_agrees_with_twin():
 
 
 def test_linear_currents_are_exact_and_vorticity_is_their_curl():
-    """U = a + b x + c y at the corners is met exactly at the elements, and vorticity = dv/dx - du/dy everywhere."""
+    """A field a + b x + c y at the corners is met exactly at the elements, and vorticity = dv/dx - du/dy everywhere."""
     rng = np.random.default_rng(23)
     grid = Grid.cartesian(9, 9, 500.0)
     x, y = grid.arrays.lon, grid.arrays.lat
@@ -169,7 +169,7 @@ def test_depth_of_cell_is_floor_plus_sea_level():
 
 
 def test_dry_zone_is_a_quadrant():
-    """Quirk Q18: everything north-east of the point is dry, in longitudes of 0..360 (the +360 rule) and of -180..180."""
+    """Quirk Q18: all that lies north-east of the point is dry, in longitudes of 0..360 (the +360 rule) and of -180..180."""
     for turn in (0.0, 360.0):
         assert zone_depth(-37.50 + turn, -55.2, -37.51, -55.2166, True) == 0.0
         assert zone_depth(-37.52 + turn, -55.2, -37.51, -55.2166, True) == 1000.0
@@ -267,7 +267,7 @@ def test_tidal_drift_is_the_same_in_every_repetition_and_absent_at_sea():
 
 
 def test_blending_touches_the_box_of_the_elements_only():
-    """Fields between two records are the weighted mean in the box around the elements, untouched outside and if held."""
+    """Between two records stands the weighted mean in the box around the elements; held fields stay untouched."""
     rng = np.random.default_rng(33)
     grid = square_lakes(rng)
     first, second, out = random_fields(grid, rng), random_fields(grid, rng), random_fields(grid, rng)
