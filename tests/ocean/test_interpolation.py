@@ -169,7 +169,7 @@ def test_depth_of_cell_is_floor_plus_sea_level():
 
 
 def test_dry_zone_is_a_quadrant():
-    """Quirk Q18: all that lies north-east of the point is dry, in longitudes of 0..360 (the +360 rule) and of -180..180."""
+    """Quirk Q18: all that lies north-east of the point is dry, in longitudes of 0..360 (+360 rule) and -180..180."""
     for turn in (0.0, 360.0):
         assert zone_depth(-37.50 + turn, -55.2, -37.51, -55.2166, True) == 0.0
         assert zone_depth(-37.52 + turn, -55.2, -37.51, -55.2166, True) == 1000.0
