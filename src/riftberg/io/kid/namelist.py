@@ -8,6 +8,7 @@ read. Accepted beyond the standard: texts without quotes (``traj_name=KID.nc``),
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -183,7 +184,10 @@ def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> Namelis
 def _parse(name: str, body: str, where: str) -> dict[str, Any]:
     source = f"&{name}\n{quote_texts(name, body)}\n/\n"
     try:
-        return dict(f90nml.reads(source).todict().get(name, {}))
+        with warnings.catch_warnings():
+            # The parser warns of values that it leaves out.
+            warnings.simplefilter("error")
+            return dict(f90nml.reads(source).todict().get(name, {}))
     except Exception as error:  # the parser raises bare StopIteration, ValueError, AssertionError and more
         raise NamelistError(f"cannot be parsed ({error or type(error).__name__})", where=where) from error
 

@@ -262,7 +262,8 @@ def write_restart(path: Path, elements: Elements, origin: Origin, grid: Grid, pa
     """Write a restart file in KID's layout.
 
     Accelerations are written for Verlet stepping, fast ones for multiple time steps, rotation for DEM bonds, and
-    ``static_berg`` only where it is not 0 everywhere, as KID does.
+    ``static_berg`` only where an element is static, as KID does (marks of the contact iteration alone do not count:
+    the reference's restarts lack them).
     """
     values = _columns(elements, origin, grid)
     scheme = parameters.stepping.scheme
@@ -271,5 +272,5 @@ def write_restart(path: Path, elements: Elements, origin: Origin, grid: Grid, pa
     layout += _BERG
     layout += _FAST if scheme == "mts" else ()
     layout += _SPIN if parameters.bonds.law == "dem" else ()
-    layout += _STATIC if values["static_berg"].sum() > 0 else ()
+    layout += _STATIC if (elements.static >= 0.5).any() else ()
     write_restart_file(Path(path), [(c, values[c.name]) for c in layout], len(elements.id), counter=True)

@@ -221,6 +221,8 @@ class TrajectoryRecorder(_Sampler):
         return trajectory_columns(self.group, model.parameters)
 
     def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+        if model.parameters.stepping.scheme != "mts":
+            self._look_around(model)
         e = model.elements
         rows = np.flatnonzero(recorded(e, self.group, self.origin, model.parameters.ice.density, date.year))
         found: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
@@ -230,6 +232,16 @@ class TrajectoryRecorder(_Sampler):
             found[name] = getattr(self.origin, name)[rows]
         found["halo_berg"] = np.zeros(len(rows))
         return found
+
+    def _look_around(self, model: Model) -> None:
+        """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
+
+        KID does so in its thermodynamics, but leaves the depth as the step found it. The next step looks again.
+        """
+        depth = model.elements.depth.copy()
+        model.forcing.sample(model.elements, (model.step_number - 1) * self.clock.dt)
+        if not self.group.flag("dem"):
+            model.elements.depth[:] = depth
 
 
 def _stamp(date: Date, size: int) -> dict[str, NDArray[Any]]:
