@@ -96,6 +96,7 @@ def pair(one, two, s, law, dt):
         normal=normal,
         force=normal + shear,
         force_d=force_d,
+        plain_damping=-c_d * (one.u - two.u),
         torque=(shear_torque1 + bending, shear_torque2 - bending),
         torque_d=torque_d,
         turn=(one.spin - two.spin) * dt,
@@ -105,12 +106,21 @@ def pair(one, two, s, law, dt):
 def after_fracture(bond, breaks):
     """Contribution of a bond in the evaluation in which it breaks (spec 7.2).
 
-    Only a bond that fails in shear while compressed still pushes and damps once, without torques.
+    Only a bond that fails in shear while compressed still pushes and damps once, without torques; its damper acts on
+    the velocities of the centres, because a force at the contact would need its torque.
     """
     if not breaks:
         return bond
     nothing = (0.0, 0.0)
     if bond.sigma_n < 0:
-        return SimpleNamespace(**{**vars(bond), "force": bond.normal, "torque": nothing, "torque_d": nothing})
+        return SimpleNamespace(
+            **{
+                **vars(bond),
+                "force": bond.normal,
+                "force_d": bond.plain_damping,
+                "torque": nothing,
+                "torque_d": nothing,
+            }
+        )
     zero = np.zeros(2)
     return SimpleNamespace(**{**vars(bond), "force": zero, "force_d": zero, "torque": nothing, "torque_d": nothing})

@@ -43,10 +43,7 @@ def vector(e, name):
 
 def assign(e, name, value):
     """Inverse of `vector`."""
-    if name.startswith("u"):
-        names = (name, "v" + name[1:])
-    else:
-        names = tuple(f"{name[0]}{axis}{name[1:]}" for axis in "xy")
+    names = (name, "v" + name[1:]) if name.startswith("u") else tuple(f"{name[0]}{axis}{name[1:]}" for axis in "xy")
     for n, x in zip(names, value, strict=True):
         setattr(e, n, float(x))
 

@@ -113,7 +113,7 @@ def solve(e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=Fa
     """
     u_stage = u0 if u_stage is None else u_stage
     media = [(env.ocean, vector(e, "uo")), (env.air, vector(e, "ua")), (env.ice, vector(e, "ui"))]
-    spring, tensor, vec = pairs(u0, u0)
+    spring, tensor, vec = pairs(u0, u_stage)
     skew = np.array([[0.0, 1.0], [-1.0, 0.0]])
     explicit = env.push + spring + env.f * skew @ (u_stage if stage else u_star)
     u = u_stage if stage else u0
@@ -127,7 +127,7 @@ def solve(e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=Fa
             rates = []
             for c, medium in media:
                 if mean_speeds:
-                    rates.append(c * momentum.mean_speed(u, u_stage, medium))
+                    rates.append(c * momentum.mean_speed(u, u0, medium))
                 else:
                     rates.append(c * np.linalg.norm((u + u_stage) / 2 - medium))
             drags = -sum(d * (u_star - m) for d, (_, m) in zip(rates, media, strict=True)) - env.floor * u_star
@@ -175,14 +175,13 @@ def stage_acceleration(k, elements, bonds, p, dt_stage, u_stage, latitude, *, me
         )
 
     env = surroundings(e, p, latitude=latitude, multiple=False)
-    start = u0 + dt_stage / 2 * vector(e, "a") if p.only_interactions else u0
     return solve(
         e,
         env,
         pairs,
         p,
         dt_stage,
-        u_star=start,
+        u_star=u0 + dt_stage / 2 * vector(e, "a"),
         u0=u0,
         u_stage=np.asarray(u_stage),
         stage=True,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
@@ -13,6 +15,7 @@ from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import PairLaw, Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick, opening_half_kick, sea_floor_rates
+from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
     Scratch,
@@ -103,6 +106,13 @@ def _drift_and_show(el, scratch, dt, near_pole, p):
 
 
 @kernel
+def _slow_and_fast(partners, count):
+    """Split the partners: bergs act on each other in the long step, bonded pairs and pieces in the sub-steps."""
+    none = PairList(np.zeros(count + 1, np.int64), np.zeros(0, np.int64))
+    return Partners(none, none, partners.collision), Partners(partners.bonded, partners.same_berg, none)
+
+
+@kernel
 def advance(
     el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
     sizes: Sizes, earlier: Ints, plan: StepPlan, p: KernelParameters,
@@ -128,15 +138,16 @@ def advance(
     StepReport
     """
     law = pair_law(p)
+    slow, fast = _slow_and_fast(partners, el.u.size)
     sea_floor_rates(el, scratch, sizes, p)
     near_pole = p.latlon and el.lat.max() > POLAR_LATITUDE
     passes = 1
     broken = 0
     if plan.starting:
         count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
-        _initial_fast(el, bonds, rows, count, pairs, scratch, sizes, law, partners, plan, p)
+        _initial_fast(el, bonds, rows, count, pairs, scratch, sizes, law, fast, plan, p)
     if not plan.skip_slow:
-        passes = closing_half_kick(el, plan.dt, partners, sizes, law, plan.starting, p)
+        passes = closing_half_kick(el, plan.dt, slow, sizes, law, plan.starting, p)
         if passes < 0:
             return StepReport(0, passes)
         if plan.break_after:
@@ -153,10 +164,10 @@ def advance(
                     el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, plan.break_inline, p
                 )
             else:
-                spring_accelerations(el, partners, p.constant_size, scratch, sizes, law)
+                spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             kick(el, scratch, dt, p.ground_implicit, near_pole)
         else:
-            passes = implicit_kick(el, dt, partners, sizes, law, scratch, p)
+            passes = implicit_kick(el, dt, fast, sizes, law, scratch, p)
             if passes < 0:
                 return StepReport(broken, passes)
         show_velocities(el, scratch.active)

@@ -1,0 +1,173 @@
+"""Small random lattices in general motion, and the kernels called on them as the steppers call them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.parameters import Parameters
+from riftberg.state import new_bonds, new_elements
+from riftberg.stepping.bond_rows import allocate_rows
+from riftberg.stepping.breaking import allocate_pairs
+from riftberg.stepping.interactions import Partners
+from riftberg.stepping.multiple import StepPlan, advance
+from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
+from riftberg.stepping.schemes import without
+from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.substep import allocate_scratch, pairs_from_list
+
+RADIUS = 1500.0
+FAR = 3 * RADIUS
+
+
+def parameters(**groups):
+    """Kernel parameters of the published run with some values of some groups changed; no rotational water drag."""
+    base = {
+        "drag": {"ocean_scale": 17.8, "rotational": False},
+        "grounding": {"coefficient": 1e4, "ramp_height": 20.0},
+        "contact": {"spring": 1e-7, "distance": 4000.0, "tolerance": 1e-6},
+        "fracture": {"enabled": False},
+        "earth": {"latlon": True},
+    }
+    for group, values in groups.items():
+        base[group] = {**base.get(group, {}), **values}
+    return Parameters(**base).kernel_values()
+
+
+def lattice(seed, p, *, columns=3, rows=2, unequal=True, touching=True, gap=1.15, speed=0.3, strain=0.02):
+    """Two bergs of ``columns`` x ``rows`` and 2 x 1 elements with random state and environment.
+
+    Parameters
+    ----------
+    p : KernelParameters
+    unequal : bool
+        Whether sizes and thicknesses differ.
+    touching : bool
+        Whether the bergs are within reach of contact.
+    gap : float
+        Distance of the bergs over that of neighbours, if they touch.
+    speed : float
+        Size of the velocities, m s-1.
+    strain : float
+        Size of the displacements over the distance of neighbours.
+    """
+    r = np.random.default_rng(seed)
+    places = [(i, j, 1) for j in range(rows) for i in range(columns)]
+    away = columns - 1 + (gap if touching else 40.0)
+    places += [(away + i, 0.3, 2) for i in range(2)]
+    n = len(places)
+    el = new_elements(n)
+    x, y, berg = (np.array(q, dtype=float) for q in zip(*places, strict=True))
+    x = 2 * RADIUS * (x + strain * r.normal(size=n))
+    y = 2 * RADIUS * (y + strain * r.normal(size=n))
+    el.berg[:] = berg
+    if p.latlon:
+        el.lat[:] = -55.0 + np.degrees(y / p.earth_radius)
+        el.lon[:] = 321.0 + np.degrees(x / p.earth_radius) / np.cos(np.radians(el.lat))
+    else:
+        el.lon[:], el.lat[:] = x, y
+    el.length[:] = el.width[:] = 2 * RADIUS
+    el.thickness[:] = 200.0
+    if unequal:
+        el.length[:] *= r.uniform(0.9, 1.1, n)
+        el.width[:] *= r.uniform(0.9, 1.1, n)
+        el.thickness[:] *= r.uniform(0.7, 1.3, n)
+    el.mass[:] = 850.0 * el.thickness * el.length * el.width * (r.uniform(0.98, 1.02, n) if unequal else 1.0)
+    for name in ("u", "v", "u_pair", "v_pair"):
+        getattr(el, name)[:] = speed * r.normal(size=n)
+    el.u_sync[:], el.v_sync[:] = el.u, el.v
+    el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+    for name in ("ax", "ay", "ax_fast", "ay_fast"):
+        getattr(el, name)[:] = 1e-6 * r.normal(size=n)
+    el.bx[:], el.by[:] = 1e-6 * r.normal(size=(2, n))
+    el.spin[:] = 1e-5 * r.normal(size=n)
+    el.rotation[:] = 0.01 * r.normal(size=n)
+    _environment(el, r)
+    return el, _bonds(el, places, r)
+
+
+def _environment(el, r):
+    """Random currents, wind, sea ice, slope and depth; some elements aground, some half way up the ramp."""
+    n = el.mass.size
+    for name, size in (("uo", 0.3), ("vo", 0.3), ("ui", 0.2), ("vi", 0.2), ("ua", 8.0), ("va", 8.0)):
+        getattr(el, name)[:] = size * r.normal(size=n)
+    el.ui[0] = el.vi[0] = 0.0
+    el.slope_x[:], el.slope_y[:] = 1e-6 * r.normal(size=(2, n))
+    el.ice_thickness[:] = np.maximum(0.0, r.normal(1.0, 1.0, n))
+    el.depth[:] = r.choice([100.0, 180.0, 1000.0], n)
+    el.ua[1] = el.va[1] = 0.0
+
+
+def _bonds(el, places, r):
+    """Bonds between lattice neighbours of one berg, in general deformation; ends in random order."""
+    pairs = [
+        (a, b)
+        for a, (i, j, berg) in enumerate(places)
+        for b, (k, m, other) in enumerate(places)
+        if a < b and berg == other and np.isclose(np.hypot(i - k, j - m), 1.0)
+    ]
+    first, second = np.array([q if r.random() < 0.5 else q[::-1] for q in pairs]).T
+    bonds = new_bonds(first, second)
+    bonds.shear_x[:], bonds.shear_y[:] = 5.0 * r.normal(size=(2, first.size))
+    bonds.strength[:] = r.uniform(0.5, 1.5, first.size)
+    el.bond_count[:] = np.bincount(np.concatenate([first, second]), minlength=el.mass.size)
+    return bonds
+
+
+def partners_of(el, bonds, p, *, multiple):
+    """Partners by the rules of spec 5.1, as the steppers gather them; all within far more than reach."""
+    none = no_pairs(el.mass.size)
+
+    def near(rule):
+        return find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, rule, p.latlon, p.earth_radius, p.period)
+
+    if not p.interactions:
+        return Partners(none, none, none)
+    bonded = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)[0]
+    if not multiple and p.plain_kid_branch:
+        return Partners(bonded if p.bonds_on else none, none, near(ANY))
+    if not p.bonds_on or (multiple and p.dem):
+        return Partners(none, none, near(OTHER_BERG))
+    return Partners(bonded, without(near(SAME_BERG), bonded), near(OTHER_BERG))
+
+
+def touching_pairs(el, bonds, p):
+    """Pairs of one berg that may touch: ends of broken bonds, or candidates of a search."""
+    waiting = np.flatnonzero(bonds.status == 1)
+    pairs = allocate_pairs(200)
+    if p.broken_as_contact:
+        pairs.first[: waiting.size] = bonds.first[waiting]
+        pairs.second[: waiting.size] = bonds.second[waiting]
+        pairs.row[: waiting.size] = -1
+        pairs.count[0] = waiting.size
+        return pairs
+    found = find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, SAME_BERG, p.latlon, p.earth_radius, p.period)
+    bonded, bond = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)
+    pairs_from_list(pairs, found, np.cumsum(bonds.status == 0) - 1, bonded, bond)
+    return pairs
+
+
+def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, rank=None):
+    """Call `riftberg.stepping.multiple.advance` once; changes the state in place."""
+    n = el.mass.size
+    plan = StepPlan(
+        dt=dt,
+        substeps=substeps,
+        time=0.0,
+        starting=starting,
+        skip_slow=skip_slow,
+        search=not p.broken_as_contact,
+        break_inline=may_break,
+        break_after=False,
+    )
+    return advance(
+        el,
+        bonds,
+        allocate_rows(bonds, n),
+        touching_pairs(el, bonds, p),
+        partners_of(el, bonds, p, multiple=True),
+        allocate_scratch(n),
+        interaction_sizes(el, p),
+        np.arange(n) if rank is None else rank,
+        plan,
+        p,
+    )
