@@ -31,8 +31,8 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 KERNEL_PACKAGES = ("physics", "stepping", "ocean")
 """Sub-packages whose sources decide whether cached machine code is still right."""
 
-llvm.set_option("riftberg", "--runtime-memory-check-threshold=512")
-llvm.set_option("riftberg", "--memory-check-merge-threshold=512")
+for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold", "vectorize-memory-check-threshold"):
+    llvm.set_option("riftberg", f"--{_option}=4096")
 
 
 @cache

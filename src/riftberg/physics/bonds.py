@@ -1,7 +1,8 @@
 """DEM bond between two elements: normal, shear and bending stiffness with damping (spec 5.4; after Wang 2020, Huth et al. 2022).
 
 Element 1 is the first of the pair; n points from 2 to 1; forces are those on element 1. All functions are free of
-branches where it matters, so that the loop over bonds becomes vector instructions.
+branches where it matters, so that the loop over bonds becomes vector instructions. ``E / l_0`` stands first in each
+formula, so that the compiler divides once for all of them.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def normal_force(
     youngs_modulus: float, width: float, thickness: float, rest_length: float, half_overlap: float
 ) -> float:
     """Force along n on element 1, N: ``E H (2 d/2) w / l_0``; positive pushes apart."""
-    return youngs_modulus * thickness * 2.0 * half_overlap * width / rest_length
+    return (youngs_modulus / rest_length) * thickness * 2.0 * half_overlap * width
 
 
 @kernel
@@ -62,13 +63,19 @@ def advance_shear(sx: float, sy: float, nx: float, ny: float, cx: float, cy: flo
 @kernel
 def shear_stiffness(youngs_modulus: float, poisson: float, width: float, thickness: float, rest_length: float) -> float:
     """``K_s = w H E / (l_0 2 (1 + nu))``, N m-1; the shear force on element 1 is -K_s s."""
-    return width * thickness * youngs_modulus / (rest_length * 2.0 * (1.0 + poisson))
+    return (youngs_modulus / rest_length) * width * thickness * (0.5 / (1.0 + poisson))
+
+
+@kernel
+def shear_stress_of(youngs_modulus: float, poisson: float, rest_length: float, slip: float) -> float:
+    """Shear stress, Pa: the shear force K_s |s| over the section w H; ``slip`` is |s|, m."""
+    return (youngs_modulus / rest_length) * (0.5 / (1.0 + poisson)) * slip
 
 
 @kernel
 def bending_torque(youngs_modulus: float, width: float, thickness: float, rest_length: float, angle: float) -> float:
     """Torque on element 1, N m: ``-E w^3 H theta / (12 l_0)``; the opposite acts on element 2."""
-    return -youngs_modulus * width * width * width * thickness * angle / (12.0 * rest_length)
+    return -(youngs_modulus / rest_length) * width * width * width * thickness * angle * (1.0 / 12.0)
 
 
 @kernel

@@ -15,6 +15,7 @@ from riftberg.physics.bonds import (
     normal_force,
     overlap,
     shear_stiffness,
+    shear_stress_of,
     tensile_stress,
     torque_of,
 )
@@ -50,7 +51,6 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
     Reads the gathered differences; writes forces on the first ends, torques on both ends, stresses, lengths and the new
     shear displacements. ``dt`` is the sub-step, s.
     """
-    size = rows.alive.size
     per_unit = math.pi / 180.0 * earth_radius if latlon else 1.0
     to_degrees = 1.0 if latlon else 0.0
     shear_on = 0.0 if no_shear else 1.0
@@ -59,7 +59,8 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
         rx = rows.dx[r] * (per_unit * fast_cos_latitude(to_degrees * rows.y_mean[r]))
         ry = rows.dy[r] * per_unit
         length = math.sqrt(rx * rx + ry * ry)
-        nx, ny = rx / length, ry / length
+        inverse = 1.0 / length
+        nx, ny = rx * inverse, ry * inverse
         half = overlap(rows.rest[r], length)
         lever1, lever2 = rows.lever1[r] - half, rows.lever2[r] - half
         width, thickness = bond_section(
@@ -83,10 +84,11 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
         rows.sx[r], rows.sy[r] = sx, sy
         rows.fx[r] = rows.alive[r] * (fn * nx + tx + bx)
         rows.fy[r] = rows.alive[r] * (fn * ny + ty + by)
-        rows.torque[r] = rows.alive[r] * (torque_of(lever1, nx, ny, lx, ly) + bending + spin_damping)
-        rows.torque[size + r] = rows.alive[r] * (torque_of(lever2, nx, ny, lx, ly) - bending - spin_damping)
+        rows.torque1[r] = rows.alive[r] * (torque_of(lever1, nx, ny, lx, ly) + bending + spin_damping)
+        rows.torque2[r] = rows.alive[r] * (torque_of(lever2, nx, ny, lx, ly) - bending - spin_damping)
         rows.normal_stress[r] = tensile_stress(youngs, rows.rest[r], half, angle, width)
-        rows.shear_stress[r] = math.sqrt(tx * tx + ty * ty) / (width * thickness)
+        slip = math.sqrt(sx * sx + sy * sy)
+        rows.shear_stress[r] = shear_on * shear_stress_of(youngs, poisson, rows.rest[r], slip)
         rows.length[r] = length
         rows.relative_rotation[r] += (rows.spin1[r] - rows.spin2[r]) * dt
 

@@ -26,7 +26,8 @@ class BondRows(NamedTuple):
     """Unbroken bonds in contiguous rows; one spare row at the end always holds zeros.
 
     ``sx``, ``sy`` hold the shear displacement (m); ``fx``, ``fy`` the force on the first element (N); ``torque`` the
-    torques (N m) on the first ends and, behind the spare row, on the second ends; the other rows are geometry and
+    torques (N m) on the first ends and, behind the spare row, on the second ends (``torque1`` and ``torque2`` are views
+    of the two halves: with one array LLVM could not prove that the halves are apart, and would not vectorise); the other rows are geometry and
     constants of the law. ``slot[k, e]`` is the row of the k-th bond of element e, ``sign`` +1 if e is its first end,
     -1 if its second, 0 for the spare row; ``torque_slot`` the matching place in ``torque``.
     """
@@ -62,6 +63,8 @@ class BondRows(NamedTuple):
     fx: Floats
     fy: Floats
     torque: Floats
+    torque1: Floats
+    torque2: Floats
     normal_stress: Floats
     shear_stress: Floats
     length: Floats
@@ -92,6 +95,7 @@ def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
         else:
             # Separate allocations keep rows from sharing cache lines.
             values[name] = next(floats).copy()
+    values["torque1"], values["torque2"] = values["torque"][:size], values["torque"][size:]
     return BondRows(**values)  # type: ignore[arg-type]
 
 

@@ -55,7 +55,6 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
         Bonds broken.
     """
     broken = 0
-    size = rows.alive.size
     for r in range(count):
         over = exceeds(rows.normal_stress[r], rows.shear_stress[r], rows.normal_limit[r], rows.shear_limit[r], 1.0)
         if rows.alive[r] == 0.0 or not over:
@@ -71,7 +70,7 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
         el.bond_count[rows.second[r]] -= 1
         rows.alive[r] = 0.0
         _force_while_breaking(rows, r, el, youngs)
-        rows.torque[r] = rows.torque[size + r] = 0.0
+        rows.torque1[r] = rows.torque2[r] = 0.0
         broken += 1
         if keep_contact:
             k = pairs.count[0]

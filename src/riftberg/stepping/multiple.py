@@ -165,7 +165,7 @@ def advance(
                 )
             else:
                 spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
-            kick(el, scratch, dt, p.ground_implicit, near_pole)
+            kick(el, scratch, dt, p.ground_implicit)
         else:
             passes = implicit_kick(el, dt, fast, sizes, law, scratch, p)
             if passes < 0:

@@ -158,7 +158,7 @@ def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[Pair
         if status[b] == 0:
             i, j = first[b], second[b]
             partner[place[i]], bond[place[i]] = j, b
-            partner[place[j]], bond[place[j]] = i, b
             place[i] += 1
+            partner[place[j]], bond[place[j]] = i, b
             place[j] += 1
     return PairList(start, partner), bond

@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.geometry import add_velocity, fast_cos_latitude, move
+from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats
 from riftberg.stepping.bond_law import bond_forces, gather_ends, sum_over_bonds, unwrap_ends
 from riftberg.stepping.bond_rows import BondRows
@@ -132,30 +132,29 @@ def spring_accelerations(el: Elements, partners: Partners, bond_size: bool, scra
 
 
 @kernel
-def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool, near_pole: bool) -> None:
+def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
     """Update velocities by half the old and half the new fast acceleration (spec 6.4, 3b).
 
     The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
-    implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate.
+    implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate. Near the pole the reference
+    turns velocity and acceleration to the tangent plane and back with one longitude, which changes nothing.
     """
     half = 0.5 * dt
+    explicit = 0.0 if implicit_ground else 1.0
+    implicit = dt if implicit_ground else 0.0
     for e in range(el.lon.size):
-        on = scratch.active[e]
-        rate = scratch.ground_rate[e]
-        explicit_rate = 0.0 if implicit_ground else rate
-        slow = 1.0 / (1.0 + rate * dt) if implicit_ground else 1.0
-        ax = scratch.accel_x[e] - explicit_rate * el.u[e]
-        ay = scratch.accel_y[e] - explicit_rate * el.v[e]
-        if near_pole:
-            u, v = add_velocity(el.lon[e], el.lat[e], el.u[e] + half * el.ax_fast[e], el.v[e] + half * el.ay_fast[e],
-                                0.5 * ax, 0.5 * ay, dt, True)  # fmt: skip
-        else:
-            u = el.u[e] + half * el.ax_fast[e] + half * ax
-            v = el.v[e] + half * el.ay_fast[e] + half * ay
-        el.u[e] = u * slow if on > 0.0 else el.u[e]
-        el.v[e] = v * slow if on > 0.0 else el.v[e]
-        el.ax_fast[e] = ax if on > 0.0 else el.ax_fast[e]
-        el.ay_fast[e] = ay if on > 0.0 else el.ay_fast[e]
+        # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
+        u, v, ax_old, ay_old = el.u[e], el.v[e], el.ax_fast[e], el.ay_fast[e]
+        rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
+        slow = 1.0 / (1.0 + rate * implicit)
+        ax = scratch.accel_x[e] - explicit * rate * u
+        ay = scratch.accel_y[e] - explicit * rate * v
+        new_u = (u + half * ax_old + half * ax) * slow
+        new_v = (v + half * ay_old + half * ay) * slow
+        el.u[e] = new_u if moves else u
+        el.v[e] = new_v if moves else v
+        el.ax_fast[e] = ax if moves else ax_old
+        el.ay_fast[e] = ay if moves else ay_old
 
 
 @kernel
