@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
 from riftberg.errors import ForcingError
+from riftberg.ocean.products import open_product
 from riftberg.ocean.products.axes import tidy_longitude
 from riftberg.ocean.products.interpolate import to_grid
 
@@ -142,6 +145,28 @@ def test_global_source_is_joined_at_its_seam() -> None:
     target = np.arange(-180.0, 180.0, 5.0)
     grid = to_grid(ds, target, np.array([-56.0]))
     np.testing.assert_allclose(grid["ssh"].values[0], np.cos(np.deg2rad(target)), atol=5e-3)
+
+
+def test_real_fields_on_their_own_grid_come_back(shared: Path) -> None:
+    path = shared / "data" / "a68a" / "a68_experiment_ocean_surf_and_mean_vel_fixed_oras5_dec2020_ll_p125.nc"
+    ds = open_product(path)
+    grid = to_grid(ds, ds["lon"].values, ds["lat"].values)
+    wet = np.isfinite(ds["uo"].values)
+    np.testing.assert_allclose(grid["uo"].values[wet], ds["uo"].values[wet], rtol=0, atol=1e-12)
+    assert np.all(grid["uo_origin"].values[wet] == 1)
+    assert np.all(grid["uo_origin"].values[~wet] != 1)
+
+
+def test_global_sea_level_on_the_a68a_grid(shared: Path) -> None:
+    ds = open_product(shared / "data" / "samples" / "nrt_global_allsat_phy_l4_20190223_20190226.nc")
+    lon, lat = np.arange(-49.5625, -20.6, 0.125), np.arange(-65.5625, -46.6, 0.125)
+    grid = to_grid(ds, lon, lat, ["2019-02-23"])
+    assert grid["ssh"].shape == (1, 152, 232)
+    near = ds["ssh"].sel(lon=-38.125, lat=-56.125).values[0]
+    i, j = int(np.argmin(np.abs(lon + 38.125))), int(np.argmin(np.abs(lat + 56.125)))
+    assert abs(grid["ssh"].values[0, j, i] - near) < 0.05
+    share = float((grid["ssh_origin"].values == 1).mean())
+    assert share > 0.9
 
 
 def test_levels_are_kept() -> None:

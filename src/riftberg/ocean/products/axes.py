@@ -155,7 +155,8 @@ def on_branch(ds: xr.Dataset, west: float) -> xr.Dataset:
     if not goes_round(lon):
         turns = 360.0 * np.floor((lon[0] - west + 1e-9) / 360.0)
         return ds.assign_coords(lon=("lon", lon - turns, attributes))
-    wrapped = (lon - west + 1e-9) % 360.0 - 1e-9 + west
+    # Whole turns are subtracted (a remainder would add rounding that differs from branch to branch).
+    wrapped = lon - 360.0 * np.floor((lon - west + 1e-9) / 360.0)
     order = np.argsort(wrapped, kind="stable")
     if not np.array_equal(order, np.arange(order.size)):
         ds = ds.isel(lon=order)
