@@ -33,7 +33,9 @@ def parameters(**groups):
     return Parameters(**base).kernel_values()
 
 
-def lattice(seed, p, *, columns=3, rows=2, unequal=True, touching=True, gap=1.15, speed=0.3, strain=0.02):
+def lattice(
+    seed, p, *, columns=3, rows=2, unequal=True, touching=True, gap=1.15, speed=0.3, strain=0.02, latitude=-55.0
+):
     """Two bergs of ``columns`` x ``rows`` and 2 x 1 elements with random state and environment.
 
     Parameters
@@ -49,6 +51,8 @@ def lattice(seed, p, *, columns=3, rows=2, unequal=True, touching=True, gap=1.15
         Size of the velocities, m s-1.
     strain : float
         Size of the displacements over the distance of neighbours.
+    latitude : float
+        Degrees, of the southern row.
     """
     r = np.random.default_rng(seed)
     places = [(i, j, 1) for j in range(rows) for i in range(columns)]
@@ -61,7 +65,7 @@ def lattice(seed, p, *, columns=3, rows=2, unequal=True, touching=True, gap=1.15
     y = 2 * RADIUS * (y + strain * r.normal(size=n))
     el.berg[:] = berg
     if p.latlon:
-        el.lat[:] = -55.0 + np.degrees(y / p.earth_radius)
+        el.lat[:] = latitude + np.degrees(y / p.earth_radius)
         el.lon[:] = 321.0 + np.degrees(x / p.earth_radius) / np.cos(np.radians(el.lat))
     else:
         el.lon[:], el.lat[:] = x, y

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from stepping.lattices import lattice, long_step, parameters, partners_of
+from twins import drag as twin_drag
 from twins import stepping as twin
 from twins import velocity as twin_velocity
 from twins.elements import column, unpack
@@ -285,3 +286,35 @@ def test_runge_kutta_pair_forces_are_equal_and_opposite():
     run_stages(el, partners, sizes, 600.0, False, p)
     assert np.abs(el.u - start).max() > 1e-3
     np.testing.assert_allclose([el.mass @ el.u, el.mass @ el.v], before, rtol=0, atol=1e-13 * own)
+
+
+def test_long_step_near_the_pole_equals_twin():
+    """Spec 2.3 in the sub-steps: positions on the tangent plane; longitudes stay on the branch of the start."""
+    p = parameters()
+    for seed in SEEDS:
+        el, bonds = lattice(seed, p, latitude=89.5)
+        start = el.lon.copy()
+        want, want_bonds, _, _ = twin.multiple_step(unpack(el), unpack(bonds), p, 60.0, 3)
+        long_step(el, bonds, p, 60.0, 3)
+        compare(el, want, ("lat", "u", "v", "spin"), rtol=1e-9)
+        np.testing.assert_allclose(el.lon % 360.0, column(want, "lon") % 360.0, rtol=0, atol=1e-9)
+        assert np.abs(el.lon - start).max() < 5.0
+        compare(bonds, want_bonds, BOND, rtol=1e-6)
+
+
+def test_water_brakes_spin_towards_half_its_vorticity():
+    """Riftberg's rotational drag over a long step, against many small steps of its differential equation."""
+    p = parameters(drag={"rotational": True}, bonds={"law": "dem", "youngs_modulus": 0.0})
+    el, bonds = lattice(4, p)
+    el.spin[:] = np.random.default_rng(4).normal(0, 1e-3, el.mass.size)
+    el.vorticity[:] = np.random.default_rng(5).normal(0, 1e-4, el.mass.size)
+    spin, water = el.spin.copy(), el.vorticity / 2
+    for k in range(el.mass.size):
+        radius = np.sqrt(el.length[k] * el.width[k]) / 2
+        c = twin_drag.spin(0.5 * el.mass[k] * radius**2, radius, p.ocean_scale)
+        for _ in range(20_000):
+            spin[k] -= 1800.0 / 20_000 * c * abs(spin[k] - water[k]) * (spin[k] - water[k])
+    before = el.spin.copy()
+    long_step(el, bonds, p, 1800.0, 1)
+    assert np.abs(el.spin - before).max() > 1e-6
+    np.testing.assert_allclose(el.spin - before, spin - before, rtol=1e-4)

@@ -1,0 +1,91 @@
+"""Search for pairs against a look at all pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from twins import geometry
+
+from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs
+
+RADIUS = 6_363_827.0
+
+
+def all_pairs(x, y, berg, reach, rule, latlon, period):
+    """Partners of each element by looking at every pair."""
+    n = len(x)
+
+    def joined(e, c):
+        if e == c or (rule == SAME_BERG and berg[e] != berg[c]) or (rule == OTHER_BERG and berg[e] == berg[c]):
+            return False
+        r = geometry.separation((x[e], y[e]), (x[c], y[c]), latlon, RADIUS, period)
+        return np.linalg.norm(r) < reach
+
+    return [[c for c in range(n) if joined(e, c)] for e in range(n)]
+
+
+def listed(pairs, x, y, reach, latlon, period):
+    """Partners of each element from the list, less those that stand in it though they are beyond reach."""
+    n = pairs.start.size - 1
+    found = []
+    for e in range(n):
+        mine = pairs.partner[pairs.start[e] : pairs.start[e + 1]].tolist()
+        assert mine == sorted(set(mine))
+        near = [
+            c
+            for c in mine
+            if np.linalg.norm(geometry.separation((x[e], y[e]), (x[c], y[c]), latlon, RADIUS, period)) < reach
+        ]
+        found.append(near)
+    return found
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(1, 40),
+    reach=st.floats(10, 8000),
+    rule=st.sampled_from([ANY, SAME_BERG, OTHER_BERG]),
+    period=st.sampled_from([0.0, 20_000.0]),
+)
+def test_all_pairs_are_found_on_a_plane(seed, count, reach, rule, period):
+    """Cartesian, with and without a period; positions beyond the period too."""
+    r = np.random.default_rng(seed)
+    x, y = r.uniform(-3e3, 23e3, count), r.uniform(0, 15e3, count)
+    berg = r.integers(0, 3, count)
+    pairs = find_pairs(x, y, berg, reach, rule, False, RADIUS, period)
+    assert listed(pairs, x, y, reach, False, period) == all_pairs(x, y, berg, reach, rule, False, period)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 40), middle=st.sampled_from([0.0, -60.0, -79.0, 85.0, 89.3]))
+def test_all_pairs_are_found_on_the_sphere(seed, count, middle):
+    """Around the seam of longitudes and at high latitudes."""
+    r = np.random.default_rng(seed)
+    y = middle + r.uniform(-0.3, 0.3, count)
+    x = 359.7 + r.uniform(-0.5, 0.5, count) / np.cos(np.radians(middle))
+    x = np.where(r.random(count) < 0.5, x, x % 360.0)
+    berg = r.integers(0, 2, count)
+    reach = r.uniform(1e3, 2e4)
+    pairs = find_pairs(x, y, berg, reach, ANY, True, RADIUS, 360.0)
+    assert listed(pairs, x, y, reach, True, 360.0) == all_pairs(x, y, berg, reach, ANY, True, 360.0)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_one_place_and_few_elements(count):
+    """Elements in one point, which no bin can part."""
+    x = y = np.full(count, 5.0)
+    pairs = find_pairs(x, y, np.zeros(count, np.int64), 1.0, ANY, False, RADIUS, 0.0)
+    assert pairs.partner.tolist() == ([] if count == 1 else [1, 0])
+
+
+def test_adjacency_lists_unbroken_bonds_of_both_ends_in_order():
+    """Bonds of status 1 or 2 do not join."""
+    first, second = np.array([0, 2, 1, 0]), np.array([1, 0, 3, 3])
+    pairs, bond = adjacency(first, second, np.array([0, 0, 1, 0]), 5)
+    lists = [pairs.partner[pairs.start[e] : pairs.start[e + 1]].tolist() for e in range(5)]
+    bonds = [bond[pairs.start[e] : pairs.start[e + 1]].tolist() for e in range(5)]
+    assert lists == [[1, 2, 3], [0], [0], [0], []]
+    assert bonds == [[0, 1, 3], [0], [1], [3], []]
