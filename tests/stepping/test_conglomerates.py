@@ -35,7 +35,7 @@ def flood(count, first, second, status):
 @settings(max_examples=80, deadline=None)
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 40), links=st.integers(0, 60))
 def test_connected_parts_equal_a_flood_fill(seed, count, links):
-    """Also the numbering, in order of first elements. Bug once: a bond of an element with itself read beyond the list."""
+    """Also the numbering. Bug once: a bond of an element with itself read beyond the list of partners."""
     r = np.random.default_rng(seed)
     first, second = r.integers(0, count, (2, links))
     status = r.integers(0, 3, links)
