@@ -104,6 +104,20 @@ def test_unknown_field_is_an_error_of_the_caller(tmp_path: Path) -> None:
         doctor(files.oscar_v2(tmp_path), needed=("current",))
 
 
+def test_names_and_units_of_the_file_are_told(tmp_path: Path) -> None:
+    report = doctor(files.oscar_v1(tmp_path), needed=("uo", "vo"))
+    assert "from u (meter/sec in the file); here 0.01 to 0.23 m s-1" in report.text()
+
+
+def test_projected_ice_is_diagnosed_too(tmp_path: Path) -> None:
+    pytest.importorskip("pyproj")
+    file = files.osisaf(tmp_path)
+    report = doctor(file, lon=(-37.2, -37.0), lat=(-57.4, -57.3), needed=("ice_fraction",))
+    assert report.ready, report.text()
+    elsewhere = doctor(file, lon=(100.0, 101.0), lat=(-56.9, -56.8), needed=("ice_fraction",))
+    assert "nothing lies in 100..101 E" in elsewhere.text()
+
+
 def test_report_as_plain_data(shared: Path) -> None:
     report = doctor(a68a(shared), **BOX)
     plain = json.loads(json.dumps(report.as_dict()))

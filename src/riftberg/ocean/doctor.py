@@ -49,6 +49,7 @@ class FieldFinding:
 
     name: str
     original_name: str
+    original_units: str
     units: str
     positive: str
     low: float
@@ -121,9 +122,9 @@ def _data_lines(found: DataFinding) -> list[str]:
     lines += [f"  space   {found.space}", f"  time    {found.time}"]
     for item in found.fields:
         meaning = QUANTITIES[item.name].long_name
-        lines.append(
-            f"  gives   {item.name:<20}{item.low:.4g} to {item.high:.4g} {item.units}  {meaning}, + is {item.positive}"
-        )
+        lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
+        lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
+        lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
         lines += [f"          ! {problem}" for problem in item.problems]
     lines += [f"  note    {note}" for note in found.notes]
     lines += [f"  !       {problem}" for problem in found.problems]
@@ -326,6 +327,7 @@ def _field(data: xr.DataArray, path: Sequence[Span] | None) -> FieldFinding:
     found = FieldFinding(
         name=quantity.name,
         original_name=str(data.attrs.get("original_name", "")),
+        original_units=str(data.attrs.get("original_units", "")),
         units=quantity.units,
         positive=quantity.sign,
         low=low,

@@ -100,6 +100,12 @@ def test_absent_file_and_empty_pattern(tmp_path: Path) -> None:
         open_product(str(tmp_path / "*.nc"))
 
 
+def test_store_that_is_not_there_says_what_to_check(tmp_path: Path) -> None:
+    pytest.importorskip("zarr")
+    with pytest.raises(ForcingError, match="the store cannot be opened"):
+        open_product(tmp_path / "absent.zarr")
+
+
 def test_iceberg_restart_is_not_taken_for_forcing(shared: Path) -> None:
     with pytest.raises(ForcingError, match="may be no forcing file"):
         open_product(shared / "data" / "a68a" / "icebergs.res.nc")

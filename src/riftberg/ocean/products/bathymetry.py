@@ -21,5 +21,5 @@ def depth_from_elevation(ds: xr.Dataset) -> xr.Dataset:
         return ds
     elevation = ds["depth_below_surface"]
     depth = labelled((-elevation).where(elevation < 0.0), QUANTITIES["depth_below_surface"])
-    depth.attrs["original_name"] = elevation.attrs.get("original_name", "")
+    depth.attrs |= {key: elevation.attrs[key] for key in ("original_name", "original_units") if key in elevation.attrs}
     return ds.assign(depth_below_surface=depth)

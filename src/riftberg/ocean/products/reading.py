@@ -99,11 +99,7 @@ def _open(path: str, **options: Any) -> xr.Dataset:
             raise ForcingError("Zarr is not installed", where=path, remedy="pip install 'riftberg[products]'")
         if path.startswith("gs://"):
             options["storage_options"] = {"token": "anon"}
-        with warnings.catch_warnings():
-            # A store without consolidated metadata opens more slowly, which is no fault of the reader.
-            warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
-            store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
-        return store
+        return _open_store(path, options)
     if not remote:
         check_readable(path)
     try:
@@ -111,6 +107,18 @@ def _open(path: str, **options: Any) -> xr.Dataset:
     except (OSError, ValueError) as error:
         remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
         raise ForcingError(f"cannot be opened ({error})", where=path, remedy=remedy) from error
+
+
+def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
+    with warnings.catch_warnings():
+        # A store without consolidated metadata opens more slowly, which is no fault of the reader.
+        warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
+        try:
+            store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
+        except (OSError, ValueError, ImportError) as error:
+            remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
+            raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
+    return store
 
 
 def read(path: str, product: Product) -> xr.Dataset:
@@ -160,7 +168,7 @@ def _fields_of(ds: xr.Dataset, product: Product, *, where: str) -> xr.Dataset:
         units = next((str(ds[name].attrs[key]) for key in _UNITS_ATTRIBUTES if key in ds[name].attrs), source.units)
         quantity = QUANTITIES[source.quantity]
         fields[source.quantity] = canonicalise(ds[name], quantity, units, where=f"{where}, variable {name}")
-        fields[source.quantity].attrs["original_name"] = name
+        fields[source.quantity].attrs |= {"original_name": name, "original_units": units}
     if not fields:
         held = ", ".join(sorted(map(str, ds.data_vars))) or "nothing"
         raise ForcingError(
