@@ -96,9 +96,10 @@ def test_era5_waves_say_from_where_they_come(tmp_path: Path) -> None:
     assert ds["wave_direction"].values[0, 0, 0] == 270.0
     assert "FROM" in ds["wave_direction"].attrs["positive_means"]
     assert ds["wave_height"].values[0, 0, 0] == 4.0
-    assert [part.sizes["lat"] for part in open_all([path, files.era5_new(tmp_path)])] == [2, 3]
+    both = [path, files.era5_new(tmp_path)]
+    assert [part.sizes["lat"] for part in open_all(both)] == [2, 3]
     with pytest.raises(ForcingError, match="2 datasets"):
-        open_product([path, files.era5_new(tmp_path)])
+        open_product(both)
 
 
 def test_era5_arco_zarr_store(tmp_path: Path) -> None:

@@ -169,6 +169,31 @@ def test_global_sea_level_on_the_a68a_grid(shared: Path) -> None:
     assert share > 0.9
 
 
+def test_records_are_read_in_blocks_not_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A month of hours was read chunk by chunk for every hour: 60 s instead of 1 s."""
+    pytest.importorskip("dask")
+    from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
+
+    hours = xr.concat([plane()] * 200, dim="time").assign_coords(
+        time=np.datetime64("2020-12-01", "ns") + np.arange(200) * np.timedelta64(1, "h")
+    )
+    hours["uo"].attrs = {"units": "m s-1", "standard_name": "eastward_sea_water_velocity"}
+    hours["lat"].attrs, hours["lon"].attrs = {"units": "degrees_north"}, {"units": "degrees_east"}
+    hours.to_netcdf(tmp_path / "hours.nc")
+    reads = []
+    fetch = NetCDF4ArrayWrapper._getitem
+
+    def counted(self: NetCDF4ArrayWrapper, key: object) -> np.ndarray:
+        reads.append(self.variable_name)
+        return fetch(self, key)
+
+    ds = open_product(tmp_path / "hours.nc")
+    monkeypatch.setattr(NetCDF4ArrayWrapper, "_getitem", counted)
+    times = np.datetime64("2020-12-01") + np.arange(398) * np.timedelta64(30, "m")
+    to_grid(ds, np.array([-38.2]), np.array([-56.1]), times)
+    assert 1 <= reads.count("uo") <= 4
+
+
 def test_levels_are_kept() -> None:
     ds = plane().expand_dims(depth=[5.0, 50.0]).transpose("time", "depth", "lat", "lon")
     grid = to_grid(ds, np.array([-38.0]), np.array([-56.0]), ["2020-12-01"])

@@ -29,6 +29,7 @@ Dates = NDArray[np.datetime64]
 Flags = NDArray[np.int8]
 Period = np.timedelta64 | float | None
 Outside = Literal["raise", "mask"]
+_BLOCK_BYTES = 64e6
 
 
 def to_grid(
@@ -274,6 +275,23 @@ def _check_gaps(
         )
 
 
+class _Records:
+    """Records of a field, read in blocks: one by one, each would read (and unpack) a whole chunk of the file again."""
+
+    def __init__(self, field: xr.DataArray) -> None:
+        self.field = field
+        self.length = max(1, int(_BLOCK_BYTES / (8 * max(1, field[0].size))))
+        self.start, self.block = 0, np.empty((0,))
+
+    def __getitem__(self, record: int) -> Floats:
+        """Return one record; fast when they are asked for in ascending order."""
+        if not self.start <= record < self.start + len(self.block):
+            self.start = record
+            self.block = self.field.isel(time=slice(record, record + self.length)).values
+        values: Floats = self.block[record - self.start]
+        return values
+
+
 def _on_target(
     field: xr.DataArray, stencil: Stencil, plan: _Plan | None, fill_cells: int
 ) -> tuple[Floats, Flags, tuple[str, ...]]:
@@ -285,6 +303,7 @@ def _on_target(
         return values, origin, lead
     rest = tuple(name for name in lead if name != "time")
     field = field.transpose("time", *rest, *plane)
+    records = _Records(field)
     gridded: dict[int, tuple[Floats, Flags]] = {}
     series: list[Floats] = []
     origins: list[Flags] = []
@@ -293,7 +312,7 @@ def _on_target(
         for record in [record for record in gridded if record < before]:
             del gridded[record]
         for record in {before, after} - set(gridded):
-            gridded[record] = stencil.wet(field.isel(time=record).values, fill_cells)
+            gridded[record] = stencil.wet(records[record], fill_cells)
         value, origin = _between(gridded[before], gridded[after], share)
         series.append(value)
         origins.append(origin)
