@@ -11,7 +11,6 @@ from twins import cells as twin
 from ocean.grids import ALL, bent, cap, degrees, scattered, square_lakes
 from riftberg.ocean.cells import (
     adjust_cell,
-    find_cell,
     point_in_cell,
     position_from_cell,
     position_in_cell,
@@ -20,6 +19,7 @@ from riftberg.ocean.cells import (
 )
 from riftberg.ocean.geometry import inverse_bilinear, wrap_around
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.search import find_cell, search_nearby
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
 
@@ -137,6 +137,20 @@ def test_search_agrees_with_a_scan_of_all_cells(make):
         x = e.lon[n] + (a.period if n % 2 and a.period > 0 else 0.0)
         i, j = find_cell(x, e.lat[n], a)
         assert (i - a.halo + 1, j - a.halo + 1) in twin.scan(plain, x, e.lat[n], a.ni, a.nj)
+
+
+def test_search_in_a_grid_bent_to_a_half_circle():
+    """Found here: on strongly curved grids the walk lost its way and every search scanned all cells."""
+    radius, turn = np.meshgrid(100.0 + np.arange(61), np.linspace(0.0, 3.0, 90))
+    grid = Grid.from_corners(
+        radius * np.cos(turn), radius * np.sin(turn), latlon=False, regular=False, period=0.0, includes_southwest=True
+    )
+    a, plain = grid.arrays, twin.PlainGrid.of(grid.arrays)
+    e = scattered(grid, 300, np.random.default_rng(11))
+    for n in range(300):
+        assert search_nearby(e.lon[n], e.lat[n], a) == (e.cell_i[n], e.cell_j[n])
+    assert twin.scan(plain, e.lon[0], e.lat[0], a.ni, a.nj) == [(e.cell_i[0] - 3, e.cell_j[0] - 3)]
+    assert search_nearby(0.0, 10.0, a) == find_cell(0.0, 10.0, a) == (-1, -1)
 
 
 def test_search_outside_the_domain_finds_nothing():

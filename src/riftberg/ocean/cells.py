@@ -1,4 +1,4 @@
-"""Where a point lies in the grid: cell test, coordinates in a cell, search, moves between cells, land and periodicity.
+"""Where a point lies in a cell, and how elements move between cells: land stops them, periodic ends join.
 
 Array indices are used throughout: the north-east corner of cell ``(i, j)`` is ``lon[j, i]``, its south-west corner
 ``lon[j - 1, i - 1]``. Row 0 and column 0 hold corners only. Source: spec 2.4, 2.5, 8.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
@@ -22,7 +20,7 @@ from riftberg.ocean.geometry import (
     polar_plane,
     wrap_around,
 )
-from riftberg.state import Elements, Floats, Ints
+from riftberg.state import Elements, Floats
 
 if TYPE_CHECKING:
     from riftberg.ocean.grid import GridArrays
@@ -89,7 +87,8 @@ def _northernmost(i: int, j: int, lat: Floats) -> float:
 
 
 @kernel
-def _inside(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlon: bool, period: float) -> bool:
+def contains(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlon: bool, period: float) -> bool:
+    """Body of `point_in_cell` on bare arrays."""
     if not _in_box(x, y, i, j, lon, lat, period):
         return False
     if latlon and _northernmost(i, j, lat) > POLAR_LATITUDE:
@@ -110,7 +109,7 @@ def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
     grid : GridArrays
         Grid.
     """
-    return _inside(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.period)
+    return contains(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.period)
 
 
 @kernel
@@ -131,11 +130,11 @@ def _position_in_polar_cell(
 
 
 @kernel
-def _position(
+def locate_in_cell(
     x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlon: bool, regular: bool, period: float
 ) -> tuple[float, float, bool]:
     """Body of `position_in_cell` on bare arrays: handing a tuple of arrays on counts references to each of them."""
-    inside = _inside(x, y, i, j, lon, lat, latlon, period)
+    inside = contains(x, y, i, j, lon, lat, latlon, period)
     if regular and not latlon:
         height, width = abs(lat[j, i] - lat[j - 1, i]), abs(lon[j, i] - lon[j, i - 1])
         xc, yc = lon[j, i] - 0.5 * width, lat[j, i] - 0.5 * height
@@ -156,7 +155,7 @@ def position_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> tu
 
     Points outside get coordinates outside [0, 1) that tell in which direction they lie.
     """
-    return _position(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.regular, grid.period)
+    return locate_in_cell(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.regular, grid.period)
 
 
 @kernel
@@ -175,73 +174,6 @@ def position_from_cell(xi: float, eta: float, i: int, j: int, grid: GridArrays) 
     x, y = blend_corners(x3, x4, x2, x1, xi, eta), blend_corners(y3, y4, y2, y1, xi, eta)
     real = lon[j, i] if lat[j - 1, i - 1] >= POLAR_LATITUDE else lon[j - 1, i - 1]
     return wrap_around(math.atan2(y, x) / DEGREE, real, 360.0), 90.0 - math.hypot(x, y)
-
-
-@kernel
-def _into_domain(i: int, grid: GridArrays) -> int:
-    if grid.cyclic:
-        return grid.halo + (i - grid.halo) % grid.ni
-    return min(max(i, grid.halo), grid.halo + grid.ni - 1)
-
-
-@kernel
-def _guess_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
-    """Cell that a point would have if the grid were evenly spaced; always inside the domain."""
-    h, ni, nj = grid.halo, grid.ni, grid.nj
-    west, south = grid.lon[h - 1, h - 1], grid.lat[h - 1, h - 1]
-    width = (grid.lon[h - 1, h + ni - 1] - west) / ni
-    height = (grid.lat[h + nj - 1, h - 1] - south) / nj
-    column = min(max((wrap_around(x, west + 0.5 * width * ni, grid.period) - west) / width, -1e6), 1e6)
-    row = min(max((y - south) / height, -1e6), 1e6)
-    return _into_domain(h + math.floor(column), grid), min(max(h + math.floor(row), h), h + nj - 1)
-
-
-@kernel
-def find_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
-    """Return array column and row of the domain's cell (no halo) that holds a point, or (-1, -1) (spec 2.5).
-
-    Tries the cell of an evenly spaced grid, walks from there along the cell coordinates, and scans all cells if
-    that fails.
-    """
-    h, ni, nj = grid.halo, grid.ni, grid.nj
-    i, j = _guess_cell(x, y, grid)
-    for _ in range(32):
-        xi, eta, inside = position_in_cell(x, y, i, j, grid)
-        if inside:
-            return i, j
-        if not (abs(xi) < 1e6 and abs(eta) < 1e6):
-            break
-        next_i = _into_domain(i + math.floor(xi), grid)
-        next_j = min(max(j + math.floor(eta), h), h + nj - 1)
-        if next_i == i and next_j == j:
-            break
-        i, j = next_i, next_j
-    for row in range(h, h + nj):
-        for column in range(h, h + ni):
-            if point_in_cell(x, y, column, row, grid):
-                return column, row
-    return -1, -1
-
-
-@kernel
-def locate_points(
-    lon: Floats, lat: Floats, grid: GridArrays, cell_i: Ints, cell_j: Ints, xi: Floats, eta: Floats
-) -> None:
-    """Fill cell and coordinates in the cell of many points; ``cell_i`` = -1 for points outside the domain."""
-    h = grid.halo
-    domain = grid.lat[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
-    south, north = domain.min(), domain.max()
-    columns = grid.lon[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
-    west, east = columns.min(), columns.max()
-    for n in range(lon.size):
-        x = wrap_around(lon[n], 0.5 * (west + east), grid.period)
-        outside = not (south <= lat[n] <= north) or (not grid.cyclic and not (west <= x <= east))
-        i, j = (-1, -1) if outside else find_cell(x, lat[n], grid)
-        cell_i[n], cell_j[n] = i, j
-        if i >= 0:
-            xi[n], eta[n], _ = position_in_cell(x, lat[n], i, j, grid)
-        else:
-            xi[n], eta[n] = np.nan, np.nan
 
 
 @kernel
@@ -345,7 +277,7 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
         if e.static[n] >= 0.5:
             continue
         i, j = e.cell_i[n], e.cell_j[n]
-        e.xi[n], e.eta[n], inside = _position(e.lon[n], e.lat[n], i, j, lon, lat, latlon, regular, period)
+        e.xi[n], e.eta[n], inside = locate_in_cell(e.lon[n], e.lat[n], i, j, lon, lat, latlon, regular, period)
         if inside:
             continue
         x, y, i, j, xi, eta, bounced = adjust_cell(e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], grid)

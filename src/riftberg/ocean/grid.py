@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError, InputError
-from riftberg.ocean.cells import locate_points
 from riftberg.ocean.metrics import cell_areas, edge_lengths
+from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats
 
 
@@ -311,7 +311,7 @@ class Grid:
             If an element lies outside the domain or on land.
         """
         e, g = elements, self.arrays
-        locate_points(e.lon, e.lat, g, e.cell_i, e.cell_j, e.xi, e.eta)
+        locate_points(e.lon, e.lat, g, True, e.cell_i, e.cell_j, e.xi, e.eta)
         outside = np.flatnonzero(e.cell_i < 0)
         if outside.size:
             raise _misplaced(e, int(outside[0]), "outside the grid", self._extent())

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Fields, Grid
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
@@ -23,6 +22,7 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
+from riftberg.ocean.search import locate_points
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.state import Elements, Floats, Ints
 
@@ -226,7 +226,7 @@ class GriddedForcing:
         x, y = (np.ascontiguousarray(q, dtype=np.float64).ravel() for q in (lon, lat))
         i, j = np.empty(x.size, dtype=np.int64), np.empty(x.size, dtype=np.int64)
         xi, eta = np.empty(x.size), np.empty(x.size)
-        locate_points(x, y, self._grid.arrays, i, j, xi, eta)
+        locate_points(x, y, self._grid.arrays, False, i, j, xi, eta)
         i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
         return x, y, i, j, xi, eta
 

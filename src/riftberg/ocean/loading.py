@@ -94,10 +94,10 @@ def usable(values: Floats, mask: Floats, zero_on_land: bool) -> Floats:
 
     The array itself comes back if it is already so.
     """
-    q = np.require(values, dtype=np.float64, requirements=["C", "W"])
+    q: Floats = np.require(values, dtype=np.float64, requirements=["C", "W"])
     if _is_clean(q, mask, zero_on_land):
         return q
-    q = np.nan_to_num(q, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    q = np.where(np.isnan(q), 0.0, q)
     if zero_on_land:
         q[mask < 0.5] = 0.0
     return q
