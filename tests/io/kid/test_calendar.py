@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from riftberg.io.kid.calendar import Date, date_after, is_sampled
@@ -33,14 +35,19 @@ def test_year_day_counts_31_days_for_every_month() -> None:
 def test_sampling_counts_from_the_month() -> None:
     """Quirk T23: 7 hours do not divide a month, so the rhythm starts anew."""
     sampled = [h for h in range(29 * 24, 32 * 24) if is_sampled(date_after(3600.0 * h), 7.0)]
-    gaps = {b - a for a, b in zip(sampled, sampled[1:], strict=False)}
+    gaps = {b - a for a, b in itertools.pairwise(sampled)}
     assert gaps != {7}
     assert all((24 * date_after(3600.0 * h).day + date_after(3600.0 * h).hour) % 7 == 0 for h in sampled)
 
 
 @pytest.mark.parametrize(
     ("dt", "hours", "first"),
-    [(60.0, 1.0, [0, 3600, 7200]), (100.0, 0.05, [0, 900, 1800]), (1800.0, 1.0, [0, 3600, 7200]), (7.0, -1.0, [0, 7, 14])],
+    [
+        (60.0, 1.0, [0, 3600, 7200]),
+        (100.0, 0.05, [0, 900, 1800]),
+        (1800.0, 1.0, [0, 3600, 7200]),
+        (7.0, -1.0, [0, 7, 14]),
+    ],
 )
 def test_sampling(dt: float, hours: float, first: list[float]) -> None:
     starts = [n * dt for n in range(200) if is_sampled(date_after(n * dt), hours)]

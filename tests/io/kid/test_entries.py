@@ -51,7 +51,7 @@ def test_names_types_and_defaults_are_those_of_the_specification(shared: Path) -
             if kind == "L":
                 assert entry.default is (default == "T")
             elif kind in ("I", "I8", "R") and not default.startswith("largest"):
-                assert entry.default == float(default.replace("−", "-"))
+                assert entry.default == float(default.replace("\u2212", "-"))
             elif entry.kind == "text":
                 assert entry.default == default.strip("'")
 

@@ -56,7 +56,8 @@ def test_leniencies(tmp_path: Path, written: str, name: str, value: object) -> N
 
 def test_old_style_group_ends(tmp_path: Path) -> None:
     path = tmp_path / "input.nml"
-    path.write_text(" $ICEBERGS_NML lat_ref=-55., mts=T, $END\n&icebergs_driver_nml ni=3 nj=4 data_dir=./d/ /\n&fms_nml\n/")
+    driver = "&icebergs_driver_nml ni=3 nj=4 data_dir=./d/ /"
+    path.write_text(f" $ICEBERGS_NML lat_ref=-55., mts=T, $END\n{driver}\n&fms_nml\n/")
     namelist = read_namelist(path)
     assert namelist.icebergs.number("lat_ref") == -55.0
     assert namelist.driver.whole("nj") == 4

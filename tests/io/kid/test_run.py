@@ -11,10 +11,11 @@ import netCDF4
 import numpy as np
 import pytest
 
-from riftberg.errors import BergError, InputError, NamelistError
+from riftberg.errors import BergError, InputError, NamelistError, RunError
 from riftberg.io.kid.bond_restart import write_bonds
 from riftberg.io.kid.restart import read_restart
 from riftberg.io.kid.run import load_case, run_kid
+from riftberg.model import Model
 
 from .conftest import namelist_text, restart_variables, write_nc
 
@@ -52,6 +53,22 @@ def test_a_run_from_a_folder_that_is_only_read(case: Path, tmp_path: Path) -> No
     restart = read(report.files[2])
     np.testing.assert_array_equal(restart["lon"], report.case.model.elements.lon)
     assert len(read(report.files[3])["tangd1"]) == 2
+
+
+def test_a_run_that_fails_leaves_its_last_good_state(
+    case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(model: Model) -> None:
+        if model.step_number == 2:
+            raise RunError("it blew up")
+        step(model)
+
+    step = Model.step
+    monkeypatch.setattr(Model, "step", fail)
+    with pytest.raises(RunError, match=r"it blew up; the last good state is in .*t_restart.nc"):
+        run_kid(change(case, traj_sample_hrs=-1.0), tmp_path / "t.nc")
+    assert len(read(tmp_path / "t.nc")["lon"]) == 4
+    np.testing.assert_array_equal(read(tmp_path / "t_restart.nc")["lon"], read(tmp_path / "t.nc")["lon"][2:])
 
 
 def test_output_folder_takes_the_names_of_the_namelist(case: Path, tmp_path: Path) -> None:
@@ -132,7 +149,7 @@ def test_legacy_rolling_schemes(case: Path) -> None:
 def test_bits_that_would_melt_are_refused(case: Path) -> None:
     write_nc(case / "INPUT" / "icebergs.res.nc", {**restart_variables(), "mass_of_bits": np.ones(2)})
     load_case(case)
-    with pytest.raises(NamelistError, match="bergy_bit_erosion_fraction = 0.2 with bits"):
+    with pytest.raises(NamelistError, match=r"bergy_bit_erosion_fraction = 0.2 with bits"):
         load_case(change(case, bergy_bit_erosion_fraction=0.2))
 
 
@@ -165,7 +182,7 @@ def test_missing_folder_namelist_and_restart(case: Path, tmp_path: Path) -> None
     with pytest.raises(InputError, match=r"INPUT/icebergs.res.nc: no such file"):
         load_case(case)
     (case / "input.nml").unlink()
-    with pytest.raises(NamelistError, match="input.nml: cannot be read"):
+    with pytest.raises(NamelistError, match=r"input.nml: cannot be read"):
         load_case(case)
 
 
@@ -178,7 +195,13 @@ def test_a_refused_run_writes_nothing(case: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "bonds"),
-    [("collision_KID", 26), ("collision_iKID_wide", 26), ("dem_ssbeam", 28), ("dem_cbeam", 147), ("a68_synthetic", None)],
+    [
+        ("collision_KID", 26),
+        ("collision_iKID_wide", 26),
+        ("dem_ssbeam", 28),
+        ("dem_cbeam", 147),
+        ("a68_synthetic", None),
+    ],
 )
 def test_reference_cases_load(shared: Path, name: str, bonds: int | None) -> None:
     loaded = load_case(shared / "reference" / name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import InputError
+from riftberg.errors import InputError, RunError
 from riftberg.io.kid.bond_restart import read_bonds, write_bonds
 from riftberg.io.kid.checks import check_bits, check_calving_store, check_rolling, order_sides
 from riftberg.io.kid.driver import Clock, apply_beam_test, build_clock, build_forcing, build_grid
@@ -184,13 +184,24 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
     -------
     KidReport
         What was done with each namelist entry, and the files written.
+
+    Raises
+    ------
+    InputError
+        Before the first step, if something is missing, unknown, unsupported or impossible.
+    RunError
+        If the run fails; the last good state is written first.
     """
     case = load_case(Path(case_dir))
     paths = _output_paths(case, Path(output))
     recorders, files = _recorders(case, paths)
     if progress is not None:
         recorders.append(progress)
-    case.model.advance(steps=case.clock.steps, recorders=recorders)
+    try:
+        case.model.advance(steps=case.clock.steps, recorders=recorders)
+    except RunError as error:
+        saved = _write_restarts(case, paths)
+        raise RunError(f"{error}; the last good state is in {', '.join(map(str, saved))}") from error
     files += _write_restarts(case, paths)
     return KidReport(case, tuple(files), (*case.namelist.report(), *case.notes))
 
