@@ -64,7 +64,7 @@ def composed(one, two, s, law, dt):
         s=np.array([sx, sy]),
         length=dist,
         sigma_n=bonds.tensile_stress(law.E, rest, half, theta, w),
-        sigma_s=np.hypot(fx, fy) / (w * h),
+        sigma_s=0.0 if law.no_shear else bonds.shear_stress_of(law.E, law.nu, rest, float(np.hypot(sx, sy))),
         force=np.array([push * nx + fx, push * ny + fy]),
         force_d=damp,
         torque=(torque1 + bend, torque2 - bend),
@@ -398,6 +398,14 @@ def test_shared_lever_quirk_gives_the_partner_the_wrong_torque_only_if_radii_dif
     own, shared = (composed(one, two, s, law(shared_lever=x), 20.0) for x in (False, True))
     assert own.torque[0] == shared.torque[0]
     assert own.torque[1] != shared.torque[1]
+
+
+@quick
+@given(e=between(1e3, 1e9), nu=between(-0.5, 0.49), w=length, h=thickness, rest=length, slip=between(0, 50))
+def test_shear_stress_is_the_shear_force_over_the_section(e, nu, w, h, rest, slip):
+    """Spec 5.4: |F_s| / (w H), whatever the section."""
+    force = bonds.shear_stiffness(e, nu, w, h, rest) * slip
+    assert bonds.shear_stress_of(e, nu, rest, slip) == pytest.approx(force / (w * h), rel=1e-13)
 
 
 def test_no_shear_leaves_only_the_normal_force():
