@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from riftberg import constants
 from riftberg.diagnostics.fragments import Fragment
+from riftberg.errors import RunError
+from riftberg.io.restart import save
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.state import new_bonds, new_elements
 
@@ -63,7 +66,8 @@ class FakeModel:
         if not latlon:
             parameters = parameters.changed(earth={"latlon": False})
         self.parameters, self.start, self.forcing = parameters, start, FakeForcing()
-        self.time, self.step_number = 0.0, 0
+        self.time, self.step_number, self.substeps = 0.0, 0, 90
+        self.fail_at, self.failure = math.inf, RunError("the contact iteration does not settle")
         self.origin, self.turn, self.break_time = (lon, lat), math.radians(turn_per_day) / 86_400.0, break_time
         i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
         self._x, self._y = (i.ravel() - (nx - 1) / 2) * SIDE, (j.ravel() - (ny - 1) / 2) * SIDE
@@ -95,8 +99,29 @@ class FakeModel:
         e.u_sync[:], e.v_sync[:], e.rotation[:], e.spin[:] = 0.2, -0.02, angle, self.turn
         self.bonds.normal_stress[:] = 1000.0 + self.time / 100.0
 
+    @property
+    def date(self) -> datetime:
+        """Date of the state."""
+        return self.start + timedelta(seconds=self.time)
+
+    @property
+    def fragment_count(self) -> int:
+        """Number of fragments."""
+        return len(self.fragments.rows)
+
+    @property
+    def bonds_broken(self) -> int:
+        """Number of broken bonds."""
+        return int(np.isfinite(self.bonds.break_time).sum())
+
+    def save(self, path: Path) -> Path:
+        """Write a restart file."""
+        return save(self, path)  # type: ignore[arg-type]
+
     def step(self) -> None:
-        """Move on by one long step."""
+        """Move on by one long step, or fail at ``fail_at`` (s)."""
+        if self.time >= self.fail_at:
+            raise self.failure
         self.step_number += 1
         self.time = self.step_number * self.parameters.stepping.time_step
         if self.time >= self.break_time and len(self.fragments.rows) == 1:
@@ -114,16 +139,18 @@ class FakeModel:
             Fragment(2, 1, self.time, lon, lat, int(loose.sum()), area, area * 170e3, int(cut.sum()), True)
         )
 
-    def advance(self, days: float, recorders: Any = ()) -> None:
+    def advance(self, days: float | None = None, *, steps: int = 0, recorders: Any = ()) -> None:
         """Run as the real model does."""
-        end = self.time + days * 86_400.0
-        for recorder in recorders:
-            recorder.start(self)
+        end = self.time + (steps * self.parameters.stepping.time_step if days is None else days * 86_400.0)
+        started = []
         try:
+            for recorder in recorders:
+                recorder.start(self)
+                started.append(recorder)
             while self.time < end - 1e-6:
                 self.step()
                 for recorder in recorders:
                     recorder.record(self)
         finally:
-            for recorder in recorders:
+            for recorder in started:
                 recorder.finish(self)

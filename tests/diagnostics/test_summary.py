@@ -18,7 +18,7 @@ from riftberg.diagnostics.track import DailyTrack
 def result() -> dict[str, object]:
     """Summary of a run of two days in which a piece of 6 elements breaks off on the first."""
     model, track, stopwatch = FakeModel(), DailyTrack(), Stopwatch()
-    model.advance(2, [track, stopwatch])
+    model.advance(2, recorders=[track, stopwatch])
     return summarize(model, experiment="fake", track=track.rows, stopwatch=stopwatch)
 
 
@@ -56,5 +56,5 @@ def test_json_comes_back(result: dict[str, object], tmp_path: Path) -> None:
 
 def test_a_run_of_one_step_has_no_speed() -> None:
     model, stopwatch = FakeModel(), Stopwatch()
-    model.advance(1800 / 86400, [stopwatch])
+    model.advance(1800 / 86400, recorders=[stopwatch])
     assert summarize(model, stopwatch=stopwatch)["seconds_per_day"] is None

@@ -75,7 +75,7 @@ def test_main_berg_is_the_largest_in_area_not_in_number() -> None:
 
 def test_daily_track_follows_drift_and_turn() -> None:
     model, track = FakeModel(20, 4, turn_per_day=-12.0, break_time=1e9), DailyTrack()
-    model.advance(3.3, [track])
+    model.advance(3.3, recorders=[track])
     assert [when for when, _ in track.rows] == [datetime(2020, 12, day, 13) for day in (9, 10, 11, 12)]
     assert [p.azimuth for _, p in track.rows] == pytest.approx([90.0, 102.0, 114.0, 126.0], abs=0.5)
     east = math.radians(track.rows[3][1].lon - track.rows[0][1].lon) * RADIUS * math.cos(math.radians(55.0))

@@ -28,7 +28,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[FakeModel, Path]:
     """Run two days and return the model with the file it wrote."""
     path = tmp_path_factory.mktemp("run") / "run.nc"
     model = FakeModel()
-    model.advance(2, [RunWriter(path, every_hours=3, experiment="fake", seed=7)])
+    model.advance(2, recorders=[RunWriter(path, every_hours=3, experiment="fake", seed=7)])
     return model, path
 
 
@@ -81,7 +81,7 @@ def test_attributes_allow_the_run_to_be_repeated(run: tuple[FakeModel, Path]) ->
 
 
 def test_cartesian_run_has_metres(tmp_path: Path) -> None:
-    FakeModel(latlon=False).advance(0.25, [RunWriter(tmp_path / "run.nc")])
+    FakeModel(latlon=False).advance(0.25, recorders=[RunWriter(tmp_path / "run.nc")])
     ds = open_run(tmp_path)
     assert ds.x.attrs["units"] == ds.y.attrs["units"] == "m"
     assert ds.x.attrs["standard_name"] == "projection_x_coordinate"
@@ -90,7 +90,7 @@ def test_cartesian_run_has_metres(tmp_path: Path) -> None:
 
 
 def test_last_state_is_kept_even_off_schedule(tmp_path: Path) -> None:
-    FakeModel().advance(2.5 / 24, [RunWriter(tmp_path / "run.nc")])
+    FakeModel().advance(2.5 / 24, recorders=[RunWriter(tmp_path / "run.nc")])
     hours = (open_run(tmp_path).time - np.datetime64("2020-12-09T13:00:00")) / np.timedelta64(1, "h")
     assert hours.values.tolist() == [0.0, 1.0, 2.0, 2.5]
 
@@ -114,9 +114,9 @@ def test_readable_after_every_record_while_another_program_keeps_it_open(tmp_pat
 
 
 def test_a_new_run_may_replace_a_file_that_is_still_open_here(tmp_path: Path) -> None:
-    FakeModel().advance(0.25, [RunWriter(tmp_path / "run.nc")])
+    FakeModel().advance(0.25, recorders=[RunWriter(tmp_path / "run.nc")])
     earlier = open_run(tmp_path)
-    FakeModel().advance(0.5, [RunWriter(tmp_path / "run.nc")])
+    FakeModel().advance(0.5, recorders=[RunWriter(tmp_path / "run.nc")])
     assert open_run(tmp_path).sizes["time"] == 13
     assert np.isfinite(earlier.lon.values).all()
 
@@ -160,7 +160,7 @@ def test_records_are_held_back_to_spare_time(tmp_path: Path) -> None:
 def test_writing_costs_little(tmp_path: Path) -> None:
     model, writer = FakeModel(40, 12), RunWriter(tmp_path / "run.nc")
     before = time.perf_counter()
-    model.advance(10, [writer])
+    model.advance(10, recorders=[writer])
     assert (time.perf_counter() - before) / 10 < 0.2  # s per day; 0.02 on a laptop
 
 
@@ -197,7 +197,7 @@ def test_missing_and_foreign_files_are_named(tmp_path: Path) -> None:
 def test_a_run_without_a_file_ends_in_memory() -> None:
     model = FakeModel()
     with memory_run(None, 6.0) as writer:
-        model.advance(1, [writer])
+        model.advance(1, recorders=[writer])
         dataset = writer.dataset()
     assert not writer.path.exists()
     np.testing.assert_array_equal(dataset.lon[:, -1], model.elements.lon)

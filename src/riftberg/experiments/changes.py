@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Iterable, Mapping
+from datetime import datetime
 from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -11,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from riftberg.errors import InputError
 from riftberg.experiments import nearest
-from riftberg.parameters import Parameters
+from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.units import looks_like_quantity, to_unit
 
 Changes = dict[str, dict[str, Any]]
@@ -147,7 +148,7 @@ def allowed(field: FieldInfo) -> str:
 
 
 def _kind_name(kind: Any) -> str:
-    plain = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+    plain = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", datetime: "a date"}
     if kind in plain:
         return plain[kind]
     if get_origin(kind) is tuple:
@@ -178,3 +179,14 @@ def explained(error: ValidationError, where: str) -> dict[str, str]:
         return {"what": str(first["msg"]).removeprefix("Value error, "), "where": where}
     field = find_field(str(first["loc"][0]), str(first["loc"][1]), where=where)
     return {"what": f"{place} = {first['input']!r} is not possible", "where": where, "remedy": allowed(field)}
+
+
+def reference_numerics(parameters: Parameters) -> Parameters:
+    """Return the same physics with the numerics and quirks of the reference, as `A68A_2022_KID` has them."""
+    return parameters.changed(
+        drag={"rotational": False},
+        grounding={"implicit": False},
+        bonds={"objective_damping": False},
+        stepping={"skip_first_long_force": True},
+        compatibility=A68A_2022_KID.compatibility.model_dump(),
+    )

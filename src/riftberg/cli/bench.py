@@ -1,0 +1,68 @@
+"""``riftberg bench``: how fast a run is here, beside a yardstick that makes machines comparable."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from riftberg.cli.failures import reported
+from riftberg.cli.run import announce_compilation
+from riftberg.errors import InputError
+
+SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+"""Numbers of elements that ``--scaling`` goes through."""
+
+
+@reported
+def bench(
+    experiment: Annotated[str, typer.Argument(help="A built-in experiment or a YAML file.")] = "a68a",
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    days: Annotated[float, typer.Option("--days", help="Simulated days to time.")] = 1.0,
+    scaling: Annotated[
+        str | None, typer.Option("--scaling", metavar="FROM..TO", help="Time rectangular bergs of FROM to TO elements.")
+    ] = None,
+) -> None:
+    """Measure seconds per simulated day, compilation and memory, beside a yardstick."""
+    import json
+
+    from riftberg.diagnostics.speed import measure
+    from riftberg.experiments import build
+
+    announce_compilation()
+    if scaling is None:
+        model, info = build(experiment)
+        rows = [measure(model, experiment=info.name, days=days)]
+    else:
+        rows = list(_scaled(sizes_between(scaling), days))
+    if as_json:
+        typer.echo(json.dumps(rows if scaling else rows[0], indent=1))
+        return
+    for row in rows:
+        typer.echo(line(row))
+
+
+def sizes_between(text: str) -> list[int]:
+    """Read ``500..100000`` and return the sizes to time, both ends among them."""
+    low, dots, high = text.replace("_", "").partition("..")
+    if not (low.isdigit() and (high.isdigit() if dots else True)) or int(low) < 1 or int(high or low) < int(low):
+        raise InputError(f"{text!r} is not a range of sizes", where="--scaling", remedy="For example 500..100000")
+    first, last = int(low), int(high or low)
+    return sorted({first, last, *(size for size in SIZES if first < size < last)})
+
+
+def _scaled(sizes: list[int], days: float) -> Any:
+    from riftberg.diagnostics.speed import measure, square_berg
+
+    for size in sizes:
+        yield measure(square_berg(size), experiment=f"rectangle of {size}", days=days, seconds=5.0)
+
+
+def line(row: dict[str, Any]) -> str:
+    """Return a measurement in one line."""
+    memory = f"{row['memory_mb']:.0f} MB" if row["memory_mb"] is not None else "memory unknown"
+    ratio = f" = {row['relative_to_yardstick']:.2f} yardsticks" if row["relative_to_yardstick"] else ""
+    return (
+        f"{row['experiment']}: {row['elements']} elements, {row['bonds']} bonds, {row['seconds_per_day']:.3g} s per day"
+        f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), first step {row['compile_seconds']:.3g} s, {memory}"
+    )

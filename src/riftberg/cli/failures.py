@@ -1,0 +1,40 @@
+"""What the person at the terminal sees when something is wrong: one clear message, and a code for scripts."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from typing import Final, ParamSpec, TypeVar
+
+import typer
+
+from riftberg.errors import RiftbergError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+EXIT_ERROR: Final = 2
+EXIT_INTERRUPTED: Final = 130
+
+
+def say(text: str) -> None:
+    """Write to the terminal beside the results."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def reported(command: Callable[P, R]) -> Callable[P, R]:
+    """Turn errors that Riftberg raises on purpose into a message and exit code 2, an interrupt into 130."""
+
+    @functools.wraps(command)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return command(*args, **kwargs)
+        except RiftbergError as error:
+            say(f"Error: {error}")
+            raise typer.Exit(EXIT_ERROR) from error
+        except KeyboardInterrupt as error:
+            say("Interrupted.")
+            raise typer.Exit(EXIT_INTERRUPTED) from error
+
+    return wrapped

@@ -1,0 +1,46 @@
+"""The command line: ``riftberg run``, ``riftberg kid``, ``riftberg bench``.
+
+Nothing heavy is imported here; every command imports what it needs when it runs, so that help appears at once.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from riftberg import __version__
+from riftberg.cli import bench, kid, run
+
+app = typer.Typer(
+    name="riftberg",
+    help="Tabular icebergs as lattices of ice columns joined by breakable bonds: drift, grounding and break-up.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"riftberg {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Take the options that stand before the command."""
+
+
+app.command("run")(run.run)
+app.command("experiments")(run.experiments)
+app.command("kid")(kid.kid)
+app.command("bench")(bench.bench)
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,234 @@
+"""``riftberg run``: build an experiment, run it, write run.nc, summary.json and map.png."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
+from riftberg.errors import InputError, RiftbergError, RunError
+from riftberg.experiments import EXPERIMENTS, Info, Options
+
+if TYPE_CHECKING:
+    from riftberg.diagnostics.summary import Stopwatch
+    from riftberg.diagnostics.track import DailyTrack
+    from riftberg.model import Model
+
+COMPILE_TIME = "one to three minutes"
+"""About how long the first run compiles, as announced."""
+
+Name = Annotated[str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME]")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="GROUP.NAME=VALUE", help="Set a parameter, for example fracture.normal_strength='20 kPa'."),
+]  # fmt: skip
+Days = Annotated[float | None, typer.Option("--days", help="Length of the run, instead of the experiment's.")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of data files.")]
+Without = Annotated[list[str] | None, typer.Option("--without", help="Leave out a part of the experiment.")]
+NumericsName = Annotated[
+    str, typer.Option("--numerics", help="'own', or 'reference' for the numerics and quirks of iKID.")
+]
+
+
+@reported
+def run(
+    experiment: Name,
+    output: Output = None,
+    settings: Settings = None,
+    days: Days = None,
+    data: Data = None,
+    without: Without = None,
+    numerics: NumericsName = "own",
+    every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
+    resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
+    map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+) -> None:
+    """Run an experiment and write run.nc, summary.json and map.png."""
+    options = make_options(settings, days, data, without, numerics)
+    announce_compilation(quiet)
+    model, info = _built(experiment, options, resume)
+    session = Session(model, info, output_folder(output, info.name), experiment)
+    session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
+    session.report(draw=map_)
+
+
+def experiments() -> None:
+    """List the built-in experiments."""
+    width = max(len(entry.name) for entry in EXPERIMENTS)
+    for entry in EXPERIMENTS:
+        parts = f"  (--without {' | '.join(entry.parts)})" if entry.parts else ""
+        typer.echo(f"{entry.name:{width}}  {entry.summary}{parts}")
+
+
+def make_options(
+    settings: list[str] | None,
+    days: float | None,
+    data: Path | None,
+    without: list[str] | None,
+    numerics: str,
+) -> Options:
+    """Check what was given on the command line."""
+    if numerics not in ("own", "reference"):
+        raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference")
+    if days is not None and not days > 0.0:
+        raise InputError(f"{days:g} days", where="--days", remedy="Give a number above 0")
+    if data is not None and not data.is_dir():
+        raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
+    changes: dict[str, dict[str, Any]] = {}
+    if settings:
+        from riftberg.experiments.changes import parse_settings
+
+        changes = parse_settings(settings)
+    return Options(changes, days, data, frozenset(without or ()), "own" if numerics == "own" else "reference")
+
+
+def announce_compilation(quiet: bool = False) -> None:
+    """Say beforehand that the first step takes long where nothing has been compiled yet."""
+    from riftberg.kernels import is_warm
+
+    if not quiet and not is_warm():
+        say(f"First run with this version: compiling takes {COMPILE_TIME}, once.")
+
+
+def output_folder(given: Path | None, name: str) -> Path:
+    """Return the folder of the results; without a wish, one that holds no earlier run."""
+    if given is not None:
+        return given
+    folder, number = Path("riftberg-out") / name, 1
+    while (folder / "run.nc").exists():
+        number += 1
+        folder = Path("riftberg-out") / f"{name}-{number}"
+    return folder
+
+
+def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Model, Info]:
+    from riftberg.experiments import build
+
+    if resume is None:
+        return build(experiment, options)
+    if options.changes:
+        raise InputError(
+            "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
+        )
+    from riftberg.model import Model
+
+    fresh, info = build(experiment, options)
+    return Model.resume(resume, fresh.forcing), info
+
+
+@dataclass
+class Session:
+    """One run from the command line.
+
+    Attributes
+    ----------
+    model : Model
+        At its start.
+    info : Info
+        Of the experiment.
+    folder : pathlib.Path
+        Where the results go.
+    experiment : str
+        As it was given on the command line.
+    """
+
+    model: Model
+    info: Info
+    folder: Path
+    experiment: str
+    track: DailyTrack | None = None
+    stopwatch: Stopwatch | None = None
+
+    def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
+        """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
+        from riftberg.cli.progress import Interrupt, ProgressRecorder
+        from riftberg.diagnostics.summary import Stopwatch
+        from riftberg.diagnostics.track import DailyTrack
+        from riftberg.io.run_file import RunWriter
+
+        remaining = days - self.model.time / 86400.0
+        if remaining <= 0.0:
+            raise InputError(f"the state is already {self.model.time / 86400.0:g} days old", where="--days",
+                             remedy=f"Give more than that; now it is {days:g}")  # fmt: skip
+        self.track, self.stopwatch = DailyTrack(), Stopwatch()
+        writer = RunWriter(
+            self.folder / "run.nc", every_hours=every_hours, experiment=self.info.name, seed=self.info.seed
+        )
+        recorders = [writer, self.track, self.stopwatch, ProgressRecorder(remaining, quiet=quiet), Interrupt()]
+        before = self.model.step_number
+        try:
+            self.model.advance(remaining, recorders=recorders)
+        except KeyboardInterrupt as error:
+            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
+            self.report(draw=False)
+            raise typer.Exit(EXIT_INTERRUPTED) from error
+        except RiftbergError as error:
+            if self.model.step_number == before and not isinstance(error, RunError):
+                raise  # refused before the first step: there is nothing to save
+            raise RunError(f"the run failed at {self._date()}: {error}. {self._saved('failed')}") from error
+        except Exception:
+            say(f"The run failed at {self._date()}. {self._saved('failed')}")
+            raise
+
+    def _date(self) -> str:
+        return f"{self.model.date:%Y-%m-%d %H:%M} (day {self.model.time / 86400.0:.2f})"
+
+    def _saved(self, why: str) -> str:
+        """Save the state and say how to go on."""
+        path = self.model.save(self.folder / f"{why}.restart.nc")
+        return f"Go on with: riftberg run {self.experiment} --resume {path}"
+
+    def report(self, *, draw: bool = True) -> None:
+        """Write summary and map, and print the summary."""
+        from riftberg.diagnostics.summary import summarize, write_summary
+
+        rows = self.track.rows if self.track else ()
+        summary = summarize(self.model, experiment=self.info.name, track=rows, stopwatch=self.stopwatch)
+        write_summary(summary, self.folder / "summary.json")
+        files = ["run.nc", "summary.json"]
+        if draw:
+            self._draw()
+            files.append("map.png")
+        for line in short_summary(summary):
+            typer.echo(line)
+        typer.echo(f"Written to {self.folder}: {', '.join(files)}")
+
+    def _draw(self) -> None:
+        from riftberg.io.run_file import open_run
+        from riftberg.viz.map import draw_map
+
+        with open_run(self.folder) as dataset:
+            draw_map(
+                dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
+                observed=self.info.observed,
+            )  # fmt: skip
+
+
+def short_summary(summary: dict[str, Any]) -> list[str]:
+    """Return a summary in a few lines."""
+    title = summary["experiment"] or "run"
+    lines = [
+        f"{title}: {summary['days']:g} days to {summary['end'].replace('T', ' ')[:16]}, {summary['elements']} elements, "
+        f"{summary['bonds_broken']} of {summary['bonds_total']} bonds broken"
+    ]
+    if summary["seconds_per_day"] is not None:
+        lines[0] += f", {summary['seconds_per_day']:.3g} s per day"
+    for event in summary["breakups"][:10]:
+        ground = "aground" if event["grounded"] else "afloat"
+        lines.append(
+            f"  {event['time'].replace('T', ' ')[:16]}  {event['area_km2']:.0f} km2 broke off {ground} "
+            f"({event['bonds']} bonds) at {event['lat']:.3f}, {event['lon']:.3f}"
+        )
+    if len(summary["breakups"]) > 10:
+        lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")
+    areas = ", ".join(f"{area:.0f}" for area in summary["areas_km2"][:6])
+    more = " ..." if summary["fragments"] > 6 else ""
+    count = f"{summary['fragments']} fragment{'s' if summary['fragments'] != 1 else ''}"
+    return [*lines, f"  {count} at the end: {areas}{more} km2"]

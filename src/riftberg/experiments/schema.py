@@ -1,0 +1,144 @@
+"""What an experiment file in YAML may say: sections, keys, units and limits.
+
+Quantities may carry units (``thickness: 200 m``, ``time_step: 30 min``); plain numbers are in the unit named here.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from riftberg.parameters import Packing
+
+SHAPES = ("outline", "mask", "rectangle", "lattice")
+"""Ways to give the shape of a berg."""
+
+Pair = tuple[float, float]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def key(default: Any, unit: str, meaning: str, **limits: Any) -> Any:
+    """Describe one key: default, unit, meaning and limits."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
+
+
+class Outline(Section):
+    """Shape from a polygon."""
+
+    file: str = key(..., "", "GeoJSON, shapefile, CSV (lon, lat) or KML")
+    feature: int | str | None = key(None, "", "which outline of a file with several")
+    date: str | None = key(None, "", "date of the outline in a file with several")
+    crs: str | None = key(None, "", "coordinate system of projected coordinates, such as EPSG:3031")
+    repair: bool = key(False, "", "mend an outline that crosses itself")
+
+
+class Mask(Section):
+    """Shape from a grid of ones and zeros, or of thickness."""
+
+    file: str = key(..., "", "NetCDF or GeoTIFF grid with longitude and latitude")
+    variable: str | None = key(None, "", "variable of the file")
+    threshold: float | None = key(None, "", "value above which a point is ice")
+    date: str | None = key(None, "", "time of the file")
+
+
+class Rectangle(Section):
+    """Idealised shape."""
+
+    length: float = key(..., "m", "extent to the east before rotation", gt=0)
+    width: float = key(..., "m", "extent to the north before rotation", gt=0)
+
+
+class LatticeRows(Section):
+    """Shape from the rows of a square lattice."""
+
+    rows: list[tuple[int, int, int]] = key(..., "", "row, first column and last column, from south to north")
+    cell_radius: float = key(1500.0, "m", "half the side of a cell of these rows", gt=0)
+
+
+class Berg(Section):
+    """The iceberg: one shape, thickness, elements and place."""
+
+    outline: Outline | None = None
+    mask: Mask | None = None
+    rectangle: Rectangle | None = None
+    lattice: LatticeRows | None = None
+    thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
+    radius: float = key(1500.0, "m", "half the width of an element", gt=0)
+    packing: Packing = key("square", "", "square or hexagonal elements")
+    placement: Pair | None = key(None, "degree", "longitude and latitude of the centre")
+    rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
+    shift: Pair = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
+    velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
+    spin: float = key(0.0, "rad s-1", "angular velocity at the start, counter-clockwise")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Berg:
+        given = [name for name in SHAPES if getattr(self, name) is not None]
+        if len(given) != 1:
+            count = f"has {len(given)} shapes ({', '.join(given)})" if given else "has no shape"
+            raise ValueError(f"the berg {count}; give exactly one of {', '.join(SHAPES)}")
+        if given[0] in ("rectangle", "lattice") and self.placement is None:
+            raise ValueError(f"a berg from a {given[0]} needs placement: [longitude, latitude]")
+        return self
+
+
+class ConstantForcing(Section):
+    """A uniform, steady environment."""
+
+    kind: Literal["constant"]
+    current: Pair = key((0.0, 0.0), "m s-1", "eastward and northward ocean current")
+    wind: Pair = key((0.0, 0.0), "m s-1", "eastward and northward wind")
+    slope: Pair = key((0.0, 0.0), "1", "eastward and northward slope of the sea surface")
+    sea_ice: tuple[float, float, float] = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice")
+    depth: float = key(1e4, "m", "depth of water", gt=0)
+
+
+class FileForcing(Section):
+    """Ocean, air, sea ice and sea floor from data files."""
+
+    kind: Literal["files"]
+    files: list[str] = key(..., "", "files or patterns of any products that Riftberg knows", min_length=1)
+    longitude: Pair = key(..., "degree", "west and east of the grid")
+    latitude: Pair = key(..., "degree", "south and north of the grid")
+    spacing: float = key(0.125, "degree", "width of a grid cell", gt=0, le=5)
+    every_hours: float = key(6.0, "h", "interval at which the files are interpolated to the grid", gt=0)
+    coastal_drift: float = key(0.0, "m s-1", "current added away from land cells", ge=0)
+
+
+class ExperimentForcing(Section):
+    """The analytic ocean of a built-in experiment."""
+
+    kind: Literal["analytic"]
+    name: Literal["a68a"] = key("a68a", "", "built-in experiment whose ocean is used")
+    without: list[str] = key([], "", "parts of that ocean to leave out")
+
+
+Forcing = Annotated[ConstantForcing | FileForcing | ExperimentForcing, Field(discriminator="kind")]
+
+
+def _in_utc(moment: datetime) -> datetime:
+    return moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
+
+
+class Experiment(Section):
+    """A whole experiment file."""
+
+    name: str = key("experiment", "", "short name, also of the output folder", pattern=r"^[A-Za-z0-9][\w.-]*$")
+    title: str = key("", "", "heading of the map")
+    start: Annotated[datetime, AfterValidator(_in_utc)] = key(..., "", "date and time of the start (UTC)")
+    days: float = key(..., "day", "length of the run", gt=0)
+    output_every_hours: float = key(1.0, "h", "interval of the records", ge=0)
+    berg: Berg
+    forcing: Forcing
+    parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")
+
+
+PRESETS = ("a68a-2022", "a68a-2022-reference", "default")
+"""Sets of parameters that a file may start from."""

@@ -1,0 +1,348 @@
+"""Experiments from YAML files: read, checked and explained by line, then built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from riftberg.errors import InputError
+from riftberg.experiments import Info, Options, nearest
+from riftberg.experiments.changes import (
+    allowed,
+    changed,
+    explained,
+    fields_of,
+    kinds_of,
+    plain_value,
+    reference_numerics,
+)
+from riftberg.experiments.schema import PRESETS, ConstantForcing, Experiment, ExperimentForcing, FileForcing
+from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+
+if TYPE_CHECKING:
+    from riftberg.bergs.iceberg import Iceberg
+    from riftberg.model import Model
+    from riftberg.ocean.forcing import Forcing
+
+Place = tuple[str | int, ...]
+_KINDS: dict[str, type[BaseModel]] = {
+    "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing,
+}  # fmt: skip
+
+
+class Document:
+    """A YAML file with the lines of its keys.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines: dict[Place, int] = {}
+        self.values = self._load(self._text())
+
+    def _text(self) -> str:
+        try:
+            return self.path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise InputError("no such file", where=str(self.path), remedy="Name a YAML file") from error
+        except UnicodeDecodeError as error:
+            raise InputError("not a text file in UTF-8", where=str(self.path)) from error
+
+    def _load(self, text: str) -> dict[str, Any]:
+        try:
+            node = yaml.compose(text, Loader=yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+            raise InputError(f"not valid YAML: {error.problem}", where=f"{self.path}{line}") from error
+        if not isinstance(node, yaml.MappingNode):
+            raise InputError(
+                "an experiment file is a list of sections", where=str(self.path), remedy=f"It has {_keys(Experiment)}"
+            )
+        self._mark(node, ())
+        values: dict[str, Any] = yaml.safe_load(text)
+        return values
+
+    def _mark(self, node: yaml.Node, place: Place) -> None:
+        """Note the line of every key, and refuse keys that stand twice."""
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                inner = (*place, str(key.value))
+                if inner in self.lines:
+                    raise InputError(
+                        f"{'.'.join(map(str, inner))} stands twice, first in line {self.lines[inner]}",
+                        where=f"{self.path}, line {key.start_mark.line + 1}",
+                    )
+                self.lines[inner] = key.start_mark.line + 1
+                self._mark(value, inner)
+        elif isinstance(node, yaml.SequenceNode):
+            for index, value in enumerate(node.value):
+                self.lines[(*place, index)] = value.start_mark.line + 1
+                self._mark(value, (*place, index))
+
+    def where(self, place: Place) -> str:
+        """Return file, line and key of a place, or of the section around it."""
+        known = place
+        while known and known not in self.lines:
+            known = known[:-1]
+        line = f", line {self.lines[known]}" if known else ""
+        key = ".".join(str(part) for part in place)
+        return f"{self.path}{line}" + (f", {key}" if key else "")
+
+    def error(self, what: str, place: Place, remedy: str = "") -> InputError:
+        """Return an error that names the place."""
+        return InputError(what, where=self.where(place), remedy=remedy)
+
+
+def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
+    """Read and check an experiment file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        YAML file.
+
+    Returns
+    -------
+    experiment : Experiment
+        Its content.
+    parameters : Parameters
+        Preset and changes.
+    document : Document
+        Lines of its keys, for messages.
+
+    Raises
+    ------
+    InputError
+        With file, line, key, the value met and what is allowed.
+    """
+    document = Document(Path(path))
+    values = dict(document.values)
+    values.setdefault("name", Path(path).stem)
+    values = _prepared(values, Experiment, (), document)
+    try:
+        experiment = Experiment(**values)
+    except ValidationError as error:
+        raise _explained(error, document) from error
+    return experiment, _parameters(experiment, document), document
+
+
+def _keys(section: type[BaseModel]) -> str:
+    return ", ".join(section.model_fields)
+
+
+def _prepared(values: Any, section: type[BaseModel], place: Place, document: Document) -> dict[str, Any]:
+    """Check the keys of a section and of those within, and turn quantities into numbers."""
+    if not isinstance(values, dict):
+        raise document.error(f"{values!r} is not a section", place, f"It has the keys {_keys(section)}")
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        inner = (*place, str(name))
+        field = section.model_fields.get(str(name))
+        if field is None:
+            choices = list(section.model_fields)
+            raise document.error(
+                "there is no such key", inner, f"{nearest(str(name), choices)}Allowed here: {', '.join(choices)}"
+            )
+        result[str(name)] = _value(value, field, inner, document)
+    return result
+
+
+def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> Any:
+    inner = _section_of(value, field, place, document)
+    if inner is not None:
+        return _prepared(value, inner, place, document)
+    try:
+        return (
+            value if str in kinds_of(field.annotation) and not _is_quantity(value, field) else plain_value(value, field)
+        )
+    except ValueError as error:
+        raise document.error(str(error), place, allowed(field)) from error
+
+
+def _is_quantity(value: Any, field: FieldInfo) -> bool:
+    """Whether a text in a field for numbers or file names begins like a number."""
+    from riftberg.units import looks_like_quantity
+
+    return isinstance(value, str) and float in kinds_of(field.annotation) and looks_like_quantity(value)
+
+
+def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) -> type[BaseModel] | None:
+    """Return the section that a field holds; the kind of forcing decides among several."""
+    sections = [kind for kind in kinds_of(field.annotation) if isinstance(kind, type) and issubclass(kind, BaseModel)]
+    if len(sections) < 2 or value is None:
+        return sections[0] if sections and value is not None else None
+    kind = value.get("kind") if isinstance(value, dict) else None
+    if kind not in _KINDS:
+        raise document.error(
+            f"kind = {kind!r} is not known" if kind else "the kind of forcing is missing",
+            (*place, "kind"),
+            f"{nearest(str(kind), _KINDS)}Use kind: {', '.join(_KINDS)}",
+        )
+    return _KINDS[kind]
+
+
+def _explained(error: ValidationError, document: Document) -> InputError:
+    """Turn the first finding of pydantic into a message with its place."""
+    first = error.errors()[0]
+    place = tuple(part for part in first["loc"] if part not in _KINDS and part not in ("float", "int", "str"))
+    field = _field_at(place)
+    if first["type"] == "missing":
+        return document.error("this key is missing", place, allowed(field) if field else "")
+    message = str(first["msg"]).removeprefix("Value error, ")
+    if field is None or first["type"] == "value_error":
+        return document.error(message, place)
+    return document.error(f"{first['input']!r} is not possible ({message})", place, allowed(field))
+
+
+def _field_at(place: Place) -> FieldInfo | None:
+    """Return the field of the schema at a place."""
+    section: type[BaseModel] = Experiment
+    for depth, part in enumerate(place):
+        choices = _KINDS.values() if place[:depth] == ("forcing",) else (section,)
+        field = next((c.model_fields[str(part)] for c in choices if str(part) in c.model_fields), None)
+        if field is None or depth == len(place) - 1:
+            return field
+        inner = [k for k in kinds_of(field.annotation) if isinstance(k, type) and issubclass(k, BaseModel)]
+        if not inner:
+            return field
+        section = inner[0]
+    return None
+
+
+def _parameters(experiment: Experiment, document: Document) -> Parameters:
+    """Return the preset with the changes of the file; packing follows the berg."""
+    given = dict(experiment.parameters)
+    preset = given.pop("preset", "a68a-2022")
+    if preset not in PRESETS:
+        raise document.error(f"preset {preset!r} is not known", ("parameters", "preset"),
+                             f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
+    base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[preset]
+    changes = {group: _group(group, values, document) for group, values in given.items()}
+    packing = experiment.berg.packing
+    shape: dict[str, Any] = {"packing": packing, "max_bonds": 6 if packing == "hexagonal" else 4}
+    changes["bonds"] = {**shape, **changes.get("bonds", {})}
+    if "substeps" not in changes.get("stepping", {}):
+        changes["stepping"] = {"substeps": None, **changes.get("stepping", {})}
+    try:
+        return changed(base, changes, where=document.where(("parameters",)))
+    except InputError as error:
+        cause = error.__cause__
+        if isinstance(cause, ValidationError):
+            place = ("parameters", *cause.errors()[0]["loc"])
+            raise InputError(**explained(cause, document.where(place))) from cause
+        raise
+
+
+def _group(group: str, values: Any, document: Document) -> dict[str, Any]:
+    groups = Parameters.model_fields
+    place = ("parameters", group)
+    if group not in groups:
+        raise document.error("there is no such group of parameters", place,
+                             f"{nearest(group, groups)}Groups are {', '.join(groups)}, and preset")  # fmt: skip
+    if not isinstance(values, dict):
+        raise document.error(f"{values!r} is not a group of parameters", place)
+    fields, result = fields_of(groups[group]), {}
+    for name, value in values.items():
+        if name not in fields:
+            raise document.error("there is no such parameter", (*place, str(name)),
+                                 f"{nearest(str(name), fields)}{group} has {', '.join(fields)}")  # fmt: skip
+        result[str(name)] = _value(value, fields[name], (*place, str(name)), document)
+    return result
+
+
+def build_file(path: Path, options: Options) -> tuple[Model, Info]:
+    """Build the experiment of a YAML file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file; names of files in it are relative to ``options.data`` or else to its folder.
+    options : Options
+        Changes from the command line, which win over the file.
+    """
+    from riftberg.model import Model
+
+    experiment, parameters, _ = read_file(path)
+    if options.numerics == "reference":
+        parameters = reference_numerics(parameters)
+    parameters = options.apply(parameters)
+    folder = options.data or Path(path).parent
+    berg = build_berg(experiment, parameters, folder)
+    days = options.days or experiment.days
+    forcing = build_forcing(experiment, folder, days, options)
+    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours)
+    return Model(berg, forcing, parameters, experiment.start), info
+
+
+def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
+    """Build the berg of an experiment."""
+    from riftberg.bergs.iceberg import Iceberg
+
+    berg = experiment.berg
+    thickness = berg.thickness if isinstance(berg.thickness, float) else folder / berg.thickness
+    common: dict[str, Any] = {
+        "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
+        "velocity": berg.velocity, "spin": berg.spin, "rotation": berg.rotation, "earth_radius": parameters.earth.radius,
+    }  # fmt: skip
+    if berg.outline is not None:
+        given = berg.outline
+        return Iceberg.from_outline(
+            folder / given.file, feature=given.feature, date=given.date, crs=given.crs, repair=given.repair,
+            placement=berg.placement, shift=berg.shift, **common,
+        )  # fmt: skip
+    if berg.mask is not None:
+        mask = berg.mask
+        return Iceberg.from_mask(
+            folder / mask.file, variable=mask.variable, threshold=mask.threshold, date=mask.date,
+            placement=berg.placement, shift=berg.shift, **common,
+        )  # fmt: skip
+    assert berg.placement is not None
+    common |= {"placement": (berg.placement[0] + berg.shift[0], berg.placement[1] + berg.shift[1])}
+    common |= {"latlon": parameters.earth.latlon}
+    if berg.rectangle is not None:
+        return Iceberg.rectangle(berg.rectangle.length, berg.rectangle.width, **common)
+    assert berg.lattice is not None
+    return Iceberg.from_table(berg.lattice.rows, table_radius=berg.lattice.cell_radius, **common)
+
+
+def build_forcing(experiment: Experiment, folder: Path, days: float, options: Options) -> Forcing:
+    """Build the forcing of an experiment."""
+    given = experiment.forcing
+    if options.without and not isinstance(given, ExperimentForcing):
+        raise InputError(
+            f"cannot leave out {min(options.without)!r}: forcing of kind {given.kind!r} has no named parts",
+            where="--without",
+            remedy="Change the file instead",
+        )
+    if isinstance(given, ConstantForcing):
+        from riftberg.ocean.analytic import Steady
+
+        return Steady(given.current, given.wind, given.slope, given.sea_ice, given.depth)
+    if isinstance(given, FileForcing):
+        from riftberg.experiments.files_forcing import forcing_from_files
+
+        return forcing_from_files(given, folder, experiment.start, days)
+    from riftberg.experiments import find
+
+    without = frozenset(given.without) | options.without
+    model, _ = find(given.name).load()(Options(without=without, data=options.data))
+    return model.forcing
+
+
+def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:
+    """Give the sections of an experiment file with their keys, for the documentation."""
+    yield "", Experiment.model_fields
+    for name in ("berg",):
+        (section,) = kinds_of(Experiment.model_fields[name].annotation)
+        yield name, section.model_fields
+    for kind, section in _KINDS.items():
+        yield f"forcing, kind: {kind}", section.model_fields

@@ -1,0 +1,78 @@
+"""Built-in experiments by name, and changes of their parameters."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from riftberg.errors import InputError
+from riftberg.experiments import EXPERIMENTS, Options, build, find, names
+from riftberg.experiments.changes import changed, parse_settings, reference_numerics
+from riftberg.parameters import A68A_2022, A68A_2022_KID
+
+
+def test_settings_are_converted_to_the_unit_of_the_parameter() -> None:
+    settings = ["stepping.time_step=30 min", "fracture.normal_strength = 20 kPa", "stepping.substeps=none",
+                "bonds.no_shear=yes", "stepping.fixed_velocity=0.1, 20 cm/s", "bonds.packing=hexagonal"]  # fmt: skip
+    changes = parse_settings(settings)
+    assert changes == {
+        "stepping": {"time_step": 1800.0, "substeps": None, "fixed_velocity": [0.1, 0.2]},
+        "fracture": {"normal_strength": 20_000.0},
+        "bonds": {"no_shear": True, "packing": "hexagonal"},
+    }
+    assert changed(A68A_2022, changes).stepping.fixed_velocity == (0.1, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("stepping.time_stp=3", "Did you mean 'time_step'"),
+        ("steping.time_step=3", "Did you mean 'stepping'"),
+        ("stepping.time_step=3 kPa", "measured in s"),
+        ("stepping.time_step=soon", "not a number"),
+        ("bonds.no_shear=maybe", "neither true nor false"),
+        ("time_step=3", "group.name=value"),
+    ],
+)
+def test_wrong_settings_are_explained(setting: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_settings([setting])
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("stepping.time_step=-3", r"stepping.time_step = -3.0 is not possible. Allowed: a number > 0, in s"),
+        ("bonds.packing=round", "Allowed: 'square', 'hexagonal'"),
+        ("stepping.scheme=verlet", "set stepping.scheme = 'mts'"),
+    ],
+)
+def test_impossible_values_are_explained(setting: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        changed(A68A_2022, parse_settings([setting]))
+
+
+def test_reference_numerics_are_those_of_the_preset() -> None:
+    assert reference_numerics(A68A_2022) == A68A_2022_KID
+
+
+def test_unknown_experiments_and_parts_are_explained() -> None:
+    with pytest.raises(InputError, match="Did you mean 'a68a'"):
+        build("a68")
+    with pytest.raises(InputError, match="Did you mean 'shoal'"):
+        build("a68a", Options(without=frozenset({"shoall"})))
+    with pytest.raises(InputError, match="can go without nothing"):
+        build("collision", Options(without=frozenset({"shoal"})))
+
+
+def test_names_are_unique_and_found() -> None:
+    assert len(set(names())) == len(EXPERIMENTS)
+    assert find("cantilever").name == "cantilever"
+
+
+def test_the_list_imports_nothing_heavy() -> None:
+    code = "import sys, riftberg.experiments; print([m for m in ('numpy', 'numba', 'xarray') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
