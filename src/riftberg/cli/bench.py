@@ -64,5 +64,6 @@ def line(row: dict[str, Any]) -> str:
     ratio = f" = {row['relative_to_yardstick']:.2f} yardsticks" if row["relative_to_yardstick"] else ""
     return (
         f"{row['experiment']}: {row['elements']} elements, {row['bonds']} bonds, {row['seconds_per_day']:.3g} s per day"
-        f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), first step {row['compile_seconds']:.3g} s, {memory}"
+        f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), "
+        f"first step {row['compile_seconds']:.3g} s, {memory}"
     )

@@ -15,7 +15,7 @@ from riftberg.experiments import EXPERIMENTS, Info, Options
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
     from riftberg.diagnostics.track import DailyTrack
-    from riftberg.model import Model
+    from riftberg.model import Model, Recorder
 
 COMPILE_TIME = "one to three minutes"
 """About how long the first run compiles, as announced."""
@@ -26,7 +26,10 @@ Output = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", "-s", metavar="GROUP.NAME=VALUE", help="Set a parameter, for example fracture.normal_strength='20 kPa'."),
+    typer.Option(
+        "--set", "-s", metavar="GROUP.NAME=VALUE",
+        help="Set a parameter, for example fracture.normal_strength='20 kPa'.",
+    ),
 ]  # fmt: skip
 Days = Annotated[float | None, typer.Option("--days", help="Length of the run, instead of the experiment's.")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of data files.")]
@@ -161,7 +164,13 @@ class Session:
         writer = RunWriter(
             self.folder / "run.nc", every_hours=every_hours, experiment=self.info.name, seed=self.info.seed
         )
-        recorders = [writer, self.track, self.stopwatch, ProgressRecorder(remaining, quiet=quiet), Interrupt()]
+        recorders: list[Recorder] = [
+            writer,
+            self.track,
+            self.stopwatch,
+            ProgressRecorder(remaining, quiet=quiet),
+            Interrupt(),
+        ]
         before = self.model.step_number
         try:
             self.model.advance(remaining, recorders=recorders)
@@ -214,8 +223,9 @@ class Session:
 def short_summary(summary: dict[str, Any]) -> list[str]:
     """Return a summary in a few lines."""
     title = summary["experiment"] or "run"
+    end = summary["end"].replace("T", " ")[:16]
     lines = [
-        f"{title}: {summary['days']:g} days to {summary['end'].replace('T', ' ')[:16]}, {summary['elements']} elements, "
+        f"{title}: {summary['days']:g} days to {end}, {summary['elements']} elements, "
         f"{summary['bonds_broken']} of {summary['bonds_total']} bonds broken"
     ]
     if summary["seconds_per_day"] is not None:

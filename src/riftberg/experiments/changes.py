@@ -102,6 +102,8 @@ def plain_value(value: Any, field: FieldInfo) -> Any:
         If a quantity has a wrong unit, or is no number where one is needed.
     """
     if isinstance(value, list):
+        if any(get_origin(kind) is list for kind in kinds_of(field.annotation)):
+            return value  # names of files or of parts, and rows of whole numbers, carry no units
         return [_number(item, field) if isinstance(item, str) else item for item in value]
     if not isinstance(value, str):
         return value
@@ -153,6 +155,8 @@ def _kind_name(kind: Any) -> str:
         return plain[kind]
     if get_origin(kind) is tuple:
         return f"{len(get_args(kind))} numbers"
+    if get_origin(kind) is list:
+        return "a list"
     options = [repr(option) for option in get_args(kind)]
     return ", ".join(options) if options else str(getattr(kind, "__name__", kind))
 

@@ -90,8 +90,10 @@ class _Maker:
         west, south = given.longitude[0], given.latitude[0]
         ni = round((given.longitude[1] - west) / given.spacing)
         nj = round((given.latitude[1] - south) / given.spacing)
-        self.corners = west + given.spacing * np.arange(1, ni + 1), south + given.spacing * np.arange(1, nj + 1)
-        self.centres = self.corners[0] - 0.5 * given.spacing, self.corners[1] - 0.5 * given.spacing
+        east = np.asarray(west + given.spacing * np.arange(1, ni + 1), np.float64)
+        north = np.asarray(south + given.spacing * np.arange(1, nj + 1), np.float64)
+        self.corners = east, north
+        self.centres = east - 0.5 * given.spacing, north - 0.5 * given.spacing
         self._static = self._fields([ds for ds in datasets if "time" not in ds.dims], None)
         depth = self._static.get("depth")
         mask = None if depth is None else np.where(depth > 0.0, 1.0, 0.0)

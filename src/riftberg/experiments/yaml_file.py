@@ -291,7 +291,8 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> 
     thickness = berg.thickness if isinstance(berg.thickness, float) else folder / berg.thickness
     common: dict[str, Any] = {
         "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
-        "velocity": berg.velocity, "spin": berg.spin, "rotation": berg.rotation, "earth_radius": parameters.earth.radius,
+        "velocity": berg.velocity, "spin": berg.spin, "rotation": berg.rotation,
+        "earth_radius": parameters.earth.radius,
     }  # fmt: skip
     if berg.outline is not None:
         given = berg.outline

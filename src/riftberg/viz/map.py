@@ -180,6 +180,8 @@ class _MapFigure:
         if depth is None:
             return
         x, y, water = depth
+        if len(np.unique(water[np.isfinite(water)])) < 50:
+            return  # a floor of steps, such as a zone that is simply declared dry, has no isobaths
         low, high = float(np.nanmin(water)), float(np.nanmax(water))
         levels = [d for d in (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000) if low < d < high]
         if levels:
@@ -195,8 +197,9 @@ class _MapFigure:
         numbers = self.scene.berg[record]
         colours = [to_rgba(self.colours.get(int(n), style.SMALL_COLOUR), alpha) for n in numbers]
         width = 0.25 if len(numbers) < 2500 else 0.0
-        ax.add_collection(PolyCollection(self.scene.polygons(record), facecolors=colours, edgecolors=(0, 0, 0, 0.45 * alpha),
-                                         linewidths=width, zorder=zorder))  # fmt: skip
+        edge = (0.0, 0.0, 0.0, 0.45 * alpha)
+        shapes = list(self.scene.polygons(record))
+        ax.add_collection(PolyCollection(shapes, facecolors=colours, edgecolors=edge, linewidths=width, zorder=zorder))
 
     def _panel(self, ax: Axes, record: int, box: Box, water: Any) -> None:
         """Draw the berg at one date in the current of that date."""

@@ -60,13 +60,15 @@ class Scene:
     def _joined(self, x: Floats) -> Floats:
         """Put longitudes on one branch, so that a berg on the date line stays in one piece."""
         period = self.parameters.earth.period if self.parameters.earth.period > 0.0 else 360.0
-        return x - period * np.round((x - x[0, 0]) / period)
+        joined: Floats = x - period * np.round((x - x[0, 0]) / period)
+        return joined
 
     @property
     def seconds(self) -> Floats:
         """Times of the records, s since the start of the run."""
         start = np.datetime64(self.run.attrs["start"])
-        return (self.times - start) / np.timedelta64(1, "s")
+        seconds: Floats = (self.times - start) / np.timedelta64(1, "s")
+        return seconds
 
     def stretch(self, y: float) -> float:
         """Units of x per unit of y for the same distance at ``y``."""

@@ -14,6 +14,16 @@ if TYPE_CHECKING:
 FRAGMENT_COLOURS = ("#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#8C510A")
 """Largest fragment first; colours of Okabe and Ito that are told apart with any colour vision, and from blue water."""
 
+PLACES = (
+    (7, 5, "left", "bottom"),
+    (7, -5, "left", "top"),
+    (-7, 5, "right", "bottom"),
+    (-7, -5, "right", "top"),
+    (0, 10, "center", "bottom"),
+    (0, -10, "center", "top"),
+)
+"""Where a label may stand beside its point: offset in points and alignment, best first."""
+
 SMALL_COLOUR = "#666666"
 """Fragments too small to be named."""
 
@@ -97,8 +107,7 @@ class Labels:
         from matplotlib.patheffects import withStroke
 
         renderer = self.ax.figure.canvas.get_renderer()  # type: ignore[attr-defined]
-        for dx, dy, ha, va in ((7, 5, "left", "bottom"), (7, -5, "left", "top"), (-7, 5, "right", "bottom"),
-                               (-7, -5, "right", "top"), (0, 10, "center", "bottom"), (0, -10, "center", "top")):  # fmt: skip
+        for dx, dy, ha, va in PLACES:
             label = self.ax.annotate(
                 text, (x, y), (dx, dy), textcoords="offset points", ha=ha, va=va, zorder=10,
                 path_effects=[withStroke(linewidth=2.5, foreground="white")], **{"fontsize": 8, **style},

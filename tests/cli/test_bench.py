@@ -1,0 +1,77 @@
+"""``riftberg bench`` and the yardstick."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from fakes import FakeModel
+from typer.testing import CliRunner
+
+from riftberg.cli.bench import sizes_between
+from riftberg.cli.main import app
+from riftberg.diagnostics import speed, yardstick
+from riftberg.errors import InputError
+from riftberg.experiments import Info
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeModel:
+    """Make every experiment a fake one."""
+    model = FakeModel()
+    monkeypatch.setattr("riftberg.experiments.build", lambda name: (model, Info("fake")))
+    return model
+
+
+def test_json_has_every_documented_key(fake: FakeModel) -> None:
+    result = CliRunner().invoke(app, ["bench", "fake", "--json"])
+    assert result.exit_code == 0, result.output
+    row: dict[str, Any] = json.loads(result.stdout)
+    text = speed.__doc__ or ""
+    keys = {name.strip() for line in text.splitlines() if " : " in line for name in line.split(" : ")[0].split(",")}
+    assert set(row) == keys
+    assert (row["elements"], row["bonds"], row["days"]) == (24, 37, 1.0)
+    assert row["substeps_per_day"] == 90 * 48
+    assert row["seconds_per_day"] > 0.0
+    assert 20.0 < row["memory_mb"] < 5000.0
+    assert row["relative_to_yardstick"] == pytest.approx(row["seconds_per_day"] / row["yardstick_seconds_per_day"])
+
+
+def test_line_for_people(fake: FakeModel) -> None:
+    result = CliRunner().invoke(app, ["bench", "fake"])
+    assert "fake: 24 elements, 37 bonds" in result.stdout
+    assert "yardstick" in result.stdout
+
+
+def test_yardstick_grows_with_the_number_of_bonds() -> None:
+    small, large = FakeModel(20, 10), FakeModel(80, 40)
+    ratio = len(large.bonds.first) / len(small.bonds.first)
+    times = [yardstick.yardstick_seconds_per_day(model, seconds=0.1) for model in (small, large)]
+    assert 0.4 * ratio < times[1] / times[0] < 2.5 * ratio
+
+
+def test_yardstick_leaves_the_model_alone_and_stays_finite() -> None:
+    model = FakeModel()
+    before = [array.copy() for array in (*model.elements, *model.bonds)]
+    yardstick.yardstick_seconds_per_day(model, seconds=0.01, repeats=1)
+    for old, new in zip(before, (*model.elements, *model.bonds), strict=True):
+        np.testing.assert_array_equal(old, new)
+    state, rest = yardstick._start(model)
+    yardstick._loop(model.bonds.first, model.bonds.second, state, np.zeros((3, 24)), rest, 1.0, 1000)
+    assert np.isfinite(state).all()
+
+
+def test_sizes_of_scaling() -> None:
+    assert sizes_between("500..5000") == [500, 1000, 2000, 5000]
+    assert sizes_between("700..900") == [700, 900]
+    assert sizes_between("300") == [300]
+    for wrong in ("many", "10..5", "0..5", "..5"):
+        with pytest.raises(InputError, match="is not a range"):
+            sizes_between(wrong)
+
+
+def test_scaling_bergs_have_about_the_number_asked_for() -> None:
+    for size in (500, 1000):
+        assert len(speed.square_berg(size).elements.id) == pytest.approx(size, rel=0.05)

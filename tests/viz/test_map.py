@@ -1,0 +1,148 @@
+"""The map of a run: shapes, extents, and the picture itself."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from fakes import SIDE, FakeModel
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from riftberg.io.run_file import RunWriter, open_run
+from riftberg.viz.map import draw_map
+from riftberg.viz.scene import Scene
+from riftberg.viz.shapes import corner_offsets, element_polygons
+from riftberg.viz.style import Labels, degree_label, round_length
+
+RADIUS = 6_363_827.0
+
+
+def shoelace(corners: np.ndarray) -> float:
+    """Area of a polygon."""
+    x, y = corners[:, 0], corners[:, 1]
+    return 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[FakeModel, xr.Dataset]:
+    """Run twelve days with a break on the first."""
+    path = tmp_path_factory.mktemp("map") / "run.nc"
+    model = FakeModel(20, 6)
+    model.advance(12, recorders=[RunWriter(path, every_hours=6, experiment="fake")])
+    return model, open_run(path)
+
+
+@pytest.mark.parametrize(("packing", "corners"), [("square", 4), ("hexagonal", 6)])
+def test_elements_have_their_true_area_and_orientation(packing: Any, corners: int) -> None:
+    lon, lat, angle, area = (np.array([v]) for v in (-39.0, -55.0, 0.3, 9e6))
+    polygons = element_polygons(lon, lat, angle, area, packing, latlon=True, radius=RADIUS)
+    assert polygons.shape == (1, corners, 2)
+    metres = math.radians(1.0) * RADIUS
+    plane = (polygons[0] - [-39.0, -55.0]) * [metres * math.cos(math.radians(55.0)), metres]
+    assert shoelace(plane) == pytest.approx(9e6, rel=1e-9)
+    first = math.atan2(plane[0, 1], plane[0, 0]) - math.atan2(*corner_offsets(packing)[0][::-1])
+    assert first == pytest.approx(0.3)
+
+
+def test_neighbouring_hexagons_share_an_edge() -> None:
+    corners = corner_offsets("hexagonal")
+    inner = math.sqrt(1.0 / (2.0 * math.sqrt(3.0)))  # radius of the inscribed circle for area 1 (spec 1.4)
+    north = corners[np.argsort(corners[:, 1])[-2:]]
+    assert north[:, 1] == pytest.approx([inner, inner])
+
+
+def test_turned_elements_stay_side_by_side(run: tuple[FakeModel, xr.Dataset]) -> None:
+    scene = Scene(run[1])
+    polygons = scene.polygons(20)
+    y = scene.y[20].mean()
+    scale = math.radians(1.0) * RADIUS * np.array([math.cos(math.radians(y)), 1.0])
+    corners = np.round((polygons.reshape(-1, 2) - polygons.reshape(-1, 2).mean(axis=0)) * scale / 200.0)
+    main = np.repeat(scene.berg[20] == 1, 4)
+    places = np.unique(corners[main], axis=0)
+    # 18 x 6 squares that share their corners have 19 x 7 different ones; some are split by rounding.
+    assert len(places) < 1.6 * 19 * 7
+
+
+def test_a_lattice_that_was_turned_when_made_is_drawn_turned(tmp_path: Path) -> None:
+    model = FakeModel(turn_per_day=0.0)
+    angle = math.radians(25.0)
+    x, y = model._x.copy(), model._y.copy()
+    model._x, model._y = x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle)
+    model._place()
+    model.advance(0.25, recorders=[RunWriter(tmp_path / "run.nc")])
+    assert Scene(open_run(tmp_path)).lattice_angle == pytest.approx(angle, abs=0.01)
+
+
+def test_dates_are_whole_days_from_first_to_last(run: tuple[FakeModel, xr.Dataset]) -> None:
+    scene = Scene(run[1])
+    records = scene.chosen_records(6)
+    assert (records[0], records[-1], len(records)) == (0, 48, 6)
+    assert {str(scene.times[k])[11:16] for k in records} == {"13:00"}
+
+
+def test_fragments_are_named_by_size_and_tracked_from_birth(run: tuple[FakeModel, xr.Dataset]) -> None:
+    scene = Scene(run[1])
+    assert scene.numbers == [1, 2]
+    assert scene.area_of(2) == 12 * SIDE**2
+    _, _, there = scene.track(2)
+    assert there[0] == 4
+    birth = scene.birth(2)
+    assert birth is not None
+    assert (str(birth[0])[:13], birth[1]) == ("2020-12-10T13", True)
+    assert scene.birth(1) is None
+
+
+def test_a_berg_on_the_date_line_stays_in_one_piece(tmp_path: Path) -> None:
+    model = FakeModel(lon=179.9, lat=-70.0)
+    model.elements.lon[model.elements.lon > 180.0] -= 360.0
+    model.advance(0.5, recorders=[RunWriter(tmp_path / "run.nc")])
+    box = Scene(open_run(tmp_path)).box()
+    assert box.east - box.west < 3.0
+
+
+def test_the_picture_is_drawn(run: tuple[FakeModel, xr.Dataset], tmp_path: Path) -> None:
+    model, ds = run
+    ring = np.array([[-39.5, -55.1], [-38.5, -55.1], [-38.5, -54.9], [-39.5, -55.1]])
+    path = draw_map(ds, tmp_path / "map.png", forcing=model.forcing, observed={"2020-12-09": [ring]}, dpi=60)
+    picture = imread(path)
+    assert picture.shape[1] > 1.5 * picture.shape[0]
+    colours = np.unique((255 * picture[..., :3]).astype(int).reshape(-1, 3), axis=0)
+    orange = np.abs(colours - [230, 159, 0]).sum(axis=1).min()
+    green = np.abs(colours - [0, 158, 115]).sum(axis=1).min()
+    assert max(orange, green) < 6  # both fragments are there in their colours
+
+
+@pytest.mark.parametrize("latlon", [True, False])
+def test_the_picture_needs_neither_forcing_nor_bonds_nor_many_records(tmp_path: Path, latlon: bool) -> None:
+    model = FakeModel(1, 1, latlon=latlon)
+    model.advance(1 / 48, recorders=[RunWriter(tmp_path / "run.nc")])
+    assert draw_map(open_run(tmp_path), tmp_path / "map.png", dpi=50).stat().st_size > 5000
+
+
+def test_degrees_are_labelled_by_hemisphere() -> None:
+    assert degree_label(-38.5, "E", "W", 1) == "38.5°W"
+    assert degree_label(321.5, "E", "W", 1) == "38.5°W"
+    assert degree_label(-55.0, "N", "S", 0) == "55°S"
+    assert degree_label(0.0, "E", "W", 0) == "0°"
+
+
+def test_scale_bars_are_round() -> None:
+    assert [round_length(v) for v in (1.0, 37.0, 99.0, 100.0, 0.3)] == [1.0, 20.0, 50.0, 100.0, pytest.approx(0.2)]
+
+
+def test_labels_never_overlap() -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = Figure(figsize=(4, 3))
+    FigureCanvasAgg(figure)
+    ax = figure.add_subplot()
+    labels = Labels(ax)
+    placed = [labels.put("12 Dec", 0.5 + 0.002 * k, 0.5) for k in range(12)]
+    assert 0 < sum(placed) < 12
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
