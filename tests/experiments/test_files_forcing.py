@@ -85,6 +85,10 @@ def test_files_that_do_not_match_or_have_no_currents_are_named(folder: Path) -> 
 def test_a_run_beyond_the_files_is_refused(folder: Path) -> None:
     path = folder / "files.yaml"
     path.write_text(EXPERIMENT.replace("days: 0.5", "days: 9"))
-    with pytest.raises(ForcingError):
-        model, info = build(str(path))
-        model.advance(info.days)
+    with pytest.raises(ForcingError, match="2020-12"):
+        _run(path)
+
+
+def _run(path: Path) -> None:
+    model, info = build(str(path))
+    model.advance(info.days)
