@@ -101,7 +101,7 @@ class Model:
         sizes = interaction_sizes(self.elements, self.constants)
         self.substeps = 1
         if self.parameters.stepping.scheme == "mts":
-            self.substeps = choose_substeps(self.parameters, self.bonds, sizes, self.elements.thickness)
+            self.substeps = choose_substeps(self.parameters, self.elements, self.bonds, sizes)
         self._visited = self.step_number > 0
         self._stepper: Stepper = make_stepper(self)
 
@@ -248,7 +248,7 @@ class Model:
         """Write a restart file from which `resume` goes on bit for bit."""
         from riftberg.io.restart import save
 
-        return save(self, path)
+        return save(self, path, extra={"substeps": self.substeps})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Model:
@@ -270,6 +270,8 @@ class Model:
         model.time, model.step_number = state.time, state.step_number
         model.fragments = FragmentTree(state.fragment_rows())
         model._prepare()
+        # A number found anew would depend on the bonds broken since.
+        model.substeps = int(state.extra.get("substeps", model.substeps))
         return model
 
     def describe(self) -> str:

@@ -1,0 +1,222 @@
+"""The fastest mode of a lattice of bonds, which decides how long a sub-step may be.
+
+In generalised coordinates X (displacement and rotation of every element) and velocities V the linearised sub-step is
+``V' = V - h M^-1 (K X + C V)``, ``X' = X + h V'``: leapfrog with the damping at the half-kicked velocity. With symmetric,
+non-negative K and C each eigenvector sees Rayleigh quotients k and c, and all its factors stay within the unit circle
+exactly while ``4 - 2 h c - h^2 k > 0``. At the limit ``4 M - 2 h C - h^2 K`` is singular, that is an eigenvalue is -1, so
+the bound is sharp, however K and C are combined. With ``K = S S^T`` and ``mu = 1 / h`` the limit is the largest eigenvalue
+of the symmetric matrix::
+
+    [ 0      S^T / 2 ]
+    [ S / 2  C / 2   ]
+
+(mass-weighted), which a few dozen Lanczos steps give without the matrix ever being built.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from riftberg.parameters import Parameters
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.stepping.sizes import Sizes
+
+ACCURACY = 0.01
+"""Relative accuracy of the largest eigenvalue."""
+
+MOST_STEPS = 400
+
+
+@dataclass(frozen=True)
+class BondOperator:
+    """Stiffness and damping of all unbroken bonds, mass-weighted, applied without building matrices.
+
+    Attributes
+    ----------
+    ends : array of int, shape (2 n,)
+        First, then second elements of the bonds.
+    count : int
+        Number of elements.
+    nx, ny : array of float, shape (n,)
+        Direction from the second to the first element.
+    lever1, lever2 : array of float
+        m.
+    normal, shear, bending : array of float
+        Square roots of the stiffnesses (N m-1, N m-1, N m).
+    damp_normal, damp_slip, damp_tangent, damp_spin : array of float
+        Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
+        relative spin (kg m2 s-1).
+    root_mass, root_inertia : array of float, shape (count,)
+        ``1 / sqrt(m)`` and ``1 / sqrt(I)``; 0 for elements that never move.
+    """
+
+    ends: Ints
+    count: int
+    nx: Floats
+    ny: Floats
+    lever1: Floats
+    lever2: Floats
+    normal: Floats
+    shear: Floats
+    bending: Floats
+    damp_normal: Floats
+    damp_slip: Floats
+    damp_tangent: Floats
+    damp_spin: Floats
+    root_mass: Floats
+    root_inertia: Floats
+
+    @property
+    def size(self) -> int:
+        """Length of the vectors that `apply` takes."""
+        return 3 * self.nx.size + 3 * self.count
+
+    def apply(self, vector: Floats) -> Floats:
+        """Multiply by the symmetric matrix whose largest eigenvalue is the inverse of the longest stable sub-step."""
+        bonds = self.nx.size
+        z1, z2, z3 = vector[: 3 * bonds].reshape(3, bonds)
+        u, v, turn = vector[3 * bonds :].reshape(3, self.count)
+        u, v, turn = u * self.root_mass, v * self.root_mass, turn * self.root_inertia
+        first, second = self.ends[:bonds], self.ends[bonds:]
+        du, dv = u[first] - u[second], v[first] - v[second]
+        along, across = self.nx * du + self.ny * dv, self.ny * du - self.nx * dv
+        slip = across + self.lever1 * turn[first] + self.lever2 * turn[second]
+        bend = turn[first] - turn[second]
+        along_force = self.normal * z1 + self.damp_normal * along
+        slip_force = self.shear * z2 + self.damp_slip * slip
+        across_force = slip_force + self.damp_tangent * across
+        moment = self.bending * z3 + self.damp_spin * bend
+        fx = self.nx * along_force + self.ny * across_force
+        fy = self.ny * along_force - self.nx * across_force
+        parts = (
+            self.normal * along,
+            self.shear * slip,
+            self.bending * bend,
+            self.root_mass * self._sum(fx, -fx),
+            self.root_mass * self._sum(fy, -fy),
+            self.root_inertia * self._sum(self.lever1 * slip_force + moment, self.lever2 * slip_force - moment),
+        )
+        return 0.5 * np.concatenate(parts)
+
+    def _sum(self, on_first: Floats, on_second: Floats) -> Floats:
+        total: Floats = np.bincount(self.ends, np.concatenate([on_first, on_second]), minlength=self.count)
+        return total
+
+
+def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) -> tuple[Floats, Floats]:
+    """Unit vectors from the second to the first elements (spec 2.2)."""
+    dx, dy = elements.lon[first] - elements.lon[second], elements.lat[first] - elements.lat[second]
+    if p.earth.period > 0.0:
+        dx -= p.earth.period * np.floor(dx / p.earth.period + 0.5)
+    if p.earth.latlon:
+        dx *= np.cos(np.radians(0.5 * (elements.lat[first] + elements.lat[second])))
+    length = np.hypot(dx, dy)
+    return dx / length, dy / length
+
+
+def _dem_stiffness(p: Parameters, sizes: Sizes, thickness: Floats, i: Ints, j: Ints) -> tuple[Floats, Floats, Floats]:
+    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (spec 5.4)."""
+    r1, r2 = sizes.bond_radius[i], sizes.bond_radius[j]
+    rest = r1 + r2
+    reach = np.minimum(r1, r2) / rest
+    width = 2.0 * (np.minimum(r1, r2) + reach * np.abs(r1 - r2))
+    small, other = np.where(r2 <= r1, (thickness[j], thickness[i]), (thickness[i], thickness[j]))
+    height = small + reach * (other - small)
+    if p.compatibility.bond_thickness_of_second:
+        height = np.maximum(thickness[i], thickness[j]) + reach * np.abs(thickness[i] - thickness[j])
+    normal = p.bonds.youngs_modulus * height * width / rest
+    shear = 0.0 * normal if p.bonds.no_shear else normal / (2.0 * (1.0 + p.bonds.poisson))
+    return normal, shear, normal * width**2 / 12.0
+
+
+def _dem_damping(p: Parameters, sizes: Sizes, i: Ints, j: Ints) -> Floats:
+    """Damping constant of the bonds, kg s-1 (spec 5.4)."""
+    plane = 2.0 * p.bonds.youngs_modulus / (3.0 * (1.0 - p.bonds.poisson**2))
+    m1, m2 = sizes.bond_mass[i], sizes.bond_mass[j]
+    return np.asarray(p.bonds.damping * np.sqrt(plane * m1 * m2 / (m1 + m2)))
+
+
+def _spring_damping(p: Parameters) -> tuple[float, float]:
+    """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (spec 5.2)."""
+    c = p.contact
+    if c.damping_by_speed:
+        return 0.0, 0.0
+    if not c.critical_damping:
+        return c.radial_damping, c.tangential_damping
+    full = 2.0 * p.bonds.spring**0.5
+    return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping
+
+
+def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> BondOperator:
+    """Linearise the unbroken bonds about the present positions, without strain.
+
+    Parameters
+    ----------
+    p : Parameters
+    elements, bonds : Elements, Bonds
+    sizes : Sizes
+    """
+    on = bonds.status == 0
+    i, j = bonds.first[on], bonds.second[on]
+    nothing = np.zeros(i.size)
+    moves = np.where(elements.static < 0.5, 1.0, 0.0)
+    if p.bonds.law == "dem":
+        normal, shear, bending = _dem_stiffness(p, sizes, elements.thickness, i, j)
+        damper = _dem_damping(p, sizes, i, j)
+        by_slip = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
+        dampers = (damper, by_slip[0], by_slip[1], damper)
+    else:
+        least = np.minimum(sizes.bond_mass[i], sizes.bond_mass[j])
+        normal, shear, bending = p.bonds.spring * least, nothing, nothing
+        radial, tangential = _spring_damping(p)
+        dampers = (radial * least, nothing, tangential * least, nothing)
+    return BondOperator(
+        np.concatenate([i, j]),
+        elements.mass.size,
+        *_directions(p, elements, i, j),
+        sizes.bond_radius[i],
+        sizes.bond_radius[j],
+        np.sqrt(normal),
+        np.sqrt(shear),
+        np.sqrt(bending),
+        *dampers,
+        moves / np.sqrt(sizes.bond_mass),
+        moves / (np.sqrt(0.5 * sizes.bond_mass) * sizes.bond_radius),
+    )
+
+
+def largest_eigenvalue(operator: BondOperator, accuracy: float = ACCURACY) -> float:
+    """Return an upper estimate of the largest eigenvalue, s-1, by Lanczos steps from a fixed random vector.
+
+    The residual of the Ritz vector is added to the Ritz value, so that the estimate errs to the safe side by at most
+    ``accuracy``.
+    """
+    vector = np.random.default_rng(1).standard_normal(operator.size)
+    vector /= np.linalg.norm(vector)
+    before = np.zeros_like(vector)
+    diagonal: list[float] = []
+    beside: list[float] = []
+    for step in range(1, MOST_STEPS + 1):
+        image = operator.apply(vector)
+        if beside:
+            image -= beside[-1] * before
+        diagonal.append(float(image @ vector))
+        image -= diagonal[-1] * vector
+        beside.append(float(np.linalg.norm(image)))
+        # A vanishing remainder means that the vectors so far hold all of the matrix.
+        exhausted = beside[-1] <= 1e-12 * max(map(abs, diagonal))
+        if exhausted or step % 8 == 0 or step == MOST_STEPS:
+            value, residual = _top(diagonal, beside)
+            if exhausted or residual < accuracy * value:
+                break
+        before, vector = vector, image / beside[-1]
+    return value + residual
+
+
+def _top(diagonal: list[float], beside: list[float]) -> tuple[float, float]:
+    """Largest eigenvalue of the tridiagonal matrix and the residual of its Ritz vector."""
+    matrix = np.diag(diagonal) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1)
+    values, vectors = np.linalg.eigh(matrix)
+    return float(values[-1]), float(beside[-1] * abs(vectors[-1, -1]))

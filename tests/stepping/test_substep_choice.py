@@ -1,0 +1,194 @@
+"""The automatic sub-step against what real lattices bear when they are run."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import InputError, RunError
+from riftberg.model import Model
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.stepping.lattice_modes import bond_operator, largest_eigenvalue
+from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.substep_choice import choose_substeps, stable_substep
+
+RADIUS = 1500.0
+
+
+def _parameters(**groups):
+    base = {
+        "earth": {"latlon": False, "period": 0.0},
+        "fracture": {"enabled": False},
+        "stepping": {"only_interactions": True, "substeps": None},
+        "bonds": {"constant_size": False},
+    }
+    for group, values in groups.items():
+        base[group] = {**base.get(group, {}), **values}
+    return A68A_2022.changed(**base)
+
+
+def _berg(packing="square", thickness=200.0, side=4, **kwargs):
+    length = 2 * RADIUS * side
+    return Iceberg.rectangle(
+        length, length, thickness=thickness, radius=RADIUS, packing=packing, latlon=False, **kwargs
+    )
+
+
+def _limit(berg, p):
+    return stable_substep(p, berg.elements, berg.bonds, interaction_sizes(berg.elements, p.kernel_values()))
+
+
+def _growth(berg, p, substep):
+    """Factor by which small random motions of the lattice grow over 500 sub-steps."""
+    model = Model(berg, Steady(), p.changed(stepping={"time_step": 500 * substep, "substeps": 500},
+                                            compatibility={"zero_start": True}))  # fmt: skip
+    r = np.random.default_rng(3)
+    for name in ("u", "v"):
+        getattr(model.elements, name)[:] = 1e-9 * r.standard_normal(model.elements.u.size)
+    model.elements.spin[:] = 1e-9 / RADIUS * r.standard_normal(model.elements.u.size)
+    before = _speed(model)
+    try:
+        model.step()
+    except RunError:
+        return math.inf
+    return _speed(model) / before
+
+
+def _speed(model):
+    el = model.elements
+    return float(np.sqrt(np.sum(el.u**2 + el.v**2 + (RADIUS * el.spin) ** 2)))
+
+
+def _scattered_thickness(packing):
+    count = _berg(packing).elements.mass.size
+    return 200.0 * np.random.default_rng(5).uniform(0.5, 1.5, count)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("objective", [True, False])
+@pytest.mark.parametrize(
+    "change",
+    [{}, {"damping": 0.0}, {"youngs_modulus": 1e9}, {"no_shear": True}],
+    ids=["as published", "undamped", "stiff", "without shear"],
+)
+def test_lattice_is_stable_below_the_limit_and_not_above(packing, objective, change) -> None:
+    p = _parameters(bonds={"packing": packing, "objective_damping": objective, **change})
+    berg = _berg(packing)
+    limit = _limit(berg, p)
+    assert _growth(berg, p, 0.99 * limit) < 3.0
+    assert _growth(berg, p, 1.03 * limit) > 30.0
+
+
+@pytest.mark.parametrize("objective", [True, False])
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_limit_holds_where_thickness_varies(packing, objective) -> None:
+    p = _parameters(bonds={"packing": packing, "objective_damping": objective})
+    berg = _berg(packing, _scattered_thickness(packing))
+    limit = _limit(berg, p)
+    assert limit < _limit(_berg(packing), p)
+    assert _growth(berg, p, 0.99 * limit) < 3.0
+    assert _growth(berg, p, 1.03 * limit) > 30.0
+
+
+def test_limit_of_spring_bonds() -> None:
+    p = _parameters(bonds={"law": "spring", "packing": "hexagonal"}, contact={"tangential_critical_damping": True})
+    berg = _berg("hexagonal")
+    limit = _limit(berg, p)
+    assert _growth(berg, p, 0.99 * limit) < 3.0
+    assert _growth(berg, p, 1.03 * limit) > 30.0
+
+
+def test_elements_that_never_move_have_no_inertia_to_lend() -> None:
+    p = _parameters()
+    x, y = RADIUS * np.array([1.0, 3.0]), np.zeros(2)
+    clamped = Iceberg.from_points(x, y, thickness=200.0, radius=RADIUS, static=[True, False], latlon=False)
+    limit = _limit(clamped, p)
+    assert _growth(clamped, p, 0.99 * limit) < 3.0
+    assert _growth(clamped, p, 1.03 * limit) > 30.0
+    assert math.isinf(_limit(Iceberg.from_points(x, y, thickness=200.0, radius=RADIUS, static=True, latlon=False), p))
+
+
+def test_limit_of_one_undamped_bond_is_that_of_its_fastest_oscillation() -> None:
+    p = _parameters(bonds={"damping": 0.0})
+    pair = Iceberg.from_points([0.0, 2 * RADIUS], [0.0, 0.0], thickness=200.0, radius=RADIUS, latlon=False)
+    stiffness, mass = 5e6 * 200.0, 850.0 * 200.0 * 4 * RADIUS**2
+    inertia = 0.5 * mass * RADIUS**2
+    shear = stiffness / 2.6 * (2 / mass + 2 * RADIUS**2 / inertia)
+    assert _limit(pair, p) == pytest.approx(2.0 / math.sqrt(shear), rel=0.011)
+
+
+def test_limit_is_that_of_the_whole_matrix() -> None:
+    p = _parameters(bonds={"packing": "hexagonal"})
+    berg = _berg("hexagonal", _scattered_thickness("hexagonal"))
+    operator = bond_operator(p, berg.elements, berg.bonds, interaction_sizes(berg.elements, p.kernel_values()))
+    matrix = np.array([operator.apply(column) for column in np.eye(operator.size)])
+    assert np.array_equal(matrix, matrix.T) or np.abs(matrix - matrix.T).max() < 1e-12 * np.abs(matrix).max()
+    exact = np.linalg.eigvalsh(matrix)[-1]
+    assert exact <= largest_eigenvalue(operator) <= 1.01 * exact
+
+
+def test_published_run_is_within_the_limit() -> None:
+    """The sub-step of the paper (20 s) is stable with either damper; an earlier bound of single bonds refused it."""
+    for preset, limit in ((A68A_2022, 27.4), (A68A_2022_KID, 30.2)):
+        p = preset.changed(earth={"latlon": False, "period": 0.0},
+                           bonds={"constant_length": 2 * RADIUS, "constant_width": 2 * RADIUS})  # fmt: skip
+        found = _limit(_berg(side=20), p)
+        assert found == pytest.approx(limit, rel=0.01)
+        assert found > 1800.0 / 90
+        sizes = interaction_sizes(_berg(side=20).elements, p.kernel_values())
+        berg = _berg(side=20)
+        assert choose_substeps(p, berg.elements, berg.bonds, sizes) == 90
+
+
+def test_number_of_substeps_keeps_the_safety_factor() -> None:
+    p = _parameters(stepping={"safety": 0.7})
+    model = Model(_berg(), Steady(), p)
+    limit = _limit(_berg(), p)
+    assert 1800.0 / model.substeps <= 0.7 * limit < 1800.0 / (model.substeps - 1)
+
+
+def test_substep_beyond_the_limit_is_refused() -> None:
+    with pytest.raises(InputError, match=r"longer than the stable .*Set it to 8\d or more"):
+        Model(_berg(), Steady(), _parameters(stepping={"substeps": 50}))
+
+
+def test_no_bonds_no_limit() -> None:
+    p = _parameters()
+    berg = _berg()
+    berg.bonds.status[:] = 2
+    assert math.isinf(_limit(berg, p))
+    assert Model(berg, Steady(), p).substeps == 1
+
+
+def test_resumed_run_keeps_its_number_of_substeps(tmp_path) -> None:
+    """A number found anew after bonds have broken would differ, and the run would not go on bit for bit."""
+    p = _parameters(stepping={"only_interactions": False})
+    model = Model(_berg(), Steady(current=(0.3, 0.1)), p)
+    model.step()
+    model.bonds.status[:-1] = 2
+    resumed = Model.resume(model.save(tmp_path / "half.restart.nc"), Steady(current=(0.3, 0.1)))
+    assert Model(_berg(), Steady(), p).substeps == resumed.substeps == model.substeps
+    for run in (model, resumed):
+        run.step()
+    assert np.array_equal(model.elements.lon, resumed.elements.lon)
+
+
+def test_choice_takes_little_time() -> None:
+    p = _parameters()
+    berg = _berg(side=22)
+    sizes = interaction_sizes(berg.elements, p.kernel_values())
+    took = []
+    for _ in range(5):
+        began = time.perf_counter()
+        stable_substep(p, berg.elements, berg.bonds, sizes)
+        took.append(time.perf_counter() - began)
+    assert min(took) < 0.05
+
+
+def test_defaults_need_no_number_of_substeps() -> None:
+    assert Parameters().stepping.substeps is None
