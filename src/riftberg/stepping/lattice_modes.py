@@ -101,8 +101,8 @@ class BondOperator:
         return 0.5 * np.concatenate(parts)
 
     def _sum(self, on_first: Floats, on_second: Floats) -> Floats:
-        total: Floats = np.bincount(self.ends, np.concatenate([on_first, on_second]), minlength=self.count)
-        return total
+        forces = np.concatenate([on_first, on_second])
+        return np.asarray(np.bincount(self.ends, forces, minlength=self.count), dtype=np.float64)
 
 
 def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) -> tuple[Floats, Floats]:

@@ -37,7 +37,7 @@ def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes
 
 
 def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> int:
-    """Number of sub-steps in a long step: as given (and checked), or the smallest that keeps the safety factor.
+    """Return the number of sub-steps in a long step: as given (and checked), or the smallest that is safe.
 
     Raises
     ------
