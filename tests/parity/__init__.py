@@ -1,0 +1,1 @@
+"""Proof that Riftberg reproduces the reference: whole cases, compared with its output."""
