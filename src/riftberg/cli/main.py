@@ -1,4 +1,4 @@
-"""The command line: ``riftberg run``, ``riftberg kid``, ``riftberg bench``.
+"""The command line: runs, pictures of them, comparison with observations, and forcing files.
 
 Nothing heavy is imported here; every command imports what it needs when it runs, so that help appears at once.
 """
@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from riftberg import __version__
-from riftberg.cli import bench, kid, run
+from riftberg.cli import animate, bench, doctor, fetch, kid, plot, replay, run
 
 app = typer.Typer(
     name="riftberg",
@@ -41,6 +41,11 @@ app.command("run")(run.run)
 app.command("experiments")(run.experiments)
 app.command("kid")(kid.kid)
 app.command("bench")(bench.bench)
+app.command("plot")(plot.plot)
+app.command("animate")(animate.animate)
+app.command("replay")(replay.replay)
+app.command("doctor")(doctor.doctor)
+app.command("fetch")(fetch.fetch)
 
 if __name__ == "__main__":
     app()

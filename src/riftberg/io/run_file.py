@@ -32,6 +32,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
+from riftberg.io.background import append_background
 from riftberg.io.provenance import run_attributes
 from riftberg.io.restart import fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Variable
@@ -84,6 +85,8 @@ class RunWriter:
         Seed of random numbers, for the attributes.
     flush_seconds : float, optional
         Wall time for which records may be held in memory, in s; 0 writes each at once.
+    background : bool, optional
+        Add currents and sea floor around the run for maps (`riftberg.io.background`) at the end.
 
     Examples
     --------
@@ -98,11 +101,12 @@ class RunWriter:
         experiment: str = "",
         seed: int | None = None,
         flush_seconds: float = 1.0,
+        background: bool = True,
     ) -> None:
         self.path = Path(path)
         self.interval = 3600.0 * every_hours
         self.experiment, self.seed = experiment, seed
-        self.flush_seconds = flush_seconds
+        self.flush_seconds, self.background = flush_seconds, background
         self.records = 0
         self._held: list[_Record] = []
         self._last_flush = self._pause = 0.0
@@ -135,6 +139,8 @@ class RunWriter:
         if model.time > self._latest + _ROUND:
             self._take(model)
         self._flush(model)
+        if self.background:
+            append_background(self.path, model)
 
     def _take(self, model: Model) -> None:
         self._held.append(_Record(model))
@@ -224,7 +230,8 @@ class _RunWithDataset(RunWriter):
     """Writer whose file can be had as a dataset; one without a name of its own lives in memory afterwards."""
 
     def __init__(self, path: Path, every_hours: float, in_memory: bool) -> None:
-        super().__init__(path, every_hours=every_hours)
+        # The background is read from a file; a run in memory can do without.
+        super().__init__(path, every_hours=every_hours, background=not in_memory)
         self._in_memory = in_memory
 
     def dataset(self) -> xr.Dataset:

@@ -1,0 +1,47 @@
+"""``riftberg fetch``: the inputs of the published run, and original products through their own clients."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from riftberg.cli.doctor import dates, pair
+from riftberg.cli.failures import reported
+from riftberg.errors import InputError
+
+PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1")
+
+
+@reported
+def fetch(
+    what: Annotated[str, typer.Argument(help=f"a68a (inputs of the published run, 1.3 GB), or {', '.join(PRODUCTS)}.")],
+    folder: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder.  [default: riftberg-data/NAME]")
+    ] = None,
+    lon: Annotated[str | None, typer.Option("--lon", metavar="WEST,EAST", help="Longitudes, for products.")] = None,
+    lat: Annotated[str | None, typer.Option("--lat", metavar="SOUTH,NORTH", help="Latitudes, for products.")] = None,
+    time: Annotated[str | None, typer.Option("--time", metavar="FIRST,LAST", help="Days, for products.")] = None,
+    depth: Annotated[float, typer.Option("--depth", help="Deepest level (m), for products with levels.")] = 250.0,
+    small: Annotated[bool, typer.Option("--small", help="a68a: only the small files, no hourly fields.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+) -> None:
+    """Fetch forcing files; a fetch that was cut goes on where it stopped."""
+    folder = folder or Path("riftberg-data") / what
+    if what == "a68a":
+        from riftberg.ocean.fetch import HOURLY, fetch_a68a
+
+        paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
+    elif what in PRODUCTS:
+        from riftberg.ocean.services import fetch_product
+
+        box, span = (pair(lon, "--lon"), pair(lat, "--lat")), dates(time)
+        if box[0] is None or box[1] is None or span is None:
+            raise InputError("box and days are needed", where=f"fetch {what}",
+                             remedy="For example --lon -43,-33 --lat -59,-53 --time 2020-12-09,2020-12-25")  # fmt: skip
+        paths = fetch_product(what, folder, box[0], box[1], span, depth=depth, progress=not quiet)  # type: ignore[arg-type]
+    else:
+        raise InputError(f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join(PRODUCTS)}")
+    for path in paths:
+        typer.echo(path)

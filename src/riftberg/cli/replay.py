@@ -1,0 +1,36 @@
+"""``riftberg replay``: a run as one web page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from riftberg.cli.failures import reported
+from riftberg.cli.pictures import ObservedFile, Run, beside, outlines
+
+
+@reported
+def replay(
+    run: Run,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Page.  [default: replay.html beside the run]")
+    ] = None,
+    title: Annotated[str, typer.Option("--title", help="Heading.")] = "",
+    observed: ObservedFile = None,
+    largest: Annotated[float, typer.Option("--largest", min=0.5, help="MB above which records are left out.")] = 10.0,
+    show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
+) -> None:
+    """Write a run as one web page that needs no network: play, scrub, zoom."""
+    from riftberg.io.run_file import open_run
+    from riftberg.viz.replay import write_replay
+
+    shown = outlines(observed)
+    with open_run(run) as dataset:
+        path = write_replay(
+            dataset, beside(run, output, "replay.html"), title=title, observed=shown, largest=largest * 1e6
+        )
+    typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+    if show:
+        typer.launch(str(path))

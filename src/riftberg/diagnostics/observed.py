@@ -1,0 +1,290 @@
+"""What was observed of a berg: outlines from images, or positions from tracks; columns are known by their names.
+
+Outlines come as GeoJSON (polygons with a property ``date``) or as CSV with one vertex per row (``date``, ``vertex``,
+``lat``, ``lon``, optionally ``berg``). Positions come as CSV: the tracks of BYU and NIC (``<sensor>_1`` latitude,
+``<sensor>_2`` longitude, ``<sensor>_3`` 1 where observed, date as YYYYDDD; or ``<sensor>_lat``, ``<sensor>_lon``,
+``<sensor>_observed``), or any table with ``lat`` and ``lon`` or ``centroid_lat`` and ``centroid_lon``. The order of the
+columns does not matter, and those not known are left alone.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from riftberg.errors import InputError
+from riftberg.state import Floats
+
+SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
+"""Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""
+
+_NAMES: Final = ("berg", "iceberg", "name", "variable", "outline")
+_VERTEX: Final = ("vertex", "vertex_index", "point", "order")
+_PLAIN: Final = (("centroid_lat", "centroid_lon"), ("lat", "lon"), ("latitude", "longitude"))
+
+
+@dataclass(frozen=True)
+class Outline:
+    """One closed outline.
+
+    Attributes
+    ----------
+    name : str
+        Berg, or source where the file names none.
+    when : datetime.datetime
+        UTC; midnight where only a day is given.
+    day_only : bool
+        No time of day was given.
+    ring : array, shape (n, 2)
+        Longitude and latitude, first point not repeated.
+    """
+
+    name: str
+    when: datetime
+    day_only: bool
+    ring: Floats
+
+
+@dataclass(frozen=True)
+class Fix:
+    """One position.
+
+    Attributes
+    ----------
+    name, when, day_only
+        As in `Outline`.
+    lon, lat : float
+        Degrees.
+    azimuth : float
+        Long axis, degrees clockwise from north, 0 to 180; NaN where not given.
+    area : float
+        m2; NaN where not given.
+    interpolated : bool
+        The table says that nobody saw the berg that day.
+    """
+
+    name: str
+    when: datetime
+    day_only: bool
+    lon: float
+    lat: float
+    azimuth: float = math.nan
+    area: float = math.nan
+    interpolated: bool = False
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Outlines and positions of a file."""
+
+    source: str
+    outlines: list[Outline] = field(default_factory=list)
+    fixes: list[Fix] = field(default_factory=list)
+
+    def rings_by_day(self) -> dict[str, list[Floats]]:
+        """Return the outlines by ISO day, as maps take them."""
+        days: dict[str, list[Floats]] = {}
+        for outline in self.outlines:
+            days.setdefault(outline.when.date().isoformat(), []).append(outline.ring)
+        return days
+
+
+def read_observed(path: str | Path) -> Observed:
+    """Read outlines or positions.
+
+    Parameters
+    ----------
+    path : path
+        ``.geojson``, ``.json`` or ``.csv``.
+
+    Raises
+    ------
+    InputError
+        If the file is of no known kind, or a row cannot be read; names the row.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError("no such file", where=str(path), remedy="Name a GeoJSON or CSV file")
+    if path.suffix.lower() in (".geojson", ".json"):
+        return Observed(path.name, outlines=_without_twins(_geojson(path)))
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = [{str(k).strip().lower(): (v or "").strip() for k, v in row.items()} for row in csv.DictReader(file)]
+    if not rows:
+        raise InputError("no rows", where=str(path), remedy="A table needs a line of names and rows below")
+    date = next((name for name in ("date", "time", "day") if name in rows[0]), "")
+    if not date:
+        raise _unknown(path, rows[0], "no column of dates")
+    if any(name in rows[0] for name in _VERTEX):
+        return Observed(path.name, outlines=_without_twins(_vertices(path, rows, date)))
+    return Observed(path.name, fixes=list(_positions(path, rows, date)))
+
+
+def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
+    return InputError(
+        what,
+        where=str(path),
+        remedy=f"It has {', '.join(row)}; needed are date and lat, lon (tracks), and vertex (outlines)",
+    )
+
+
+def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
+    """Read ISO dates with or without time, YYYYMMDD and YYYYDDD.
+
+    Returns
+    -------
+    when : datetime
+        UTC without zone.
+    day_only : bool
+    """
+    try:
+        if text.isdigit() and len(text) == 7:
+            return datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1), True
+        if text.isdigit() and len(text) == 8:
+            return datetime.strptime(text, "%Y%m%d"), True
+        when = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    except ValueError as error:
+        raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
+    if when.tzinfo is not None:
+        offset = when.utcoffset() or timedelta(0)
+        when = when.replace(tzinfo=None) - offset
+    return when, len(text) <= 10
+
+
+def _geojson(path: Path) -> Iterator[Outline]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"not JSON ({error})", where=str(path), remedy="Name a GeoJSON file") from error
+    features = content.get("features", [content] if content.get("type") == "Feature" else None)
+    if features is None:
+        raise InputError("no features", where=str(path), remedy="A GeoJSON FeatureCollection of polygons is needed")
+    for number, feature in enumerate(features):
+        properties = {str(k).lower(): v for k, v in (feature.get("properties") or {}).items()}
+        where = f"{path}, feature {number}"
+        date = next((str(properties[n]) for n in ("date", "time", "datetime") if properties.get(n)), None)
+        if date is None:
+            raise InputError("no date", where=where, remedy="Give every feature a property 'date'")
+        when, day_only = parse_date(date, where=where)
+        name = next((str(properties[n]) for n in _NAMES if properties.get(n)), "")
+        for ring in _rings(feature.get("geometry") or {}):
+            yield Outline(name, when, day_only, _ring(ring, where))
+
+
+def _rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield the outer rings; lines (rifts) and points are left alone."""
+    if geometry.get("type") == "Polygon":
+        yield geometry["coordinates"][0]
+    elif geometry.get("type") == "MultiPolygon":
+        for polygon in geometry["coordinates"]:
+            yield polygon[0]
+    elif geometry.get("type") == "GeometryCollection":
+        for part in geometry["geometries"]:
+            yield from _rings(part)
+
+
+def _ring(points: Any, where: str) -> Floats:
+    ring = np.asarray(points, np.float64)
+    if ring.ndim != 2 or ring.shape[1] < 2 or not np.isfinite(ring[:, :2]).all():
+        raise InputError("an outline needs pairs of longitude and latitude", where=where)
+    ring = ring[:, :2]
+    if len(ring) > 1 and (ring[0] == ring[-1]).all():
+        ring = ring[:-1]
+    if len(ring) < 3:
+        raise InputError(f"an outline of {len(ring)} points", where=where, remedy="At least three are needed")
+    if (np.abs(ring[:, 1]) > 90.0).any():
+        raise InputError("a latitude beyond 90 degrees", where=where, remedy="GeoJSON has longitude first")
+    return ring
+
+
+def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
+    """Leave out an outline that is given twice on its day."""
+    kept: list[Outline] = []
+    for outline in outlines:
+        if not any(o.when == outline.when and np.array_equal(o.ring, outline.ring) for o in kept):
+            kept.append(outline)
+    return kept
+
+
+def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline]:
+    lat, lon = _plain_columns(path, rows[0])
+    name = next((n for n in _NAMES if n in rows[0]), "")
+    groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for number, row in enumerate(rows):
+        key = row[date], row.get(name, "")
+        groups.setdefault(key, []).append((_number(row, lon, path, number), _number(row, lat, path, number)))
+    for (day, berg), points in groups.items():
+        when, day_only = parse_date(day, where=str(path))
+        yield Outline(berg, when, day_only, _ring(points, f"{path}, {day}"))
+
+
+def _plain_columns(path: Path, row: Mapping[str, str]) -> tuple[str, str]:
+    for lat, lon in _PLAIN:
+        if lat in row and lon in row:
+            return lat, lon
+    raise _unknown(path, row, "no columns of latitude and longitude")
+
+
+def _number(row: Mapping[str, str], column: str, path: Path, number: int) -> float:
+    text = row.get(column, "")
+    try:
+        return float(text) if text else math.nan
+    except ValueError as error:
+        raise InputError(f"{text!r} is not a number", where=f"{path}, line {number + 2}, {column}") from error
+
+
+def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
+    sensors = _sensor_columns(rows[0])
+    plain = None if sensors else _plain_columns(path, rows[0])
+    name = next((n for n in _NAMES if n in rows[0]), "")
+    azimuth = next((c for c in rows[0] if "azimuth" in c), "")
+    for number, row in enumerate(rows):
+        where = f"{path}, line {number + 2}"
+        when, day_only = parse_date(row[date], where=where)
+        lat, lon, interpolated = (
+            (_number(row, plain[0], path, number), _number(row, plain[1], path, number), False)
+            if plain
+            else _best_sensor(row, sensors, path, number)
+        )
+        if not (math.isfinite(lat) and math.isfinite(lon)):
+            continue
+        if abs(lat) > 90.0:
+            raise InputError(f"latitude {lat:g}", where=where)
+        area = _number(row, "area_km2", path, number) * 1e6
+        yield Fix(
+            row.get(name) or path.stem.upper(), when, day_only, lon, lat,
+            _number(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated,
+        )  # fmt: skip
+
+
+def _sensor_columns(row: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Return columns of latitude, longitude and flag of the sensors in a table."""
+    found = []
+    for sensor in SENSORS:
+        for lat, lon, flag in (("_1", "_2", "_3"), ("_lat", "_lon", "_observed")):
+            if sensor + lat in row and sensor + lon in row:
+                found.append((sensor + lat, sensor + lon, sensor + flag))
+    return found
+
+
+def _best_sensor(
+    row: Mapping[str, str], sensors: list[tuple[str, str, str]], path: Path, number: int
+) -> tuple[float, float, bool]:
+    """Return the position of the first sensor that saw the berg, else the first interpolated one."""
+    second = math.nan, math.nan, True
+    for lat_name, lon_name, flag in sensors:
+        lat, lon = _number(row, lat_name, path, number), _number(row, lon_name, path, number)
+        if not (math.isfinite(lat) and math.isfinite(lon)) or (lat == 0.0 and lon == 0.0):
+            continue  # 0, 0 stands for no data in these tables
+        if row.get(flag, "1") in ("1", "1.0", ""):
+            return lat, lon, False
+        if not math.isfinite(second[0]):
+            second = lat, lon, True
+    return second

@@ -1,0 +1,154 @@
+"""A run as a film: MP4 where ffmpeg is installed, GIF otherwise."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import InputError
+from riftberg.io.background import stored_water
+from riftberg.state import Floats, Ints
+from riftberg.viz.panels import Panel, Water, day_text, fragment_colours
+from riftberg.viz.plots import fragment_name, heading, new_figure
+from riftberg.viz.scene import Box, Scene
+
+SECONDS = 20.0
+"""Length of a film by default."""
+
+
+def write_film(
+    run: xr.Dataset,
+    path: str | Path,
+    *,
+    hours: float | None = None,
+    fps: int = 20,
+    dpi: int = 110,
+    observed: Mapping[str, Sequence[Floats]] | None = None,
+    water: Water | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write a film of a run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`.
+    path : path
+        Ends in ``.mp4`` or ``.gif``.
+    hours : float, optional
+        Hours of model time between two frames; by default the film lasts about 20 s.
+    fps : int, optional
+        Frames a second.
+    dpi : int, optional
+    observed : mapping, optional
+        Outlines by ISO day.
+    water : Forcing or StoredWater, optional
+        By default what the run file keeps.
+    progress : callable, optional
+        Called with the frames done and their number.
+
+    Raises
+    ------
+    InputError
+        If the ending is neither, or MP4 is wanted without ffmpeg.
+    """
+    path = Path(path)
+    writer = _writer(path, fps)
+    scene = Scene(run)
+    film = _Film(scene, water or stored_water(run), observed or {}, dpi)
+    records = frame_records(scene, hours, fps)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with writer.saving(film.figure, str(path), dpi=dpi):
+        for done, record in enumerate(records, start=1):
+            film.draw(int(record))
+            writer.grab_frame()
+            if progress is not None:
+                progress(done, len(records))
+    return path
+
+
+def default_ending() -> str:
+    """Return ``.mp4`` where ffmpeg is installed, else ``.gif``."""
+    return ".mp4" if shutil.which("ffmpeg") else ".gif"
+
+
+def frame_records(scene: Scene, hours: float | None, fps: int) -> Ints:
+    """Return the records of the frames."""
+    count = len(scene.times)
+    if hours is None:
+        return np.unique(np.linspace(0, count - 1, min(count, round(SECONDS * fps))).round().astype(int))
+    if not hours > 0.0:
+        raise InputError(f"{hours:g} hours", where="--hours", remedy="Give a number above 0")
+    wanted = np.arange(scene.seconds[0], scene.seconds[-1] + 1.0, 3600.0 * hours)
+    return np.unique([int(np.argmin(np.abs(scene.seconds - moment))) for moment in wanted])
+
+
+def _writer(path: Path, fps: int) -> Any:
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
+    if path.suffix.lower() == ".gif":
+        return PillowWriter(fps=fps)
+    if path.suffix.lower() != ".mp4":
+        raise InputError(
+            f"cannot write {path.suffix or 'a file without ending'}", where=str(path), remedy="Use .mp4 or .gif"
+        )
+    if shutil.which("ffmpeg") is None:
+        raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
+    # Even sizes and 4:2:0 colours are what every player takes.
+    return FFMpegWriter(
+        fps=fps, codec="libx264", extra_args=["-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]
+    )
+
+
+class _Film:
+    """One figure drawn anew for every frame."""
+
+    def __init__(self, scene: Scene, water: Water | None, observed: Mapping[str, Sequence[Floats]], dpi: int) -> None:
+        self.scene, self.water, self.observed = scene, water, observed
+        self.box = scene.box().grown(0.06)
+        self.box = _wide(self.box, scene, 1.45)
+        self.figure = new_figure(9.6, 7.2, dpi)
+        self.ax = self.figure.add_axes((0.065, 0.12, 0.915, 0.77))
+        self.figure.text(0.065, 0.985, heading(scene.run, "drift and break-up"), va="top", fontsize=11)
+        self.colours = fragment_colours(scene)
+        self._legend()
+        some = range(0, len(scene.times), max(1, len(scene.times) // 12))
+        probe = Panel(self.ax, scene, self.box, water)
+        self.top = max(0.05, *(probe.fastest(k) for k in some))
+
+    def draw(self, record: int) -> None:
+        """Draw one record."""
+        self.ax.clear()
+        panel = Panel(self.ax, self.scene, self.box, self.water)
+        panel.draw_currents(record, self.top, arrows=19)
+        panel.draw_floor()
+        for number, colour in self.colours.items():
+            x, y, there = self.scene.track(number)
+            self.ax.plot(x[there <= record], y[there <= record], color=colour, lw=1.6, zorder=4)
+        panel.draw_ice(record, self.colours)
+        panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()), ls="--")
+        panel.draw_scale(0.2)
+        self.ax.text(0.015, 0.975, day_text(self.scene.times[record], year=True), transform=self.ax.transAxes, va="top",
+                     fontsize=15, fontweight="bold", zorder=12,
+                     bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 3})  # fmt: skip
+
+    def _legend(self) -> None:
+        from matplotlib.patches import Patch
+
+        handles = [Patch(fc=c, ec="black", lw=0.5, label=fragment_name(self.scene, n)) for n, c in self.colours.items()]
+        self.figure.legend(
+            handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.06, 0.0), ncols=2, frameon=False
+        )
+
+
+def _wide(box: Box, scene: Scene, shape: float) -> Box:
+    """Return the box widened to a shape (width over height on the ground)."""
+    x, y = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
+    stretch = scene.stretch(y)
+    half = 0.5 * max(box.north - box.south, (box.east - box.west) / stretch / shape)
+    return Box(x - half * shape * stretch, x + half * shape * stretch, y - half, y + half)

@@ -1,0 +1,210 @@
+"""One map panel and what can be drawn on it: water, sea floor, ice, bonds, observed outlines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from riftberg.io.background import StoredWater
+from riftberg.ocean.forcing import Forcing
+from riftberg.state import Floats
+from riftberg.viz import style
+from riftberg.viz.scene import Box, Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.colors import Colormap, Normalize
+
+Water = Forcing | StoredWater
+
+ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
+
+
+def stress_map() -> Colormap:
+    """Return the colours of tensile stress: nearly white, yellow, red; the same as in the replay."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list(
+        "stress", ["#fbfdff", "#fff0c9", "#fdc377", "#f47b4a", "#cf2a27", "#7a0018"]
+    )
+
+
+def stress_scale(top: float) -> Normalize:
+    """Return the scale of stress colours: by the square root, because a berg at rest has a tenth of its strength."""
+    from matplotlib.colors import PowerNorm
+
+    return PowerNorm(0.5, 0.0, top)
+
+
+def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) -> str:
+    """Return a date such as ``17 Dec 13:00``."""
+    when = moment.astype("datetime64[s]").item()
+    text = f"{when.day} {when:%b}" + (f" {when.year}" if year else "")
+    return text + (f" {when:%H:%M}" if hour else "")
+
+
+class Panel:
+    """A map on given axes.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    scene : Scene
+    box : Box
+        Extent.
+    water : Forcing or StoredWater, optional
+        Gives currents and depth.
+    """
+
+    def __init__(self, ax: Axes, scene: Scene, box: Box, water: Water | None = None) -> None:
+        self.ax, self.scene, self.box, self.water = ax, scene, box, water
+        ax.set_xlim(box.west, box.east)
+        ax.set_ylim(box.south, box.north)
+        ax.set_aspect(scene.stretch(0.5 * (box.south + box.north)))
+        style.geographic_axes(ax, latlon=scene.latlon, ticks=4, labels=False)
+        ax.set_facecolor("#F4F7FA")
+
+    def _mesh(self, points: int) -> tuple[Floats, Floats]:
+        b = self.box
+        x, y = np.meshgrid(np.linspace(b.west, b.east, points), np.linspace(b.south, b.north, points))
+        return x, y
+
+    def fastest(self, record: int) -> float:
+        """Return the largest current speed in the panel, m s-1; 0 where there is no current."""
+        if self.water is None:
+            return 0.0
+        speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
+        return float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
+
+    def draw_currents(self, record: int, top: float, *, arrows: int = 13) -> None:
+        """Draw speed as colour up to ``top`` (m s-1) and arrows."""
+        if self.water is None:
+            return
+        time = float(self.scene.seconds[record])
+        x, y = self._mesh(70)
+        speed = np.hypot(*self.water.currents(x, y, time))
+        if not np.isfinite(speed).any():
+            return
+        self.ax.pcolormesh(
+            x, y, np.ma.masked_invalid(speed), cmap=style.speed_map(), vmin=0.0, vmax=top, rasterized=True
+        )
+        b = self.box
+        margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
+        ax, ay = np.meshgrid(
+            np.linspace(b.west + margin_x, b.east - margin_x, arrows),
+            np.linspace(b.south + margin_y, b.north - margin_y, arrows),
+        )
+        u, v = self.water.currents(ax, ay, time)
+        self.ax.quiver(ax, ay, u, v, angles="uv", scale=1.05 * arrows * top, width=0.055 / arrows, headwidth=3.6, headlength=4.2,
+                       color="#35506B", minlength=0.5, zorder=2)  # fmt: skip
+
+    def draw_floor(self) -> bool:
+        """Draw isobaths and hatch what the keel touches; returns whether there is such a place."""
+        if self.water is None:
+            return False
+        x, y = self._mesh(260)
+        depth = self.water.depth(x, y)
+        if not np.isfinite(depth).any() or float(np.nanmin(depth)) == float(np.nanmax(depth)):
+            return False
+        low, high = float(np.nanmin(depth)), float(np.nanmax(depth))
+        levels = [d for d in ISOBATHS if low < d < high]
+        if levels:
+            lines = self.ax.contour(x, y, depth, levels=levels, colors="#8A8A8A", linewidths=0.6, zorder=2)
+            self.ax.clabel(lines, fmt="%d m", fontsize=6)
+        draft = self.scene.draft()
+        if not low < draft:
+            return False
+        filled = self.ax.contourf(x, y, depth, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
+        filled.set_edgecolor(style.GROUND_COLOUR)
+        filled.set_linewidth(0.0)
+        self.ax.contour(x, y, depth, levels=[draft], colors=style.GROUND_COLOUR, linewidths=1.2, zorder=6)
+        return True
+
+    def draw_ice(self, record: int, colours: dict[int, str], *, alpha: float = 1.0) -> PolyCollection:
+        """Draw the elements in the colours of their fragments."""
+        from matplotlib.collections import PolyCollection
+        from matplotlib.colors import to_rgba
+
+        numbers = self.scene.berg[record]
+        faces = [to_rgba(colours.get(int(n), style.SMALL_COLOUR), alpha) for n in numbers]
+        thin = 0.2 if len(numbers) < 2500 else 0.0
+        ice = PolyCollection(
+            list(self.scene.polygons(record)),
+            facecolors=faces,
+            edgecolors=(0, 0, 0, 0.4 * alpha),
+            linewidths=thin,
+            zorder=5,
+        )
+        self.ax.add_collection(ice)
+        return ice
+
+    def draw_bonds(self, record: int, top: float, points: float) -> LineCollection:
+        """Draw unbroken bonds in the colour of their tensile stress up to ``top`` (Pa), broken ones dashed dark."""
+        from matplotlib.collections import LineCollection, PolyCollection
+
+        scene, run = self.scene, self.scene.run
+        first, second = run["first"].values, run["second"].values
+        ends = np.stack([np.stack([scene.x[record][k], scene.y[record][k]], axis=-1) for k in (first, second)], axis=1)
+        broken_at = run["break_time"].values
+        broken = ~np.isnat(broken_at) & (broken_at <= scene.times[record])
+        stress = np.maximum(run["normal_stress"].isel(time=record).values, 0.0)
+        self.ax.add_collection(
+            PolyCollection(
+                list(scene.polygons(record)), facecolors="#E3E8EC", edgecolors="#B8C2CA", linewidths=0.2, zorder=4
+            )
+        )
+        # The most stressed ones on top.
+        order = np.argsort(stress[~broken])
+        lines = LineCollection(list(ends[~broken][order]), array=stress[~broken][order], cmap=stress_map(),
+                               norm=stress_scale(top), linewidths=points, capstyle="butt", zorder=5)  # fmt: skip
+        self.ax.add_collection(lines)
+        near = broken & (
+            np.hypot(*(ends[:, 1] - ends[:, 0]).T) < 2.5 * np.median(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
+        )
+        self.ax.add_collection(
+            LineCollection(list(ends[near]), colors="black", linewidths=0.7 * points, linestyles=":", zorder=6)
+        )
+        return lines
+
+    def draw_outlines(self, rings: Sequence[Floats], **look: Any) -> None:
+        """Draw observed outlines (longitude, latitude)."""
+        for ring in rings:
+            x = ring[:, 0]
+            if self.scene.latlon:
+                middle = 0.5 * (self.box.west + self.box.east)
+                x = x - 360.0 * np.round((x - middle) / 360.0)
+            closed = np.append(x, x[0]), np.append(ring[:, 1], ring[0, 1])
+            self.ax.plot(*closed, **{"color": "black", "lw": 1.2, "zorder": 7, **look})
+
+    def draw_scale(self, part: float = 0.3) -> None:
+        """Draw a scale bar of about ``part`` of the width."""
+        y = self.box.south + 0.055 * (self.box.north - self.box.south)
+        unit = self.scene.units_per_km() * self.scene.stretch(y)
+        style.scale_bar(
+            self.ax, km=style.round_length(part * (self.box.east - self.box.west) / unit), units_per_km=unit
+        )
+
+
+def fragment_colours(scene: Scene) -> dict[int, str]:
+    """Return a colour for each named fragment."""
+    return dict(zip(scene.numbers, style.FRAGMENT_COLOURS, strict=False))
+
+
+def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:
+    """Return extents of one size, each centred on the named fragments of its record."""
+    single = [scene.box(record).grown(margin) for record in records]
+    stretch = scene.stretch(0.5 * (single[0].south + single[0].north))
+    half = 0.5 * max(max(b.north - b.south, (b.east - b.west) / stretch) for b in single)
+    boxes = []
+    for b in single:
+        x, y = 0.5 * (b.west + b.east), 0.5 * (b.south + b.north)
+        boxes.append(Box(x - half * scene.stretch(y), x + half * scene.stretch(y), y - half, y + half))
+    return boxes
+
+
+def nearest_record(scene: Scene, moment: np.datetime64) -> int:
+    """Return the record nearest to a date."""
+    return int(np.argmin(np.abs(scene.times - moment)))

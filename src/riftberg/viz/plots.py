@@ -1,0 +1,317 @@
+"""Figures of a run: the berg at chosen dates beside what was observed, bond stress, and the life of its fragments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.io.background import stored_water
+from riftberg.state import Floats
+from riftberg.viz import style
+from riftberg.viz.panels import (
+    Panel,
+    Water,
+    common_boxes,
+    day_text,
+    fragment_colours,
+    nearest_record,
+    stress_map,
+    stress_scale,
+)
+from riftberg.viz.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Outlines = Mapping[str, Sequence[Floats]]
+"""Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
+
+OBSERVED_COLOURS = ("#332288", "#117733", "#AA4499", "#88CCEE", "#999933", "#882255")
+
+
+def new_figure(width: float, height: float, dpi: int) -> Figure:
+    """Return a figure that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def heading(run: xr.Dataset, what: str) -> str:
+    """Return the title of a figure; its second line says what the forcing is."""
+    name = str(run.attrs.get("experiment") or "Iceberg")
+    note = str(run.attrs.get("forcing_title", "")).strip()
+    return f"{name}: {what}" + (f"\nForcing: {note}" if note else "")
+
+
+def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -> list[int]:
+    """Return the records of dates; by default the start, the large break-ups and evenly spaced days."""
+    if dates:
+        return sorted({nearest_record(scene, date) for date in dates})
+    births = [birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None]
+    after = [nearest_record(scene, birth + np.timedelta64(6, "h")) for birth in births]
+    wanted = {0, len(scene.times) - 1, *after[: most - 2]}
+    for record in scene.chosen_records(most):
+        apart = len(scene.times) / (2.5 * most)
+        if len(wanted) < most and all(abs(record - other) >= apart for other in wanted):
+            wanted.add(record)
+    return sorted(wanted)
+
+
+def draw_dates(
+    run: xr.Dataset,
+    path: str | Path,
+    *,
+    dates: Sequence[np.datetime64] | None = None,
+    observed: Outlines | None = None,
+    water: Water | None = None,
+    dpi: int = 150,
+) -> Path:
+    """Draw the berg at chosen dates in the currents of these dates, with the outlines observed on these days.
+
+    With outlines, a first panel shows what was observed alone, as figure 1 of Huth et al. (2022); the others are as its
+    figure 2.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`.
+    path : path
+        Picture.
+    dates : sequence of numpy.datetime64, optional
+        Dates of the panels.
+    observed : mapping, optional
+        Outlines by ISO day.
+    water : Forcing or StoredWater, optional
+        Currents and sea floor; by default those that the run file keeps.
+    dpi : int, optional
+    """
+    scene, observed = Scene(run), observed or {}
+    water = water or stored_water(run)
+    records = chosen(scene, dates)
+    shown = {day: observed[day] for r in records if (day := str(scene.times[r])[:10]) in observed}
+    count = len(records) + bool(shown)
+    columns = min(4, count) if count <= 4 else math.ceil(count / 2)
+    rows = math.ceil(count / columns)
+    figure = new_figure(4.1 * columns + 0.6, 4.3 * rows + 1.35, dpi)
+    places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
+    boxes = common_boxes(scene, records)
+    panels = [Panel(ax, scene, box, water) for ax, box in zip(places[bool(shown) :], boxes, strict=True)]
+    top = max(0.05, *(panel.fastest(record) for panel, record in zip(panels, records, strict=True)))
+    for panel, record in zip(panels, records, strict=True):
+        _date_panel(panel, record, top, shown)
+    if shown:
+        _observed_panel(places[0], scene, records, shown, water, top)
+    bottom = 1.05 / figure.get_figheight()
+    figure.subplots_adjust(
+        left=0.05, right=0.985, top=1.0 - 0.85 / figure.get_figheight(), bottom=bottom, wspace=0.22, hspace=0.2
+    )
+    figure.suptitle(heading(run, "model" + (" and observed outlines" if shown else "")), x=0.05, ha="left", fontsize=12)
+    _legend(figure, scene, bool(shown), top if any(p.fastest(records[0]) for p in panels) else 0.0)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _date_panel(panel: Panel, record: int, top: float, shown: Outlines) -> None:
+    scene = panel.scene
+    panel.draw_currents(record, top)
+    panel.draw_floor()
+    panel.draw_ice(record, fragment_colours(scene))
+    panel.draw_outlines(shown.get(str(scene.times[record])[:10], ()), lw=1.4)
+    panel.draw_scale()
+    panel.ax.set_title(day_text(scene.times[record]), fontsize=10, pad=4)
+
+
+def _observed_panel(
+    ax: Axes, scene: Scene, records: Sequence[int], shown: Outlines, water: Water | None, top: float
+) -> None:
+    """Draw all outlines over the currents of the day in the middle."""
+    rings = np.concatenate([ring for day in shown.values() for ring in day])
+    box = scene.box().grown(0.03)
+    x, y = 0.5 * (rings[:, 0].min() + rings[:, 0].max()), 0.5 * (rings[:, 1].min() + rings[:, 1].max())
+    half = 0.56 * max(np.ptp(rings[:, 1]), np.ptp(rings[:, 0]) / scene.stretch(y))
+    box = type(box)(x - half * scene.stretch(y), x + half * scene.stretch(y), y - half, y + half)
+    panel = Panel(ax, scene, box, water)
+    middle = records[len(records) // 2]
+    panel.draw_currents(middle, top, arrows=15)
+    panel.draw_floor()
+    for k, (day, drawn) in enumerate(shown.items()):
+        colour = OBSERVED_COLOURS[k % len(OBSERVED_COLOURS)]
+        panel.draw_outlines(drawn, color=colour, lw=1.6)
+        ax.plot([], [], color=colour, lw=1.6, label=day_text(np.datetime64(day), hour=False))
+    panel.draw_scale()
+    ax.legend(fontsize=7, loc="upper right", framealpha=0.85, handlelength=1.2)
+    ax.set_title(f"Observed; currents of {day_text(scene.times[middle], hour=False)}", fontsize=10, pad=4)
+
+
+def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> None:
+    """Explain the fragments, and draw the scale of the current, below the panels."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(scene, number))
+        for number, colour in fragment_colours(scene).items()
+    ]
+    if observed:
+        handles.append(Line2D([], [], color="black", lw=1.4, label="observed outline of the day"))
+    if top > 0.0:
+        figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.04, 0.0), ncols=2, frameon=False)
+        place = figure.add_axes((0.64, 0.55 / figure.get_figheight(), 0.3, 0.1 / figure.get_figheight()))
+        bar = figure.colorbar(
+            ScalarMappable(Normalize(0.0, top), style.speed_map()), cax=place, orientation="horizontal"
+        )
+        bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
+        bar.ax.tick_params(labelsize=8, length=2)
+    else:
+        figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.04, 0.0), ncols=3, frameon=False)
+
+
+def fragment_name(scene: Scene, number: int) -> str:
+    """Return what a fragment is, in a few words."""
+    area, birth = scene.area_of(number) / 1e6, scene.birth(number)
+    size = f"{area:,.0f} km²" if area >= 10.0 else f"{area:.2g} km²"
+    if birth is None:
+        return f"berg {number}: {size} at the end"
+    return f"fragment {number}: {size}, off on {day_text(birth[0])}" + (", aground" if birth[1] else ", afloat")
+
+
+def draw_stress(
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path:
+    """Draw the bonds in the colour of their tensile stress; by default just before the large break-ups.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`.
+    path : path
+        Picture.
+    dates : sequence of numpy.datetime64, optional
+        Dates of the panels.
+    dpi : int, optional
+    """
+    from matplotlib.cm import ScalarMappable
+
+    scene = Scene(run)
+    records = chosen(scene, dates) if dates else _before_breakups(scene)
+    fracture = scene.parameters.fracture
+    top = max(1.0, max(float(np.nanmax(run["normal_stress"].isel(time=r).values, initial=0.0)) for r in records))
+    top = min(top, fracture.normal_strength) if fracture.enabled else top
+    figure = new_figure(5.2 * len(records) + 0.8, 6.3, dpi)
+    boxes = common_boxes(scene, records, margin=0.05)
+    for k, (record, box) in enumerate(zip(records, boxes, strict=True)):
+        panel = Panel(figure.add_subplot(1, len(records), k + 1), scene, box)
+        inches = (
+            0.8 * 5.2 * float(np.sqrt(np.median(scene.area))) / 1e3 * scene.units_per_km() / (box.north - box.south)
+        )
+        panel.draw_bonds(record, top, points=max(0.6, 72.0 * inches * 0.62))
+        panel.draw_scale()
+        panel.ax.set_title(day_text(scene.times[record], year=True), fontsize=10, pad=4)
+    figure.subplots_adjust(left=0.06, right=0.98, top=0.86, bottom=0.17, wspace=0.18)
+    place = figure.add_axes((0.25, 0.085, 0.5, 0.018))
+    bar = figure.colorbar(ScalarMappable(stress_scale(top / 1e3), stress_map()), cax=place, orientation="horizontal",
+                          extend="max" if fracture.enabled and top >= fracture.normal_strength else "neither")  # fmt: skip
+    text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
+    bar.set_label(f"largest tensile stress of a bond (kPa){text}; dotted: broken", fontsize=9)
+    figure.suptitle(heading(run, "stress in the bonds"), x=0.05, ha="left", fontsize=12)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _before_breakups(scene: Scene) -> list[int]:
+    """Return the last records before the large break-ups; without any, the record of the largest stress."""
+    births = sorted(birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None)
+    records = {max(0, int(np.searchsorted(scene.times, birth)) - 1) for birth in births[:4]}
+    if not records:
+        stress = scene.run["normal_stress"].transpose("time", "bond").values
+        records = {int(np.argmax(stress.max(axis=1)))} if stress.size else {0}
+    return sorted(records)
+
+
+def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
+    """Draw areas and births of the fragments, the largest tensile stress and what is aground, over time.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`.
+    path : path
+        Picture.
+    dpi : int, optional
+    """
+    scene = Scene(run)
+    figure = new_figure(11.0, 7.4, dpi)
+    upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.0))
+    _areas(upper, scene)
+    _peak_stress(middle, scene)
+    touching = scene.run["thickness"] * (scene.parameters.ice.density / 1025.0) > scene.run["depth"]
+    lower.fill_between(
+        scene.times, touching.sum("trajectory").values, step="post", color=style.GROUND_COLOUR, alpha=0.6
+    )
+    lower.set_ylabel("elements\naground", fontsize=9)
+    lower.yaxis.get_major_locator().set_params(integer=True)
+    for ax in (upper, middle, lower):
+        ax.grid(color="#DDDDDD", lw=0.6)
+        ax.tick_params(labelsize=8)
+        ax.spines[["top", "right"]].set_visible(False)
+    _date_axis(lower, scene)
+    figure.subplots_adjust(left=0.08, right=0.97, top=0.89, bottom=0.07, hspace=0.1)
+    figure.suptitle(heading(run, "fragments"), x=0.05, ha="left", fontsize=12)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _date_axis(ax: Axes, scene: Scene) -> None:
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    ax.set_xlim(scene.times[0], scene.times[-1])
+
+
+def _areas(ax: Axes, scene: Scene) -> None:
+    """Draw the area of each named fragment; a break-up is a step of the parent and a dot where the child begins."""
+    for number, colour in fragment_colours(scene).items():
+        area = np.where(scene.berg == number, scene.area, 0.0).sum(axis=1) / 1e6
+        there = area > 0.0
+        ax.step(scene.times[there], area[there], where="post", color=colour, lw=2.2, label=fragment_name(scene, number))
+        birth = scene.birth(number)
+        if birth is not None:
+            ax.axvline(birth[0], color="#999999", lw=0.8, ls=":")  # type: ignore[arg-type]
+            ax.plot(birth[0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("area (km²)", fontsize=9)
+    ax.legend(fontsize=8, loc="center left", framealpha=0.9)
+
+
+def _peak_stress(ax: Axes, scene: Scene) -> None:
+    stress = scene.run["normal_stress"].transpose("time", "bond").values
+    broken_at = scene.run["break_time"].values
+    whole = np.isnat(broken_at)[None, :] | (broken_at[None, :] > scene.times[:, None])
+    if stress.shape[1]:
+        ax.plot(scene.times, np.where(whole, stress, 0.0).max(axis=1) / 1e3, color="#CF2A27", lw=1.3)
+    fracture = scene.parameters.fracture
+    if fracture.enabled:
+        ax.axhline(fracture.normal_strength / 1e3, color="#555555", ls="--", lw=1.0)
+        ax.text(
+            0.005,
+            fracture.normal_strength / 1e3,
+            "strength",
+            fontsize=8,
+            va="bottom",
+            transform=ax.get_yaxis_transform(),
+        )
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)

@@ -1,0 +1,360 @@
+"""A run as one web page that works without a network: play, scrub, zoom, and see why it broke.
+
+Everything the page needs is in the page: quantised arrays in base64, the script and the style of
+``replay_template.html``. Positions are projected here (`riftberg.viz.plane`), so that the page draws plain metres.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg import __version__
+from riftberg.errors import InputError
+from riftberg.io.background import StoredWater, bilinear, stored_water
+from riftberg.state import Floats, Ints
+from riftberg.viz.packing import pack
+from riftberg.viz.plane import Plane
+from riftberg.viz.scene import Scene
+from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
+
+LARGEST: Final = 10e6
+"""Size of the page (bytes) above which records are left out."""
+
+_ELEMENT_BYTES = 2 * 6 * 4 / 3  # six integers of two bytes for an element at a record, in base64
+_ISOBATHS = (50, 100, 150, 200, 300, 400, 500, 1000, 2000, 3000, 4000, 5000)
+_THIN = 300.0  # m between the points of an observed outline
+
+
+def write_replay(
+    run: xr.Dataset,
+    path: str | Path,
+    *,
+    title: str = "",
+    observed: Mapping[str, Sequence[Floats]] | None = None,
+    largest: float = LARGEST,
+) -> Path:
+    """Write the replay of a run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`.
+    path : path
+        The page.
+    title : str, optional
+        Heading; by default the experiment.
+    observed : mapping, optional
+        Observed outlines: ISO day to rings of longitude and latitude.
+    largest : float, optional
+        Size in bytes above which records are left out evenly.
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    if run.sizes["time"] < 1:
+        raise InputError("the run has no records yet", where=str(run.encoding.get("source", "run")))
+    content = ReplayContent(run, title=title, observed=observed or {}, largest=largest)
+    template = files("riftberg.viz").joinpath("replay_template.html").read_text(encoding="utf-8")
+    data = json.dumps(content.data(), separators=(",", ":"), allow_nan=False)
+    # A closing tag within the data would end the script.
+    page = template.replace("__TITLE__", html.escape(content.title), 1)
+    page = page.replace("__DATA__", data.replace("<", "\\u003c"), 1)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+@dataclass
+class ReplayContent:
+    """What the page is given.
+
+    Attributes
+    ----------
+    run : xarray.Dataset
+    title : str
+        Heading.
+    observed : mapping
+        Outlines by ISO day.
+    largest : float
+        Size in bytes.
+    """
+
+    run: xr.Dataset
+    title: str
+    observed: Mapping[str, Sequence[Floats]]
+    largest: float = LARGEST
+
+    def __post_init__(self) -> None:
+        """Read the geometry of the run and choose the records."""
+        self.scene = Scene(self.run)
+        self.water: StoredWater | None = stored_water(self.run)
+        self.title = self.title or str(self.run.attrs.get("experiment") or "Iceberg") + " replay"
+        self.records: Ints = chosen_records(self.run.sizes["time"], self.run.sizes["trajectory"], self.largest)
+
+    @cached_property
+    def plane(self) -> Plane:
+        """Plane through the middle of the path."""
+        x, y = self.scene.x[self.records], self.scene.y[self.records]
+        if not self.scene.latlon:
+            return Plane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
+        return Plane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
+
+    def data(self) -> dict[str, Any]:
+        """Return everything, ready for JSON."""
+        run, scene = self.run, self.scene
+        fracture = scene.parameters.fracture
+        arrays = self._elements()
+        return {
+            "title": self.title,
+            "note": str(run.attrs.get("forcing_title", "")).strip(),
+            "about": f"Riftberg {__version__}; {run.attrs.get('date_created', '')}",
+            "start": f"{np.datetime_as_string(scene.times[self.records[0]], unit='s')}Z",
+            "seconds": (scene.seconds[self.records] - scene.seconds[self.records[0]]).tolist(),
+            "skipped": int(run.sizes["time"] - len(self.records)),
+            "packing": scene.parameters.bonds.packing,
+            "side": np.round(np.sqrt(scene.area), 1).tolist(),
+            "draft": scene.draft(),
+            "strength": fracture.normal_strength if fracture.enabled else None,
+            "colours": list(FRAGMENT_COLOURS),
+            "small": SMALL_COLOUR,
+            "elements": arrays,
+            "bonds": self._bonds(),
+            "fragments": self._fragments(),
+            "peak": self._peak(),
+            "water": self._currents(),
+            "floor": self._floor(),
+            "graticule": self._graticule(),
+            "observed": self._observed(),
+        }
+
+    # --- ice -------------------------------------------------------------------------------------------------------
+
+    def _elements(self) -> dict[str, Any]:
+        scene, chosen = self.scene, self.records
+        lon, lat = scene.x[chosen], scene.y[chosen]
+        x, y = self.plane.forward(lon, lat)
+        turned = (
+            np.stack([scene.rotation(int(k)) for k in chosen]) + scene.lattice_angle + self.plane.eastward(lon, lat)
+        )
+        folded = np.pi / 2 if scene.parameters.bonds.packing == "square" else np.pi / 3
+        speed = np.hypot(self._table("u_sync"), self._table("v_sync"))
+        thickness = self._table("thickness")
+        constant = bool((thickness == thickness[:1]).all())
+        # Pages show the tension that pulls bonds apart; compression does not break them.
+        return {
+            "count": lon.shape[1],
+            "x": pack(x),
+            "y": pack(y),
+            "angle": pack(np.mod(turned, folded)),
+            "scale": float(self.plane.scale(lon, lat).mean()),
+            "speed": pack(speed, "uint16"),
+            "stress": pack(self._element_stress(), "uint16"),
+            "berg": pack(scene.berg[chosen], "uint16", step=1.0),
+            "thickness": pack(thickness[0] if constant else thickness, "uint16"),
+            "aground": self._aground(),
+        }
+
+    def _table(self, name: str) -> Floats:
+        return self.run[name].transpose("time", "trajectory").values[self.records].astype(np.float64)
+
+    def _element_stress(self) -> Floats:
+        """Return the largest tensile stress (Pa) over the unbroken bonds of each element at each record."""
+        first, second = self.run["first"].values, self.run["second"].values
+        stress = self.run["normal_stress"].transpose("time", "bond").values[self.records]
+        whole = self._unbroken()
+        largest = np.zeros((len(self.records), self.run.sizes["trajectory"]))
+        for record in range(len(self.records)):
+            tension = np.where(whole[record], np.maximum(stress[record], 0.0), 0.0)
+            np.maximum.at(largest[record], first, tension)
+            np.maximum.at(largest[record], second, tension)
+        return largest
+
+    def _unbroken(self) -> np.ndarray[Any, Any]:
+        broken_at = self.run["break_time"].values
+        times = self.scene.times[self.records]
+        whole: np.ndarray[Any, Any] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > times[:, None])
+        return whole
+
+    def _peak(self) -> dict[str, Any]:
+        """Return the largest tensile stress over all unbroken bonds at each record."""
+        stress = self._element_stress()
+        return pack(stress.max(axis=1) if stress.size else np.zeros(len(self.records)), "uint16")
+
+    def _aground(self) -> dict[str, Any]:
+        ratio = self.scene.parameters.ice.density / 1025.0
+        touching = self._table("thickness") * ratio > self._table("depth")
+        return pack(touching.sum(axis=1), "uint16", step=1.0)
+
+    def _bonds(self) -> dict[str, Any]:
+        """Return the bonds that break: their ends, and when (s since the first record shown)."""
+        at = self.run["break_time"].values
+        rows = np.flatnonzero(~np.isnat(at))
+        zero = self.scene.times[self.records[0]]
+        return {
+            "first": self.run["first"].values[rows].tolist(),
+            "second": self.run["second"].values[rows].tolist(),
+            "time": ((at[rows] - zero) / np.timedelta64(1, "s")).tolist(),
+            "total": int(self.run.sizes["bond"]),
+        }
+
+    def _fragments(self) -> list[dict[str, Any]]:
+        """Return the family tree, largest first at the end."""
+        run, zero = self.run, self.scene.times[self.records[0]]
+        numbers = run["fragment_number"].values
+        rows = []
+        for k, number in enumerate(numbers.tolist()):
+            birth = (run["fragment_birth_time"].values[k] - zero) / np.timedelta64(1, "s")
+            rows.append(
+                {
+                    "number": int(number),
+                    "parent": int(run["fragment_parent"].values[k]),
+                    "birth": float(birth),
+                    "grounded": bool(run["fragment_grounded"].values[k] == 1),
+                    "bonds": int(run["fragment_bonds_broken"].values[k]),
+                    "area": float(run["fragment_area"].values[k]),
+                    "end": self.scene.area_of(int(number)),
+                }
+            )
+        return sorted(rows, key=lambda row: (-row["end"], row["number"]))
+
+    # --- water -----------------------------------------------------------------------------------------------------
+
+    def _mesh(self, points: int) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """Return axes of an even mesh on the plane over the stored box, its points, and their lon and lat."""
+        assert self.water is not None
+        edges = np.meshgrid(
+            np.linspace(self.water.x[0], self.water.x[-1], 9), np.linspace(self.water.y[0], self.water.y[-1], 9)
+        )
+        px, py = self.plane.forward(*edges)
+        # The upright rectangle around the projected box; its corners stay without water.
+        x, y = (float(px.min()), float(px.max())), (float(py.min()), float(py.max()))
+        step = max(x[1] - x[0], y[1] - y[0]) / (points - 1)
+        xs = np.linspace(x[0], x[1], max(2, round((x[1] - x[0]) / step) + 1))
+        ys = np.linspace(y[0], y[1], max(2, round((y[1] - y[0]) / step) + 1))
+        mesh_x, mesh_y = np.meshgrid(xs, ys)
+        return xs, ys, mesh_x, mesh_y, *self.plane.inverse(mesh_x, mesh_y)
+
+    def _currents(self) -> dict[str, Any] | None:
+        if self.water is None or not np.isfinite(self.water.u).any():
+            return None
+        xs, ys, _, _, lon, lat = self._mesh(len(max(self.water.x, self.water.y, key=len)))
+        zero = float(self.scene.seconds[self.records[0]])
+        u, v = (np.stack(a) for a in zip(*(self.water.currents(lon, lat, t) for t in self.water.times), strict=True))
+        turn = self.plane.eastward(lon, lat)
+        east, north = u * np.cos(turn) - v * np.sin(turn), u * np.sin(turn) + v * np.cos(turn)
+        return {
+            "x": [float(xs[0]), float(xs[-1])],
+            "y": [float(ys[0]), float(ys[-1])],
+            "seconds": (self.water.times - zero).tolist(),
+            "u": pack(east),
+            "v": pack(north),
+        }
+
+    def _floor(self) -> dict[str, Any] | None:
+        """Return depth on a mesh, isobaths, and where the keel would touch."""
+        if self.water is None or not np.isfinite(self.water.floor).any():
+            return None
+        points = min(160, max(self.water.floor.shape))
+        xs, ys, _, _, lon, lat = self._mesh(points)
+        depth = self.water.depth(lon, lat)
+        if float(np.nanmin(depth)) == float(np.nanmax(depth)):
+            return None  # a flat floor has nothing to show
+        return {
+            "x": [float(xs[0]), float(xs[-1])],
+            "y": [float(ys[0]), float(ys[-1])],
+            "depth": pack(depth, "uint16"),
+            "lines": [
+                {"depth": level, "lines": lines} for level in _ISOBATHS if (lines := _contours(xs, ys, depth, level))
+            ],
+            "shallow": self._shallow(),
+        }
+
+    def _shallow(self) -> list[list[float]]:
+        """Return rings around places that the keel touches, from the finest mesh there is."""
+        assert self.water is not None
+        xs, ys, _, _, lon, lat = self._mesh(max(self.water.floor.shape))
+        depth = bilinear(self.water.floor_x, self.water.floor_y, self.water.floor, lon, lat)
+        # Outside of the box it is deep, so that rings close at its edge.
+        depth = np.pad(np.where(np.isfinite(depth), depth, 1e5), 1, constant_values=1e5)
+        dx, dy = xs[1] - xs[0], ys[1] - ys[0]
+        xs, ys = np.r_[xs[0] - dx, xs, xs[-1] + dx], np.r_[ys[0] - dy, ys, ys[-1] + dy]
+        return _contours(xs, ys, depth, self.scene.draft())
+
+    def _graticule(self) -> list[dict[str, Any]]:
+        """Return meridians and parallels as lines on the plane."""
+        if not self.scene.latlon:
+            return []
+        box = self.scene.box().grown(0.8)
+        lines = []
+        step_x, step_y = nice_step((box.east - box.west) / 6.0), nice_step((box.north - box.south) / 6.0)
+        south, north = max(box.south, -90.0), min(box.north, 90.0)
+        for lon in np.arange(np.ceil(box.west / step_x), np.floor(box.east / step_x) + 1) * step_x:
+            x, y = self.plane.forward(np.full(25, lon), np.linspace(south, north, 25))
+            lines.append({"label": _degrees(float(lon), "E", "W", step_x), "axis": "x", "line": _flat(x, y)})
+        for lat in np.arange(np.ceil(south / step_y), np.floor(north / step_y) + 1) * step_y:
+            x, y = self.plane.forward(np.linspace(box.west, box.east, 33), np.full(33, lat))
+            lines.append({"label": _degrees(float(lat), "N", "S", step_y), "axis": "y", "line": _flat(x, y)})
+        return lines
+
+    def _observed(self) -> list[dict[str, Any]]:
+        """Return outlines of the days of the run: seconds of the day's noon, and rings on the plane."""
+        zero = self.scene.times[self.records[0]]
+        shown = []
+        for day, rings in sorted(self.observed.items()):
+            begin = float((np.datetime64(day) - zero) / np.timedelta64(1, "s"))
+            span = float(self.scene.seconds[self.records[-1]] - self.scene.seconds[self.records[0]])
+            if begin + 86_400.0 > 0.0 and begin < span:
+                drawn = [_thinned(*self.plane.forward(ring[:, 0], ring[:, 1])) for ring in rings]
+                shown.append({"day": day, "begin": begin, "rings": drawn})
+        return shown
+
+
+def chosen_records(records: int, elements: int, largest: float) -> Ints:
+    """Return the records to show: all, or an even choice with the last one where the page would be too large."""
+    room = max(2.0, 0.8 * largest / (_ELEMENT_BYTES * max(elements, 1)))
+    every = max(1, int(np.ceil(records / room)))
+    return np.unique(np.r_[np.arange(0, records, every), records - 1])
+
+
+def nice_step(rough: float) -> float:
+    """Return the step of a graticule near ``rough`` degrees."""
+    steps = np.array([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0])
+    return float(steps[np.argmin(np.abs(np.log(steps / max(rough, 1e-9))))])
+
+
+def _degrees(value: float, positive: str, negative: str, step: float) -> str:
+    from riftberg.viz.style import degree_label
+
+    return degree_label(value, positive, negative, 1 if step < 1.0 else 0)
+
+
+def _flat(x: Floats, y: Floats) -> list[float]:
+    return np.column_stack([x, y]).round(0).astype(int).ravel().tolist()
+
+
+def _thinned(x: Floats, y: Floats) -> list[float]:
+    """Return a ring without points that are closer than `_THIN` to the one kept before."""
+    kept = [0]
+    for k in range(1, len(x)):
+        if np.hypot(x[k] - x[kept[-1]], y[k] - y[kept[-1]]) >= _THIN:
+            kept.append(k)
+    return _flat(x[kept], y[kept])
+
+
+def _contours(xs: Floats, ys: Floats, field: Floats, level: float) -> list[list[float]]:
+    from contourpy import contour_generator
+
+    lines = contour_generator(xs, ys, np.ma.masked_invalid(field)).lines(level)
+    return [_flat(*np.asarray(line).T) for line in lines if len(line) > 2]

@@ -1,0 +1,189 @@
+"""The replay: what is packed, and how the page behaves in a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from browser import opened
+from fakes import FakeModel
+from matplotlib.image import imread
+
+from riftberg.io.run_file import RunWriter, open_run
+from riftberg.viz.packing import pack, unpack
+from riftberg.viz.replay import ReplayContent, chosen_records, write_replay
+
+RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Run four days with a break on the second."""
+    path = tmp_path_factory.mktemp("replay") / "run.nc"
+    model = FakeModel(16, 5)
+    model.advance(4, recorders=[RunWriter(path, every_hours=3, experiment="fake </script> & berg")])
+    return open_run(path)
+
+
+@pytest.fixture(scope="module")
+def page(run: xr.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the page."""
+    return write_replay(run, tmp_path_factory.mktemp("page") / "replay.html", observed={"2020-12-11": [RING]})
+
+
+def data_of(page: Path) -> dict[str, Any]:
+    """Return what the page was given."""
+    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page.read_text(), re.DOTALL)
+    assert found is not None
+    content: dict[str, Any] = json.loads(found.group(1))
+    return content
+
+
+@pytest.mark.parametrize("kind", ["int16", "uint16", "uint8"])
+def test_packing_keeps_values_to_half_a_step_and_gaps(kind: str) -> None:
+    values = np.array([[-3.0, np.nan, 5.5], [1e-3, 2.0, 7.0]])
+    packed = pack(values, kind)
+    np.testing.assert_allclose(unpack(packed), values, atol=0.501 * packed["scale"])
+
+
+def test_packing_of_whole_numbers_and_of_constants_is_exact() -> None:
+    numbers = np.array([0.0, 3.0, 65_000.0])
+    np.testing.assert_array_equal(unpack(pack(numbers, "uint16", step=1.0)), numbers)
+    np.testing.assert_allclose(unpack(pack(np.full(4, 200.0))), 200.0)
+
+
+def test_positions_on_the_page_are_true_to_metres(run: xr.Dataset, page: Path) -> None:
+    elements = data_of(page)["elements"]
+    x, y = unpack(elements["x"]), unpack(elements["y"])
+    model = FakeModel(16, 5)
+    # Neighbours in the fake berg are 3 km apart; the page shows them so at its scale.
+    bonds = model.bonds
+    whole = run["status"].values == 0
+    apart = np.hypot(x[:, bonds.first] - x[:, bonds.second], y[:, bonds.first] - y[:, bonds.second])[:, whole]
+    np.testing.assert_allclose(apart, 3000.0, rtol=0.006)
+    turned = np.arctan2(y[-1, 5] - y[-1, 0], x[-1, 5] - x[-1, 0])
+    assert np.degrees(turned) == pytest.approx(-48.0, abs=0.6)
+
+
+def test_stress_is_that_of_unbroken_bonds_only(run: xr.Dataset) -> None:
+    content = ReplayContent(run, title="", observed={})
+    stress = content._element_stress()
+    lonely = np.setdiff1d(np.arange(80), np.r_[run["first"].values, run["second"].values])
+    assert not len(lonely)
+    np.testing.assert_allclose(stress[0], 1000.0)
+    np.testing.assert_allclose(stress[-1], run["normal_stress"].values[0, -1], rtol=1e-6)
+    cut = run.isel(bond=slice(0, 0))
+    assert ReplayContent(cut, title="", observed={})._element_stress().max() == 0.0
+
+
+def test_the_page_needs_nothing_from_elsewhere(page: Path) -> None:
+    text = page.read_text()
+    assert not re.search(r"""(src|href)\s*=\s*["']""", text)
+    assert "default-src 'none'" in text
+    assert not re.search(r"\b(fetch|XMLHttpRequest|import)\s*\(", text)
+
+
+def test_the_title_says_what_the_currents_are(page: Path) -> None:
+    content = data_of(page)
+    assert content["note"] == "uniform current of 0.2 m/s"
+    assert "<title>fake &lt;/script&gt; &amp; berg replay</title>" in page.read_text()
+    assert [(f["number"], f["parent"], f["grounded"]) for f in content["fragments"]] == [(1, 0, False), (2, 1, True)]
+
+
+def test_a_large_run_is_thinned_to_the_size_asked_for(run: xr.Dataset, tmp_path: Path) -> None:
+    chosen = chosen_records(1000, 10_000, 10e6)
+    assert chosen[0] == 0
+    assert chosen[-1] == 999
+    small = write_replay(run, tmp_path / "small.html", largest=1.3e4)
+    whole = write_replay(run, tmp_path / "whole.html")
+    assert small.stat().st_size < whole.stat().st_size
+    assert data_of(small)["skipped"] > 0
+    assert data_of(whole)["skipped"] == 0
+
+
+def test_a68a_by_the_hour_stays_below_ten_megabytes() -> None:
+    assert len(chosen_records(15 * 24 + 13, 472, 10e6)) == 15 * 24 + 13
+
+
+def test_a_run_without_water_bonds_or_degrees_still_has_a_page(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "run.nc", every_hours=6, background=False)
+    FakeModel(latlon=False).advance(0.5, recorders=[writer])
+    with open_run(tmp_path / "run.nc") as run:
+        content = data_of(write_replay(run.isel(bond=slice(0, 0)), tmp_path / "replay.html"))
+    assert content["water"] is None
+    assert content["floor"] is None
+    assert content["graticule"] == []
+
+
+def errors(browser: Any) -> list[Any]:
+    """Return what the page complained about."""
+    return [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+
+
+def test_the_page_plays_in_a_browser(page: Path, tmp_path: Path) -> None:
+    with opened(page) as browser:
+        assert browser.execute_script("return replay.state.t") == 0
+        first = browser.find_element("id", "date").text
+        browser.find_element("id", "play").click()
+        time.sleep(1.5)
+        assert browser.execute_script("return replay.state.t") > 3600
+        assert browser.find_element("id", "date").text != first
+        browser.execute_script("replay.toggle(false); replay.go(replay.span)")
+        time.sleep(0.3)
+        assert browser.find_element("id", "date").text == "13 Dec 2020 13:00"
+        picture = tmp_path / "page.png"
+        browser.save_screenshot(str(picture))
+        assert errors(browser) == []
+    shades = imread(picture)[..., :3].reshape(-1, 3)
+    assert len(np.unique((shades * 31).astype(int), axis=0)) > 40
+
+
+def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
+    with opened(page, 480, 800) as browser:
+
+        def state(name: str) -> Any:
+            return browser.execute_script(f"return replay.state.{name}")
+
+        body = browser.find_element("tag name", "body")
+        body.send_keys("n")
+        assert state("t") == 86_400
+        assert "aground" in browser.find_element("id", "said").text
+        scale = state("view.s")
+        body.send_keys("+")
+        assert state("view.s") > scale
+        body.send_keys("0")
+        assert state("view.s") == pytest.approx(scale)
+        body.send_keys(" ")
+        assert state("playing") is True
+        body.send_keys(" ")
+        for value in ("fragment", "speed", "thickness", "stress"):
+            browser.execute_script(
+                "const s = document.getElementById('ice'); s.value = arguments[0]; s.onchange()", value
+            )
+        browser.execute_script("document.getElementById('theme').click()")
+        browser.execute_script("const s = document.getElementById('back'); s.value = 'floor'; s.onchange()")
+        browser.find_elements("css selector", "#list button")[1].click()
+        time.sleep(0.3)
+        assert state("follow") == 2
+        assert errors(browser) == []
+
+
+def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
+    """Hexagons, metres, no water: no browser error either."""
+    from riftberg.parameters import A68A_2022
+
+    hexagonal = A68A_2022.changed(bonds={"packing": "hexagonal"})
+    writer = RunWriter(tmp_path / "run.nc", every_hours=6, background=False)
+    FakeModel(latlon=False, parameters=hexagonal).advance(1.5, recorders=[writer])
+    with open_run(tmp_path / "run.nc") as run:
+        page = write_replay(run, tmp_path / "replay.html")
+    with opened(page) as browser:
+        browser.execute_script("replay.go(replay.span)")
+        time.sleep(0.3)
+        assert errors(browser) == []
