@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from riftberg.bergs.bonding import count_bonds
+from riftberg.bergs.assembly import refuse_overlap
+from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.diagnostics.fragments import FragmentTree
-from riftberg.errors import InputError, RunError
+from riftberg.diagnostics.fragments import Fragment, FragmentTree
+from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements, copy_state
@@ -85,6 +86,7 @@ class Model:
         from riftberg.parameters import A68A_2022
 
         given = A68A_2022 if parameters is None else parameters
+        check_coordinates(berg, forcing, given)
         self.elements, self.bonds = copy_state(berg.elements, berg.bonds)
         self.parameters = _with_constant_size(given, self.elements)
         self.forcing = forcing
@@ -93,6 +95,9 @@ class Model:
         self.step_number = 0
         self.fragments = FragmentTree()
         self._prepare()
+        if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
+            earth = given.earth
+            refuse_overlap(self.elements, given.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
     def _prepare(self) -> None:
         """Check the state and set up the stepper."""
@@ -130,11 +135,11 @@ class Model:
         """
         if self.step_number == 0 and not self._visited:
             self._first_visit()
-        before = self.time, *copy_state(self.elements, self.bonds)
+        before = self.time, list(self.fragments.rows), *copy_state(self.elements, self.bonds)
         try:
             self._stepper.step(self)
             self._check_finite()
-        except RunError:
+        except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
             raise
         self.step_number += 1
@@ -147,9 +152,9 @@ class Model:
                 "the run is unstable: use more sub-steps (stepping.substeps) or a softer berg"
             )
 
-    def _go_back(self, time: float, elements: Elements, bonds: Bonds) -> None:
+    def _go_back(self, time: float, rows: list[Fragment], elements: Elements, bonds: Bonds) -> None:
         """Return to the state before a step that failed, so that it can be saved."""
-        self.time = time
+        self.time, self.fragments.rows = time, rows
         for now, then in zip((*self.elements, *self.bonds), (*elements, *bonds), strict=True):
             now[:] = then
 
@@ -196,13 +201,27 @@ class Model:
         ForcingError
             If the forcing does not serve the whole run; raised before the first step.
         RunError
-            If the run fails; the state of the last good step is saved first and the message says where.
+            If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
+            where. Without ``output`` the model itself is left at that state.
         """
         from riftberg.io.run_file import memory_run
 
+        before = self.step_number
         with memory_run(output, every_hours) as writer:
-            self.advance(days, steps=steps, recorders=[*recorders, writer])
+            try:
+                self.advance(days, steps=steps, recorders=[*recorders, writer])
+            except RiftbergError as error:
+                if self.step_number == before and not isinstance(error, RunError):
+                    raise  # refused before the first step: there is nothing to save
+                raise RunError(f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}") from error
             return writer.dataset()
+
+    def _rescued(self, output: str | Path | None) -> str:
+        """Save the last good state where there is a place for it, and say how to go on."""
+        if output is None:
+            return "The model is left at its last good state: save it with model.save(path)"
+        path = Path(output)
+        return f"Go on with Model.resume({str(self.save(path.with_name(f'{path.stem}.failed.restart.nc')))!r}, forcing)"
 
     def advance(
         self, days: float | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
@@ -295,6 +314,27 @@ def _with_constant_size(p: Parameters, elements: Elements) -> Parameters:
         return p
     length, width = float(np.mean(elements.length)), float(np.mean(elements.width))
     return p.changed(bonds={"constant_length": length, "constant_width": width})
+
+
+def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
+    """Refuse a berg, a grid and parameters that do not agree whether positions are degrees or metres.
+
+    Raises
+    ------
+    InputError
+        Naming who disagrees.
+    """
+    said = {"the berg": berg.latlon}
+    if forcing.grid is not None:
+        said["the grid of the forcing"] = forcing.grid.arrays.latlon
+    for who, latlon in said.items():
+        if latlon != p.earth.latlon:
+            ours, theirs = ("degrees", "metres") if latlon else ("metres", "degrees")
+            raise InputError(
+                f"positions of {who} are {ours}, those of the parameters {theirs}",
+                where=f"earth.latlon = {p.earth.latlon}",
+                remedy=f"Set earth.latlon = {latlon}, or make {who} in {theirs}",
+            )
 
 
 def check_state(elements: Elements, bonds: Bonds) -> None:

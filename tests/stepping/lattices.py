@@ -141,12 +141,12 @@ def touching_pairs(el, bonds, p):
     if p.broken_as_contact:
         pairs.first[: waiting.size] = bonds.first[waiting]
         pairs.second[: waiting.size] = bonds.second[waiting]
-        pairs.row[: waiting.size] = -1
+        pairs.bond[: waiting.size] = -1
         pairs.count[0] = waiting.size
         return pairs
     found = find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, SAME_BERG, p.latlon, p.earth_radius, p.period)
     bonded, bond = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)
-    pairs_from_list(pairs, found, np.cumsum(bonds.status == 0) - 1, bonded, bond)
+    pairs_from_list(pairs, found, bonded, bond)
     return pairs
 
 

@@ -17,13 +17,13 @@ from riftberg.stepping.interactions import SAME_BERG_CONTACT, pair_terms
 class ContactPairs(NamedTuple):
     """Pairs of one berg that may touch in the sub-steps: ends of broken bonds, or candidates of a search.
 
-    ``count[0]`` of the rows are in use. ``row`` is the bond row of a pair that is still bonded (it then does not touch),
-    or -1.
+    ``count[0]`` of the rows are in use. ``bond`` is the number of the bond between both (as long as it is unbroken they
+    do not touch), or -1.
     """
 
     first: Ints
     second: Ints
-    row: Ints
+    bond: Ints
     count: Ints
 
 
@@ -74,7 +74,7 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
         broken += 1
         if keep_contact:
             k = pairs.count[0]
-            pairs.first[k], pairs.second[k], pairs.row[k] = rows.first[r], rows.second[r], -1
+            pairs.first[k], pairs.second[k], pairs.bond[k] = rows.first[r], rows.second[r], -1
             pairs.count[0] = k + 1
     return broken
 
@@ -95,19 +95,21 @@ def _force_while_breaking(rows, r, el, youngs):
 
 
 @kernel
-def add_contacts(pairs, rows, el, sizes, law, ax, ay, search, max_bonds, skip_full):
+def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full):
     """Add the accelerations (m s-2) of pairs of one berg that touch (spec 5.5).
 
     Parameters
     ----------
     pairs : ContactPairs
+    status : array of int
+        Of the bonds.
     search : bool
         The pairs are candidates of a search: a pair acts only while unbonded and while the partner has fewer than
         ``max_bonds`` bonds (Q21); with ``skip_full`` an element with exactly ``max_bonds`` bonds does not look at all.
     """
     for k in range(pairs.count[0]):
         i, j = pairs.first[k], pairs.second[k]
-        if search and pairs.row[k] >= 0 and rows.alive[pairs.row[k]] > 0.0:
+        if search and pairs.bond[k] >= 0 and status[pairs.bond[k]] == 0:
             continue
         rx, ry = separation(
             el.lon_pair[i], el.lat_pair[i], el.lon_pair[j], el.lat_pair[j], law.latlon, law.earth_radius, law.period

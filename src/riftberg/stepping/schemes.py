@@ -193,15 +193,14 @@ class MultipleStepper:
             waiting = np.flatnonzero(model.bonds.status == 1)
             self._pairs.first[: waiting.size] = model.bonds.first[waiting]
             self._pairs.second[: waiting.size] = model.bonds.second[waiting]
-            self._pairs.row[: waiting.size] = -1
+            self._pairs.bond[: waiting.size] = -1
             self._pairs.count[0] = waiting.size
             return
         found = self._near.find(model, _inner_reach(model, sizes), SAME_BERG)
         if found.partner.size > self._pairs.first.size:
             self._pairs = allocate_pairs(2 * found.partner.size)
         bonded, bond = self._near.bonded(model)
-        row = np.cumsum(model.bonds.status == 0) - 1
-        pairs_from_list(self._pairs, found, row, bonded, bond)
+        pairs_from_list(self._pairs, found, bonded, bond)
 
 
 def _inner_reach(model: Model, sizes: Sizes) -> float:

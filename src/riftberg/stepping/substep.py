@@ -10,7 +10,7 @@ import numpy as np
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
-from riftberg.state import Bonds, Elements, Floats
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.bond_law import bond_forces, gather_ends, sum_over_bonds, unwrap_ends
 from riftberg.stepping.bond_rows import BondRows
 from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, break_overloaded
@@ -102,7 +102,7 @@ def dem_accelerations(
     scratch.accel_y[:] = 0.0
     if pairs.count[0] > 0:
         add_contacts(
-            pairs, rows, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True
+            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True
         )
     broken = 0
     if may_break and any_exceeds(rows, count) > 0.0:
@@ -175,17 +175,17 @@ def show_velocities(el: Elements, active: Floats) -> None:
 
 
 @kernel
-def pairs_from_list(pairs: ContactPairs, found: PairList, row_of_bond, bonded: PairList, bond_of) -> None:
-    """Fill ``pairs`` with the candidates of a search, each once, with the bond row that still joins them or -1."""
+def pairs_from_list(pairs: ContactPairs, found: PairList, bonded: PairList, bond_of: Ints) -> None:
+    """Fill ``pairs`` with the candidates of a search, each once, with the bond that still joins them or -1."""
     k = 0
     for e in range(found.start.size - 1):
         for n in range(found.start[e], found.start[e + 1]):
             c = found.partner[n]
             if c <= e:
                 continue
-            pairs.first[k], pairs.second[k], pairs.row[k] = e, c, -1
+            pairs.first[k], pairs.second[k], pairs.bond[k] = e, c, -1
             for q in range(bonded.start[e], bonded.start[e + 1]):
                 if bonded.partner[q] == c:
-                    pairs.row[k] = row_of_bond[bond_of[q]]
+                    pairs.bond[k] = bond_of[q]
             k += 1
     pairs.count[0] = k
