@@ -72,10 +72,26 @@ def kernel(function: _F, *, parallel: bool = False) -> _F:
         Turn ``prange`` loops into threads. The sums inside one iteration keep their order, so results do not
         depend on the number of threads.
     """
+    return _compiled(function, parallel=parallel)
+
+
+def stage(function: _F) -> _F:
+    """Compile ``function`` as a part of the one kernel that calls it.
+
+    For functions that take the whole state and are called in one place: as kernels of their own they would each unpack
+    fifty arrays, get a wrapper for Python and be optimised twice, which made up half of the time of the first compile.
+    Called from Python (in tests) a stage is compiled like any kernel. Not for the loops that must vectorise: inlined
+    by numba, the laws that they call are not yet inlined by LLVM when it looks for loops to vectorise.
+    """
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: _F, **options: Any) -> _F:
     before = config.CACHE_DIR
     # numba reads the setting at decoration only; other packages must not inherit ours.
     config.CACHE_DIR = str(cache_folder())
     try:
-        return njit(cache=True, error_model="numpy", parallel=parallel, nogil=True)(function)
+        compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        return compiled
     finally:
         config.CACHE_DIR = before

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import damping_constant
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -100,28 +100,59 @@ def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
 
 
 @kernel
-def _bond_constants(rows, r, i, j, elements, sizes, earlier, p):
-    """Constants of the law for row ``r`` between elements i and j (spec 5.4; quirks Q10, Q11)."""
-    r1, r2 = sizes.bond_radius[i], sizes.bond_radius[j]
-    t1, t2 = elements.thickness[i], elements.thickness[j]
-    rows.rest[r] = r1 + r2
-    rows.radius1[r], rows.radius2[r] = r1, r2
-    rows.radius_small[r] = min(r1, r2)
-    rows.radius_gap[r] = abs(r1 - r2)
+def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
+    """Thickness (m) from which the section starts, and the difference that is added to it (spec 5.4; quirk Q11)."""
     # Without a smaller radius the reference starts from the element processed second.
-    second_is_small = r2 < r1 or (r1 == r2 and earlier[i] <= earlier[j])
+    second_is_small = r2 < r1 or (r1 == r2 and first_is_earlier)
     small, other = (t2, t1) if second_is_small else (t1, t2)
-    rows.thickness_small[r] = small
-    rows.thickness_gap[r] = abs(t1 - t2) if p.bond_thickness_of_second else other - small
-    rows.lever1[r], rows.lever2[r] = r1, r2
-    if p.shared_shear_lever:
-        rows.lever1[r] = rows.lever2[r] = r1 if earlier[i] <= earlier[j] else r2
-    rows.damping[r] = damping_constant(
-        p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
-    )
+    return small, (abs(t1 - t2) if quirk else other - small)
 
 
 @kernel
+def _fill_constants(rows, count, elements, sizes, earlier, p):
+    """Constants of the law for the rows in use (spec 5.4; quirks Q10, Q11)."""
+    first, second, radius, mass, thickness = (
+        rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.thickness,
+    )  # fmt: skip
+    rest, radius1, radius2, lever1, lever2 = rows.rest, rows.radius1, rows.radius2, rows.lever1, rows.lever2
+    radius_small, radius_gap, damping = rows.radius_small, rows.radius_gap, rows.damping
+    thickness_small, thickness_gap = rows.thickness_small, rows.thickness_gap
+    for r in range(count):
+        i, j = first[r], second[r]
+        r1, r2 = radius[i], radius[j]
+        first_is_earlier = earlier[i] <= earlier[j]
+        rest[r], radius1[r], radius2[r] = r1 + r2, r1, r2
+        radius_small[r], radius_gap[r] = min(r1, r2), abs(r1 - r2)
+        thickness_small[r], thickness_gap[r] = _thickness_rule(
+            r1, r2, thickness[i], thickness[j], first_is_earlier, p.bond_thickness_of_second
+        )
+        shared = r1 if first_is_earlier else r2
+        lever1[r], lever2[r] = (shared, shared) if p.shared_shear_lever else (r1, r2)
+        damping[r] = damping_constant(p.youngs_modulus, p.poisson, p.bond_damping, mass[i], mass[j])
+
+
+@kernel
+def _copy_unbroken(rows, bonds, p):
+    """Copy the unbroken bonds into the rows; returns their number.
+
+    Arrays are taken out of the named tuples first, because numba counts references at each access in a loop.
+    """
+    status, first, second, strength = bonds.status, bonds.first, bonds.second, bonds.strength
+    shear_x, shear_y, turned = bonds.shear_x, bonds.shear_y, bonds.relative_rotation
+    row_bond, row_first, row_second, alive = rows.bond, rows.first, rows.second, rows.alive
+    sx, sy, row_turned, normal, shear = rows.sx, rows.sy, rows.relative_rotation, rows.normal_limit, rows.shear_limit
+    count = 0
+    for b in range(first.size):
+        if status[b] != 0:
+            continue
+        row_bond[count], row_first[count], row_second[count], alive[count] = b, first[b], second[b], 1.0
+        sx[count], sy[count], row_turned[count] = shear_x[b], shear_y[b], turned[b]
+        normal[count], shear[count] = p.normal_strength * strength[b], p.shear_strength * strength[b]
+        count += 1
+    return count
+
+
+@stage
 def load_rows(rows: BondRows, elements: Elements, bonds: Bonds, sizes: Sizes, earlier: Ints, p: KernelParameters) -> int:
     """Copy the unbroken bonds into the rows and find the rows of each element.
 
@@ -140,20 +171,8 @@ def load_rows(rows: BondRows, elements: Elements, bonds: Bonds, sizes: Sizes, ea
     int
         Number of rows in use.
     """
-    count = 0
-    for b in range(bonds.first.size):
-        if bonds.status[b] != 0:
-            continue
-        i, j = bonds.first[b], bonds.second[b]
-        rows.bond[count] = b
-        rows.first[count], rows.second[count] = i, j
-        rows.alive[count] = 1.0
-        rows.sx[count], rows.sy[count] = bonds.shear_x[b], bonds.shear_y[b]
-        rows.relative_rotation[count] = bonds.relative_rotation[b]
-        rows.normal_limit[count] = p.normal_strength * bonds.strength[b]
-        rows.shear_limit[count] = p.shear_strength * bonds.strength[b]
-        _bond_constants(rows, count, i, j, elements, sizes, earlier, p)
-        count += 1
+    count = _copy_unbroken(rows, bonds, p)
+    _fill_constants(rows, count, elements, sizes, earlier, p)
     rows.fx[count] = rows.fy[count] = 0.0
     _fill_slots(rows, count)
     return count
@@ -162,22 +181,22 @@ def load_rows(rows: BondRows, elements: Elements, bonds: Bonds, sizes: Sizes, ea
 @kernel
 def _fill_slots(rows, count):
     """List the rows that meet in each element, in order of row; unused slots name the spare row."""
+    slot, sign, torque_slot, first, second = rows.slot, rows.sign, rows.torque_slot, rows.first, rows.second
     size = rows.alive.size
-    slots, elements = rows.slot.shape
-    used = np.zeros(elements, np.int64)
-    rows.slot[:, :] = count
-    rows.torque_slot[:, :] = count
-    rows.sign[:, :] = 0.0
+    used = np.zeros(slot.shape[1], np.int64)
+    slot[:, :] = count
+    torque_slot[:, :] = count
+    sign[:, :] = 0.0
     rows.torque[count] = 0.0
     for r in range(count):
-        i, j = rows.first[r], rows.second[r]
-        rows.slot[used[i], i], rows.sign[used[i], i], rows.torque_slot[used[i], i] = r, 1.0, r
-        rows.slot[used[j], j], rows.sign[used[j], j], rows.torque_slot[used[j], j] = r, -1.0, size + r
+        i, j = first[r], second[r]
+        slot[used[i], i], sign[used[i], i], torque_slot[used[i], i] = r, 1.0, r
+        slot[used[j], j], sign[used[j], j], torque_slot[used[j], j] = r, -1.0, size + r
         used[i] += 1
         used[j] += 1
 
 
-@kernel
+@stage
 def store_rows(rows: BondRows, count: int, bonds: Bonds) -> None:
     """Copy displacements, stresses and lengths from the rows back to the state."""
     for r in range(count):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.physics.bonds import bond_section, normal_force, overlap
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import separation
@@ -42,7 +42,7 @@ def any_exceeds(rows, count):
     return found
 
 
-@kernel
+@stage
 def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_contact):
     """Break the bonds that are overloaded: mark them, replace their force, and list them as contact pairs.
 
@@ -79,7 +79,7 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
     return broken
 
 
-@kernel
+@stage
 def _force_while_breaking(rows, r, el, youngs):
     """Normal force and damping of a bond that fails in shear under compression; zero otherwise."""
     rows.fx[r] = rows.fy[r] = 0.0
@@ -94,7 +94,7 @@ def _force_while_breaking(rows, r, el, youngs):
     rows.fy[r] = fn * rows.ny[r] - rows.damping[r] * rows.dv[r]
 
 
-@kernel
+@stage
 def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full):
     """Add the accelerations (m s-2) of pairs of one berg that touch (spec 5.5).
 
@@ -128,7 +128,7 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
             ay[e] += iy
 
 
-@kernel
+@stage
 def contact_acceleration(e, c, rx, ry, radii, el, sizes, law):
     """Acceleration (m s-2) of element e by its contact with c of the same berg: spring and damper."""
     m1, m2 = sizes.bond_mass[e], sizes.bond_mass[c]

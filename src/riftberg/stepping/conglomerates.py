@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.physics.fracture import exceeds
 from riftberg.state import Bonds, Elements, Ints
 from riftberg.stepping.neighbours import adjacency
@@ -64,7 +64,7 @@ def drop_broken_bonds(bonds: Bonds) -> None:
             bonds.status[b] = 2
 
 
-@kernel
+@stage
 def break_after_step(
     el: Elements, bonds: Bonds, normal_strength: float, shear_strength: float, time: float
 ) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
 from riftberg.state import Elements
@@ -12,7 +12,7 @@ from riftberg.stepping.interactions import PairLaw, Partners, pair_view
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
 from riftberg.stepping.surroundings import Surroundings
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, solve_velocity
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, lone_elements, solve_velocity
 
 
 @kernel
@@ -20,14 +20,15 @@ def _solve_all(el, dt, partners, view, law, scratch, p):
     """Kick all moving elements once with velocities of the others frozen."""
     nothing = Surroundings(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     half = 0.5 * dt
+    alone = lone_elements(partners)
     for e in range(el.u.size):
         if scratch.active[e] == 0.0:
             continue
         u0, v0 = el.u[e], el.v[e]
         us, vs = u0 + half * (el.ax_fast[e] + el.bx_fast[e]), v0 + half * (el.ay_fast[e] + el.by_fast[e])
         s = solve_velocity(
-            e, el.lon[e], el.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, INTERACTIONS_ONLY, dt, partners,
-            False, p.constant_size, view, law,
+            e, el.lon[e], el.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, INTERACTIONS_ONLY, dt,
+            el.mass[e], alone[e], partners, False, p.constant_size, view, law,
         )  # fmt: skip
         el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         el.ax_fast[e], el.ay_fast[e], el.bx_fast[e], el.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
@@ -44,7 +45,7 @@ def _norms(el, scratch):
     return change, norm
 
 
-@kernel
+@stage
 def _rewind(el, dt, scratch):
     """Show this iterate to the others and go back to the velocity before the kick (spec 6.4, 3b)."""
     half = 0.5 * dt
@@ -57,7 +58,7 @@ def _rewind(el, dt, scratch):
         el.ax_fast[e], el.ay_fast[e], el.bx_fast[e], el.by_fast[e] = el.ax[e], el.ay[e], el.bx[e], el.by[e]
 
 
-@kernel
+@stage
 def implicit_kick(
     el: Elements, dt: float, partners: Partners, sizes: Sizes, law: PairLaw, scratch: Scratch, p: KernelParameters
 ) -> int:

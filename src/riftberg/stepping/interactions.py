@@ -46,6 +46,18 @@ class PairView(NamedTuple):
     bond_mass: Floats
 
 
+class Terms(NamedTuple):
+    """Sums over the partners of an element: spring acceleration (m s-2), damping tensor (s-1), and P u of the partners."""
+
+    ix: float
+    iy: float
+    p11: float
+    p12: float
+    p22: float
+    px: float
+    py: float
+
+
 class Partners(NamedTuple):
     """Partners of each element by kind of pair."""
 
@@ -152,19 +164,18 @@ def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view,
     plain : bool
         Branch B: ``collision`` holds all elements in reach, bonds act in tension only.
     bond_size : bool
-        Bonded and same-berg pairs use the constant interaction size (spec 1.4).
+        Bonded pairs use the constant interaction size (spec 1.4, v).
     view : PairView
     law : PairLaw
 
     Returns
     -------
-    tuple of 7 floats
-        ix, iy (m s-2), p11, p12, p22 (s-1), px, py (m s-2).
+    Terms
     """
     b = _sum_over(e, x, y, u0, v0, u1, v1, PLAIN_BOND if plain else BONDED, partners.bonded, not bond_size, view, law)
-    s = _sum_over(e, x, y, u0, v0, u1, v1, SAME_BERG_CONTACT, partners.same_berg, not bond_size, view, law)
+    s = _sum_over(e, x, y, u0, v0, u1, v1, SAME_BERG_CONTACT, partners.same_berg, True, view, law)
     c = _sum_over(e, x, y, u0, v0, u1, v1, PLAIN_CONTACT if plain else COLLISION, partners.collision, True, view, law)
-    return (
+    return Terms(
         b[0] + s[0] + c[0],
         b[1] + s[1] + c[1],
         b[2] + s[2] + c[2],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import draft_of, spin_drag
 from riftberg.physics.grounding import grounded_fraction, grounding_rate, grounding_spin_rate
@@ -12,17 +12,18 @@ from riftberg.state import Elements
 from riftberg.stepping.interactions import PairLaw, Partners, pair_view
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
-from riftberg.stepping.surroundings import surroundings_of
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, solve_velocity
+from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
 
 
-@kernel
+@stage
 def sea_floor_rates(el: Elements, scratch: Scratch, sizes: Sizes, p: KernelParameters) -> None:
     """Rates (s-1) of sub-step grounding drag and torque; the depth holds for the long step (spec 6.4, 3b and 3c)."""
     for e in range(el.mass.size):
         scratch.active[e] = 1.0 if el.static[e] < 0.5 else 0.0
         draft = draft_of(el.thickness[e], p.rho_ice)
         fraction = grounded_fraction(el.depth[e], draft, p.ground_ramp)
+        scratch.aground[e] = fraction
         rate = grounding_rate(p.ground_coefficient, sizes.bond_area[e], sizes.bond_mass[e], fraction)
         scratch.ground_rate[e] = rate if p.ground_on_substeps else 0.0
         turning = grounding_spin_rate(p.ground_coefficient, sizes.bond_radius[e], sizes.bond_mass[e], fraction)
@@ -30,50 +31,37 @@ def sea_floor_rates(el: Elements, scratch: Scratch, sizes: Sizes, p: KernelParam
 
 
 @kernel
-def _half_kick_of(el, e, dt, partners, view, law, p):
-    """Solve for the slow acceleration of one element at its current position and velocity."""
-    around = surroundings_of(el, e, el.lat[e], True, p)
+def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
+    """Solve for the slow accelerations of all moving elements, or in later passes of those in contact.
+
+    Returns whether any element is in contact, and the sum of the squared velocities of those solved for.
+    """
+    lon, lat, u, v, u_sync, v_sync, mass = el.lon, el.lat, el.u, el.v, el.u_sync, el.v_sync, el.mass
+    ax, ay, bx, by, static, in_contact = el.ax, el.ay, el.bx, el.by, el.static, el.in_contact
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
-    u, v = el.u[e], el.v[e]
-    return solve_velocity(
-        e, el.lon[e], el.lat[e], u, v, u, v, u, v, around, 0.5, 0.5, True, mode, dt, partners, False, False, view, law
-    )
-
-
-@kernel
-def _first_pass(el, dt, partners, view, law, kick, p):
-    """Evaluate all moving elements; returns whether any is in contact, and the sum of squared velocities."""
     collided = False
     norm = 0.0
-    for e in range(el.u.size):
-        if not p.sticky_collision_flags:
-            el.in_contact[e] = 0.0
-        if el.static[e] >= 0.5:
+    for e in range(u.size):
+        if first and not p.sticky_collision_flags:
+            in_contact[e] = 0.0
+        if static[e] >= 0.5 or not (first or in_contact[e] != 0.0):
             continue
-        s = _half_kick_of(el, e, dt, partners, view, law, p)
-        el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
-        if s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate):
+        around = surroundings_of(table, e)
+        s = solve_velocity(
+            e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], around, 0.5, 0.5, True, mode, dt, mass[e],
+            alone[e], partners, False, False, view, law,
+        )  # fmt: skip
+        ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
+        if first and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
             collided = True
-            el.in_contact[e] = 1.0
-        el.u_sync[e] = el.u[e] + kick * dt * s.total_x
-        el.v_sync[e] = el.v[e] + kick * dt * s.total_y
-        norm += el.u_sync[e] ** 2 + el.v_sync[e] ** 2
+            in_contact[e] = 1.0
+        u_sync[e] = u[e] + kick * dt * s.total_x
+        v_sync[e] = v[e] + kick * dt * s.total_y
+        norm += u_sync[e] ** 2 + v_sync[e] ** 2
     return collided, norm
 
 
-@kernel
-def _later_pass(el, dt, partners, view, law, kick, p):
-    """Evaluate again the elements in contact with the velocities the others showed in the pass before."""
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5 or el.in_contact[e] == 0.0:
-            continue
-        s = _half_kick_of(el, e, dt, partners, view, law, p)
-        el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
-        el.u_sync[e] = el.u[e] + kick * dt * s.total_x
-        el.v_sync[e] = el.v[e] + kick * dt * s.total_y
-
-
-@kernel
+@stage
 def _change_and_norm(el):
     """Squared change of velocity since the pass before, and squared velocity, over the elements in contact."""
     change = norm = 0.0
@@ -92,7 +80,7 @@ def _show_synchronised(el):
             el.u_pair[e], el.v_pair[e] = el.u_sync[e], el.v_sync[e]
 
 
-@kernel
+@stage
 def closing_half_kick(
     el: Elements, dt: float, partners: Partners, sizes: Sizes, law: PairLaw, starting: bool, p: KernelParameters
 ) -> int:
@@ -118,7 +106,9 @@ def closing_half_kick(
     """
     view = pair_view(el, sizes)
     kick = 0.0 if starting else 1.0
-    collided, norm_before = _first_pass(el, dt, partners, view, law, kick, p)
+    table = surroundings_of_all(el, True, p)
+    alone = lone_elements(partners)
+    collided, norm_before = _slow_pass(el, dt, table, alone, partners, view, law, kick, True, p)
     if not p.iterate:
         for e in range(el.u.size):
             if el.static[e] < 0.5:
@@ -129,7 +119,7 @@ def closing_half_kick(
     while collided:
         if passes >= p.max_iterations:
             return -1
-        _later_pass(el, dt, partners, view, law, kick, p)
+        _slow_pass(el, dt, table, alone, partners, view, law, kick, False, p)
         passes += 1
         change, norm = _change_and_norm(el)
         _show_synchronised(el)
@@ -140,7 +130,7 @@ def closing_half_kick(
     return passes
 
 
-@kernel
+@stage
 def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
     """Start the long step with its first slow half kick (part 2), and the rotational drag of the water."""
     half = 0.5 * dt

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
 from riftberg.stepping.bond_rows import BondRows, load_rows, store_rows
@@ -69,7 +69,7 @@ class StepReport(NamedTuple):
     passes: int
 
 
-@kernel
+@stage
 def _remember_fast(el):
     """Keep the fast accelerations of this sub-step where the reference keeps them."""
     el.ax[:] = el.ax_fast
@@ -78,24 +78,16 @@ def _remember_fast(el):
     el.by[:] = el.by_fast
 
 
-@kernel
-def _initial_fast(el, bonds, rows, count, pairs, scratch, sizes, law, partners, plan, p):
-    """Evaluate the fast accelerations at the start, so that the first sub-step has its first half kick."""
-    el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
-    el.u_pair[:], el.v_pair[:] = el.u, el.v
-    if p.dem:
-        dem_accelerations(
-            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, 0.0, plan.time, False, p
-        )
-    elif p.bonds_on:
-        spring_accelerations(el, partners, p.constant_size, scratch, sizes, law)
+@stage
+def _start_fast(el, scratch, implicit_ground):
+    """Take the accelerations just found as those before the first sub-step, so that it has its first half kick."""
     for e in range(el.u.size):
-        rate = 0.0 if p.ground_implicit else scratch.ground_rate[e]
+        rate = 0.0 if implicit_ground else scratch.ground_rate[e]
         el.ax_fast[e] = scratch.active[e] * (scratch.accel_x[e] - rate * el.u[e])
         el.ay_fast[e] = scratch.active[e] * (scratch.accel_y[e] - rate * el.v[e])
 
 
-@kernel
+@stage
 def _drift_and_show(el, scratch, dt, near_pole, p):
     """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
@@ -143,9 +135,6 @@ def advance(
     near_pole = p.latlon and el.lat.max() > POLAR_LATITUDE
     passes = 1
     broken = 0
-    if plan.starting:
-        count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
-        _initial_fast(el, bonds, rows, count, pairs, scratch, sizes, law, fast, plan, p)
     if not plan.skip_slow:
         passes = closing_half_kick(el, plan.dt, slow, sizes, law, plan.starting, p)
         if passes < 0:
@@ -154,17 +143,24 @@ def advance(
             broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
         opening_half_kick(el, plan.dt, sizes, p)
     count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
-    dt = plan.dt / plan.substeps
-    for n in range(plan.substeps):
-        _drift_and_show(el, scratch, dt, near_pole, p)
-        if p.explicit_substeps or p.dem:
-            if p.dem:
-                now = plan.time + (n + 1) * dt
-                broken += dem_accelerations(
-                    el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, plan.break_inline, p
-                )
-            else:
-                spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
+    explicit = p.explicit_substeps or p.dem
+    # With a proper start, one evaluation without moving stands before the first sub-step.
+    for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
+        moving = n >= 0
+        dt = plan.dt / plan.substeps if moving else 0.0
+        if moving:
+            _drift_and_show(el, scratch, dt, near_pole, p)
+        if p.dem:
+            now, may_break = plan.time + (n + 1) * dt, plan.break_inline and moving
+            broken += dem_accelerations(
+                el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, p
+            )
+        elif explicit or not moving:
+            spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
+        if not moving:
+            _start_fast(el, scratch, p.ground_implicit)
+            continue
+        if explicit:
             kick(el, scratch, dt, p.ground_implicit)
         else:
             passes = implicit_kick(el, dt, fast, sizes, law, scratch, p)
@@ -173,7 +169,7 @@ def advance(
         show_velocities(el, scratch.active)
         if p.dem:
             spin_up(el, scratch, dt)
-        if p.iterate and not p.explicit_substeps:
+        if p.iterate and not explicit:
             _remember_fast(el)
     if p.iterate:
         _remember_fast(el)

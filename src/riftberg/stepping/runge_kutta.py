@@ -16,8 +16,8 @@ from riftberg.physics.geometry import metres_per_unit, move
 from riftberg.state import Elements, Floats
 from riftberg.stepping.interactions import Partners, pair_law, pair_view
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.surroundings import surroundings_of
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, solve_velocity
+from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
 
 
 class Stages(NamedTuple):
@@ -66,16 +66,17 @@ def evaluate(
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     span = fraction * dt
+    table, alone = surroundings_of_all(el, False, p), lone_elements(partners)
     for e in range(el.u.size):
         if el.static[e] >= 0.5:
             continue
         u0, v0 = stages.u0[e], stages.v0[e]
         us, vs = stages.u[stage, e], stages.v[stage, e]
         half_u, half_v = u0 + 0.5 * span * el.ax[e], v0 + 0.5 * span * el.ay[e]
-        around = surroundings_of(el, e, el.lat[e], False, p)
+        around = surroundings_of(table, e)
         s = solve_velocity(
             e, el.lon_pair[e], el.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds, mode,
-            span, partners, p.plain_kid_branch, False, view, law,
+            span, el.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y

@@ -92,6 +92,15 @@ class Neighbourhood:
         return self._none
 
 
+def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
+    """Return ``pairs`` with only those partners that are allowed (Q21: partners with fewer than ``max_bonds`` bonds)."""
+    count = pairs.start.size - 1
+    owner = np.repeat(np.arange(count), np.diff(pairs.start))
+    keep = allowed[pairs.partner]
+    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
+    return PairList(start, pairs.partner[keep])
+
+
 def without(pairs: PairList, excluded: PairList) -> PairList:
     """Return ``pairs`` less those that stand in ``excluded``."""
     count = pairs.start.size - 1
@@ -183,7 +192,10 @@ class MultipleStepper:
         if model.constants.dem or not model.constants.bonds_on:
             return Partners(self._near.none, self._near.none, collisions)
         bonded, _ = self._near.bonded(model)
-        return Partners(bonded, self._near.same_berg(model, _inner_reach(model, sizes)), collisions)
+        touching = self._near.same_berg(model, _inner_reach(model, sizes))
+        if model.constants.explicit_substeps:
+            touching = with_partners(touching, model.elements.bond_count < model.constants.max_bonds)
+        return Partners(bonded, touching, collisions)
 
     def _gather_pairs(self, model: Model, sizes: Sizes) -> None:
         """List the pairs inside bergs that may touch in this step."""

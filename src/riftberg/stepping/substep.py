@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -20,9 +20,10 @@ from riftberg.stepping.sizes import Sizes
 
 
 class Scratch(NamedTuple):
-    """Room for one value per element: 1 where it moves, sums of force and torque, rates of the sea floor (s-1)."""
+    """Room for one value per element: 1 where it moves, how far it is aground (0 to 1), sums, rates of the sea floor (s-1)."""
 
     active: Floats
+    aground: Floats
     force_x: Floats
     force_y: Floats
     torque: Floats
@@ -58,7 +59,7 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
         el.v_pair[e] = seen if active[e] > 0.0 else el.v_pair[e]
 
 
-@kernel
+@stage
 def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
     """As `drift`, on the tangent plane where latitude is above 89 degrees."""
     for e in range(el.lon.size):
@@ -73,6 +74,16 @@ def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: 
 
 
 @kernel
+def divide_by_mass(el: Elements, scratch: Scratch, sizes: Sizes) -> None:
+    """Add loads to the summed forces and turn all into accelerations and angular accelerations (spec 5.3, 3)."""
+    for e in range(el.lon.size):
+        m, r = sizes.bond_mass[e], sizes.bond_radius[e]
+        scratch.accel_x[e] += (scratch.force_x[e] + el.load_x[e]) / m
+        scratch.accel_y[e] += (scratch.force_y[e] * el.free_y[e] + el.load_y[e]) / m
+        el.spin_rate[e] = scratch.active[e] * (scratch.torque[e] / (0.5 * m * r * r))
+
+
+@stage
 def dem_accelerations(
     el: Elements, bonds: Bonds, rows: BondRows, count: int, pairs: ContactPairs, search: bool, scratch: Scratch,
     sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, p: KernelParameters,
@@ -107,14 +118,10 @@ def dem_accelerations(
     broken = 0
     if may_break and any_exceeds(rows, count) > 0.0:
         broken = break_overloaded(
-            rows, count, el, bonds, pairs, scratch.ground_rate, time, p.youngs_modulus, p.broken_as_contact
+            rows, count, el, bonds, pairs, scratch.aground, time, p.youngs_modulus, p.broken_as_contact
         )
     sum_over_bonds(rows, scratch.force_x, scratch.force_y, scratch.torque)
-    for e in range(el.lon.size):
-        m, r = sizes.bond_mass[e], sizes.bond_radius[e]
-        scratch.accel_x[e] += (scratch.force_x[e] + el.load_x[e]) / m
-        scratch.accel_y[e] += (scratch.force_y[e] * el.free_y[e] + el.load_y[e]) / m
-        el.spin_rate[e] = scratch.active[e] * (scratch.torque[e] / (0.5 * m * r * r))
+    divide_by_mass(el, scratch, sizes)
     return broken
 
 

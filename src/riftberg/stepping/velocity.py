@@ -8,9 +8,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from riftberg.kernels import kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
-from riftberg.stepping.interactions import interaction_terms
+from riftberg.stepping.interactions import Partners, Terms, interaction_terms
+from riftberg.stepping.surroundings import Surroundings
 
 WITH_SURROUNDINGS, INTERACTIONS_ONLY = 0, 1
 
@@ -36,9 +40,69 @@ def _stage_speed(u1, v1, us, vs, uk, vk):
 
 
 @kernel
+def _drag_rates(around, mean_speeds, u1, v1, u0, v0, us, vs):
+    """Rates (s-1) of the drag of water, air and sea ice."""
+    if mean_speeds:
+        return (
+            around.drag_ocean * mean_speed(u1, v1, u0, v0, around.uo, around.vo),
+            around.drag_air * mean_speed(u1, v1, u0, v0, around.ua, around.va),
+            around.drag_ice * mean_speed(u1, v1, u0, v0, around.ui, around.vi),
+        )
+    return (
+        around.drag_ocean * _stage_speed(u1, v1, us, vs, around.uo, around.vo),
+        around.drag_air * _stage_speed(u1, v1, us, vs, around.ua, around.va),
+        around.drag_ice * _stage_speed(u1, v1, us, vs, around.ui, around.vi),
+    )
+
+
+@kernel
+def solve_once(
+    u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, u1: float, v1: float,
+    push_x: float, push_y: float, around: Surroundings, t: Terms, share: float, explicit_part: float,
+    mean_speeds: bool, mode: int, dt: float,
+) -> tuple[float, float]:  # fmt: skip
+    """One pass of the solve: acceleration (m s-2) with drag at the iterate (u1, v1).
+
+    ``push_x`` and ``push_y`` are the explicit accelerations, springs included; other arguments as in `solve_velocity`.
+    """
+    damp_x = t.p11 * u_star + t.p12 * v_star - t.px
+    damp_y = t.p12 * u_star + t.p22 * v_star - t.py
+    if mode == INTERACTIONS_ONLY:
+        rx, ry = 0.5 * t.ix - share * damp_x, 0.5 * t.iy - share * damp_y
+        rate = turn = 0.0
+    else:
+        do, da, di = _drag_rates(around, mean_speeds, u1, v1, u0, v0, us, vs)
+        dg = around.grounding
+        drag_x = do * (u_star - around.uo) + da * (u_star - around.ua) + di * (u_star - around.ui) + dg * u_star
+        drag_y = do * (v_star - around.vo) + da * (v_star - around.va) + di * (v_star - around.vi) + dg * v_star
+        rx = explicit_part * push_x - share * (drag_x + damp_x)
+        ry = explicit_part * push_y - share * (drag_y + damp_y)
+        rate = do + da + di + dg
+        # Runge-Kutta stages take the Coriolis force fully explicit.
+        turn = 0.5 * around.coriolis if explicit_part < 1.0 else 0.0
+    a11 = 1.0 + share * dt * (rate + t.p11)
+    a22 = 1.0 + share * dt * (rate + t.p22)
+    a12 = share * dt * (t.p12 - turn)
+    a21 = share * dt * (t.p12 + turn)
+    return solve_two_by_two(a11, a12, a21, a22, rx, ry)
+
+
+@kernel
+def explicit_acceleration(
+    u1: float, v1: float, around: Surroundings, t: Terms, explicit_part: float, mode: int
+) -> tuple[float, float]:
+    """Explicit acceleration (m s-2) to carry to the next step: springs, slope, waves and Coriolis at the new velocity."""
+    if mode == INTERACTIONS_ONLY:
+        return t.ix, t.iy
+    if explicit_part < 1.0:
+        return around.push_x + t.ix + around.coriolis * v1, around.push_y + t.iy - around.coriolis * u1
+    return 0.0, 0.0
+
+
+@stage
 def solve_velocity(
-    e, x, y, u_star, v_star, u0, v0, us, vs, around, share, explicit_part, mean_speeds, mode, dt, partners, plain,
-    bond_size, view, law,
+    e, x, y, u_star, v_star, u0, v0, us, vs, around, share, explicit_part, mean_speeds, mode, dt, mass, alone,
+    partners, plain, bond_size, view, law,
 ):  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
 
@@ -65,6 +129,10 @@ def solve_velocity(
         `WITH_SURROUNDINGS` or `INTERACTIONS_ONLY`.
     dt : float
         s.
+    mass : float
+        kg.
+    alone : bool
+        The element has no partners, so the sums over them are left out.
     partners, plain, bond_size, view, law
         See `riftberg.stepping.interactions.interaction_terms`.
 
@@ -72,56 +140,26 @@ def solve_velocity(
     -------
     Solution
     """
-    ix, iy, p11, p12, p22, px, py = interaction_terms(
-        e, x, y, u0, v0, us, vs, partners, plain, bond_size, view, law
-    )
-    implicit_coriolis = 0.5 * around.coriolis if explicit_part < 1.0 else 0.0
+    t = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if not alone:
+        t = interaction_terms(e, x, y, u0, v0, us, vs, partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
     cu, cv = (u_star, v_star) if explicit_part < 1.0 else (us, vs)
-    ex = around.push_x + ix + around.coriolis * cv
-    ey = around.push_y + iy - around.coriolis * cu
-    u1, v1 = us, vs
-    ax = ay = 0.0
-    for iteration in range(2):
-        if iteration == 1:
-            ix, iy, p11, p12, p22, px, py = interaction_terms(
-                e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view, law
-            )
-        damp_x = p11 * u_star + p12 * v_star - px
-        damp_y = p12 * u_star + p22 * v_star - py
-        if mode == INTERACTIONS_ONLY:
-            rx, ry = 0.5 * ix - share * damp_x, 0.5 * iy - share * damp_y
-            rate = turn = 0.0
-        else:
-            if mean_speeds:
-                do = around.drag_ocean * mean_speed(u1, v1, u0, v0, around.uo, around.vo)
-                da = around.drag_air * mean_speed(u1, v1, u0, v0, around.ua, around.va)
-                di = around.drag_ice * mean_speed(u1, v1, u0, v0, around.ui, around.vi)
-            else:
-                do = around.drag_ocean * _stage_speed(u1, v1, us, vs, around.uo, around.vo)
-                da = around.drag_air * _stage_speed(u1, v1, us, vs, around.ua, around.va)
-                di = around.drag_ice * _stage_speed(u1, v1, us, vs, around.ui, around.vi)
-            dg = around.grounding
-            drag_x = do * (u_star - around.uo) + da * (u_star - around.ua) + di * (u_star - around.ui) + dg * u_star
-            drag_y = do * (v_star - around.vo) + da * (v_star - around.va) + di * (v_star - around.vi) + dg * v_star
-            rx = explicit_part * ex - share * (drag_x + damp_x)
-            ry = explicit_part * ey - share * (drag_y + damp_y)
-            rate = do + da + di + dg
-            turn = implicit_coriolis
-        a11 = 1.0 + share * dt * (rate + p11)
-        a22 = 1.0 + share * dt * (rate + p22)
-        a12 = share * dt * (p12 - turn)
-        a21 = share * dt * (p12 + turn)
-        ax, ay = solve_two_by_two(a11, a12, a21, a22, rx, ry)
-        u1, v1 = u_star + dt * ax, v_star + dt * ay
-    if mode == INTERACTIONS_ONLY:
-        a_x, a_y = ix, iy
-    elif explicit_part < 1.0:
-        a_x = around.push_x + ix + around.coriolis * v1
-        a_y = around.push_y + iy - around.coriolis * u1
-    else:
-        a_x = a_y = 0.0
-    mass = view.mass[e]
+    push_x = around.push_x + t.ix + around.coriolis * cv
+    push_y = around.push_y + t.iy - around.coriolis * cu
+    ax, ay = solve_once(
+        u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, around, t, share, explicit_part, mean_speeds, mode, dt
+    )
+    if not alone:
+        t = interaction_terms(
+            e, x, y, u0, v0, u_star + dt * ax, v_star + dt * ay, partners, plain, bond_size, view, law
+        )
+    ax, ay = solve_once(
+        u_star, v_star, u0, v0, us, vs, u_star + dt * ax, v_star + dt * ay, push_x, push_y, around, t, share,
+        explicit_part, mean_speeds, mode, dt,
+    )  # fmt: skip
+    u1, v1 = u_star + dt * ax, v_star + dt * ay
+    a_x, a_y = explicit_acceleration(u1, v1, around, t, explicit_part, mode)
     return Solution(
         ax,
         ay,
@@ -129,6 +167,13 @@ def solve_velocity(
         a_y,
         (ax - 0.5 * a_x) / share,
         (ay - 0.5 * a_y) / share,
-        mass * (px - p11 * u1 - p12 * v1),
-        mass * (py - p12 * u1 - p22 * v1),
+        mass * (t.px - t.p11 * u1 - t.p12 * v1),
+        mass * (t.py - t.p12 * u1 - t.p22 * v1),
     )
+
+
+@kernel
+def lone_elements(partners: Partners) -> NDArray[np.bool_]:
+    """Whether each element has no partner of any kind."""
+    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
+    return (np.diff(bonded) + np.diff(same) + np.diff(other)) == 0

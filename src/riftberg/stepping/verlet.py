@@ -8,8 +8,8 @@ from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Elements
 from riftberg.stepping.interactions import Partners, pair_law, pair_view
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.surroundings import surroundings_of
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, solve_velocity
+from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
 
 
 @kernel
@@ -20,16 +20,17 @@ def update_velocities(el: Elements, partners: Partners, sizes: Sizes, dt: float,
     """
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
+    table, alone = surroundings_of_all(el, False, p), lone_elements(partners)
     for e in range(el.u.size):
         if el.static[e] >= 0.5:
             continue
         u, v = el.u[e], el.v[e]
         el.u_sync[e], el.v_sync[e] = u - 0.5 * dt * el.bx[e], v - 0.5 * dt * el.by[e]
         us, vs = u + 0.5 * dt * el.ax[e], v + 0.5 * dt * el.ay[e]
-        around = surroundings_of(el, e, el.lat[e], False, p)
+        around = surroundings_of(table, e)
         s = solve_velocity(
-            e, el.lon[e], el.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, mode, dt, partners,
-            p.plain_kid_branch, False, view, law,
+            e, el.lon[e], el.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, mode, dt, el.mass[e],
+            alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
