@@ -98,8 +98,10 @@ class Panel:
             np.linspace(b.south + margin_y, b.north - margin_y, arrows),
         )
         u, v = self.water.currents(ax, ay, time)
-        self.ax.quiver(ax, ay, u, v, angles="uv", scale=1.05 * arrows * top, width=0.055 / arrows, headwidth=3.6, headlength=4.2,
-                       color="#35506B", minlength=0.5, zorder=2)  # fmt: skip
+        self.ax.quiver(
+            ax, ay, u, v, angles="uv", scale=1.05 * arrows * top, width=0.055 / arrows, headwidth=3.6, headlength=4.2,
+            color="#35506B", minlength=0.5, zorder=2,
+        )  # fmt: skip
 
     def draw_floor(self) -> bool:
         """Draw isobaths and hatch what the keel touches; returns whether there is such a place."""

@@ -220,8 +220,9 @@ def draw_stress(
         panel.ax.set_title(day_text(scene.times[record], year=True), fontsize=10, pad=4)
     figure.subplots_adjust(left=0.06, right=0.98, top=0.86, bottom=0.17, wspace=0.18)
     place = figure.add_axes((0.25, 0.085, 0.5, 0.018))
-    bar = figure.colorbar(ScalarMappable(stress_scale(top / 1e3), stress_map()), cax=place, orientation="horizontal",
-                          extend="max" if fracture.enabled and top >= fracture.normal_strength else "neither")  # fmt: skip
+    colours = ScalarMappable(stress_scale(top / 1e3), stress_map())
+    extend = "max" if fracture.enabled and top >= fracture.normal_strength else "neither"
+    bar = figure.colorbar(colours, cax=place, orientation="horizontal", extend=extend)
     text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
     bar.set_label(f"largest tensile stress of a bond (kPa){text}; dotted: broken", fontsize=9)
     figure.suptitle(heading(run, "stress in the bonds"), x=0.05, ha="left", fontsize=12)

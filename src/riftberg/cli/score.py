@@ -1,0 +1,151 @@
+"""``riftberg score``: a run against observations."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from riftberg.cli.failures import reported, say
+from riftberg.cli.pictures import Run
+from riftberg.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from riftberg.diagnostics.score import Match, Score
+
+
+@reported
+def score(
+    run: Run,
+    observed: Annotated[
+        Path, typer.Argument(metavar="OBSERVED", help="Outlines (GeoJSON, CSV) or tracks (BYU/NIC and other CSV).")
+    ],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")] = None,
+    hour: Annotated[
+        float | None,
+        typer.Option(
+            "--hour", min=0.0, max=24.0, help="Hour (UTC) for days without a time.  [default: that of the start]"
+        ),
+    ] = None,
+    between: Annotated[str | None, typer.Option("--between", metavar="FIRST,LAST", help="Dates to compare.")] = None,
+    together: Annotated[
+        str | None,
+        typer.Option("--together", metavar="N,N,...", help="Fragments that make up the berg, instead of finding them."),
+    ] = None,
+    interpolated: Annotated[bool, typer.Option("--interpolated", help="Use interpolated positions too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw score.png.")] = True,
+) -> None:
+    """Compare a run with observations, day by day: distance, heading, area, overlap, fragments."""
+    import json
+
+    from riftberg.diagnostics.observed import read_observed
+    from riftberg.diagnostics.score import score_run
+    from riftberg.io.run_file import open_run
+    from riftberg.viz.plots import heading
+
+    folder = output or (run if run.is_dir() else run.parent)
+    folder.mkdir(parents=True, exist_ok=True)
+    with open_run(run) as dataset:
+        found = score_run(
+            dataset, read_observed(observed), hour=hour, between=_between(between), together=_numbers(together),
+            interpolated=interpolated,
+        )  # fmt: skip
+        title = heading(dataset, f"run against {observed.name}")
+    if as_json:
+        typer.echo(json.dumps(found.as_dict(), indent=1))
+    else:
+        _print(found)
+    written = [found.write(folder / "score.json")]
+    if figure:
+        from riftberg.viz.score import draw_score
+
+        written.append(draw_score(found, folder / "score.png", title=title))
+    say("Written: " + ", ".join(str(path) for path in written))
+
+
+def _between(text: str | None) -> tuple[datetime, datetime] | None:
+    from riftberg.cli.doctor import dates
+
+    span = dates(text, "--between")
+    if span is None:
+        return None
+    first, last = (datetime.fromisoformat(part) for part in span)
+    # A day alone is meant to its end.
+    return first, last + timedelta(days=1, seconds=-1) if last.time() == last.min.time() else last
+
+
+def _numbers(text: str | None) -> list[int]:
+    try:
+        return [int(part) for part in (text or "").split(",") if part.strip()]
+    except ValueError as error:
+        raise InputError(f"{text!r} are no numbers", where="--together", remedy="For example --together 1,6") from error
+
+
+def table_of(found: Score) -> Table:
+    """Return the table of a score."""
+    from rich.table import Table
+
+    table = Table(title=f"Run against {found.observed}")
+    for name in (
+        "time",
+        "piece",
+        "fragments",
+        "distance km",
+        "azimuth",
+        "observed",
+        "diff",
+        "area km2",
+        "observed",
+        "IoU",
+    ):
+        table.add_column(name, justify="left" if name in ("time", "piece", "fragments") else "right", no_wrap=True)
+    for day in found.days:
+        for k, match in enumerate(day.matches):
+            table.add_row(
+                day.time.replace("T", " ")[:16] if k == 0 else "",
+                *_cells(match),
+                style="bold" if match is day.berg else "",
+            )
+    return table
+
+
+def _cells(m: Match) -> list[str]:
+    def text(value: float | None, form: str) -> str:
+        return "" if value is None else format(value, form)
+
+    return [
+        m.observed, ", ".join(map(str, m.fragments)) or "none", text(m.distance_km, ".1f"), text(m.azimuth, ".0f"),
+        text(m.azimuth_observed, ".0f"), text(m.azimuth_difference, "+.0f"), text(m.area_km2, ".0f"),
+        text(m.area_observed_km2, ".0f"), text(m.iou, ".2f"),
+    ]  # fmt: skip
+
+
+def sentence(found: Score) -> str:
+    """Return the summary in a sentence."""
+    s = found.summary()
+    if not s["days"]:
+        return "The berg itself was not observed during the run."
+    parts = [f"centroid {s['distance_km_rms']:.1f} km off (rms; at most {s['distance_km_max']:.1f} km)"]
+    if s["azimuth_rms"] is not None:
+        parts.append(f"long axis {s['azimuth_rms']:.0f} degrees off (rms)")
+    if s["area_ratio_mean"] is not None:
+        parts.append(f"area {s['area_ratio_mean']:.2f} of the observed one")
+    if s["iou_mean"] is not None:
+        parts.append(f"overlap {s['iou_mean']:.2f}")
+    return f"{s['days']} times: " + ", ".join(parts) + "."
+
+
+def _print(found: Score) -> None:
+    from rich.console import Console
+
+    console = Console()
+    # A file or a pipe has no width of its own; the table needs 110 columns.
+    if not console.is_terminal:
+        console = Console(width=120)
+    console.print(table_of(found))
+    console.print(sentence(found), highlight=False)

@@ -1,0 +1,488 @@
+"""How well a run agrees with what was observed: place, heading, area, outline and fragments, day by day.
+
+A day without a time is compared at one hour, by default that of the start of the run. The model's outline is the union
+of its elements. Which of the model's fragments make up an observed piece is found from their shapes: the one that
+overlaps most, and each other one with which the fragments, laid on the piece centroid on centroid, overlap it better
+than without (intersection over union). So a finger that is off but still in place counts to the berg, and an error of
+drift does not decide. The overlap that is reported is that in the true places.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg.diagnostics.observed import Fix, Observed, Outline
+from riftberg.diagnostics.track import Position, berg_position
+from riftberg.errors import InputError
+from riftberg.state import Floats
+from riftberg.viz.plane import Plane
+from riftberg.viz.scene import Scene
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry  # type: ignore[import-untyped, unused-ignore]
+
+TWINS: Final = 0.8
+"""Two outlines of a day that overlap more than this (intersection over union) are one piece drawn twice."""
+
+SMALLEST: Final = 0.005
+"""Fragments below this part of the whole area are not matched one by one."""
+
+_SEAM = 60.0  # m; closes the hairline gaps between elements
+
+
+@dataclass(frozen=True)
+class Match:
+    """One observed piece and the fragments of the model that make it up.
+
+    Attributes
+    ----------
+    observed : str
+        Name of the piece.
+    fragments : list of int
+        Numbers of the model's fragments; empty where none answers to it.
+    distance_km : float or None
+        Between the centroids.
+    azimuth, azimuth_observed, azimuth_difference : float or None
+        Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90).
+    area_km2, area_observed_km2 : float or None
+    iou : float or None
+        Intersection over union of the outlines; None for positions.
+    lon, lat, lon_observed, lat_observed : float or None
+        Centroids.
+    """
+
+    observed: str
+    fragments: list[int]
+    distance_km: float | None
+    azimuth: float | None
+    azimuth_observed: float | None
+    azimuth_difference: float | None
+    area_km2: float | None
+    area_observed_km2: float | None
+    iou: float | None
+    lon: float | None
+    lat: float | None
+    lon_observed: float
+    lat_observed: float
+
+
+@dataclass(frozen=True)
+class Day:
+    """Comparison at one time.
+
+    Attributes
+    ----------
+    time : str
+        ISO 8601.
+    matches : list of Match
+        Observed pieces, largest first.
+    largest : int
+        Number of the largest fragment of the model.
+    unmatched : list of int
+        Fragments that answer to no piece.
+    """
+
+    time: str
+    matches: list[Match]
+    largest: int
+    unmatched: list[int] = field(default_factory=list)
+
+    @property
+    def berg(self) -> Match | None:
+        """Comparison of the berg itself: the piece to which the largest fragment belongs."""
+        return next((m for m in self.matches if self.largest in m.fragments), None)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Comparison of a run with observations.
+
+    Attributes
+    ----------
+    observed : str
+        File of the observations.
+    days : list of Day
+    """
+
+    observed: str
+    days: list[Day]
+
+    def summary(self) -> dict[str, Any]:
+        """Return means over the days, for the berg itself."""
+        rows = [berg for day in self.days if (berg := day.berg) is not None]
+        return {
+            "days": len(rows),
+            "distance_km_rms": _rms(m.distance_km for m in rows),
+            "distance_km_max": max((m.distance_km for m in rows if m.distance_km is not None), default=None),
+            "azimuth_rms": _rms(m.azimuth_difference for m in rows),
+            "area_ratio_mean": _mean(
+                m.area_km2 / m.area_observed_km2 if m.area_km2 and m.area_observed_km2 else None for m in rows
+            ),
+            "iou_mean": _mean(m.iou for m in rows),
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers, texts, lists and dicts."""
+        return {"observed": self.observed, "summary": self.summary(), "days": [asdict(day) for day in self.days]}
+
+    def write(self, path: str | Path) -> Path:
+        """Write as JSON."""
+        path = Path(path)
+        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        return path
+
+
+def score_run(
+    run: xr.Dataset,
+    observed: Observed,
+    *,
+    hour: float | None = None,
+    between: tuple[datetime, datetime] | None = None,
+    together: Sequence[int] = (),
+    interpolated: bool = False,
+) -> Score:
+    """Compare a run with observations.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`, on a sphere.
+    observed : Observed
+        From `riftberg.diagnostics.observed.read_observed`.
+    hour : float, optional
+        Hour of the day (UTC) at which observations without a time are compared; by default that of the start.
+    between : tuple of datetime, optional
+        First and last moment to compare.
+    together : sequence of int, optional
+        Numbers of the fragments that make up the berg, instead of finding them by overlap.
+    interpolated : bool, optional
+        Compare also with positions that the table calls interpolated.
+
+    Raises
+    ------
+    InputError
+        If nothing was observed during the run.
+    """
+    scene = Scene(run)
+    if not scene.latlon:
+        raise InputError("this run is in metres", remedy="Only runs on a sphere can be compared with observations")
+    judge = _Judge(scene, tuple(together))
+    start: datetime = scene.times[0].astype("datetime64[s]").item()
+    wanted = start.hour + start.minute / 60.0 if hour is None else hour
+    groups: dict[datetime, list[Outline | Fix]] = {}
+    items: list[Outline | Fix] = [*observed.outlines, *observed.fixes]
+    for item in items:
+        if isinstance(item, Outline) or interpolated or not item.interpolated:
+            when = item.when + timedelta(hours=wanted) if item.day_only else item.when
+            groups.setdefault(when, []).append(item)
+    days = []
+    names = judge.name_fragments([f for f in observed.fixes if interpolated or not f.interpolated], wanted)
+    for when in sorted(groups):
+        record = judge.record(when)
+        if record is not None and (between is None or between[0] <= when <= between[1]):
+            days.append(judge.day(when, record, groups[when], names))
+    if not days:
+        span = f"{scene.times[0]} to {scene.times[-1]}"
+        raise InputError(
+            "nothing was observed during the run", where=observed.source, remedy=f"The run goes from {span}"
+        )
+    return Score(observed.source, days)
+
+
+class _Judge:
+    """Compares one run, record by record."""
+
+    def __init__(self, scene: Scene, together: tuple[int, ...]) -> None:
+        self.scene, self.together = scene, together
+        steps = np.diff(scene.seconds)
+        self.patience = float(max(3600.0, 0.51 * steps.max())) if len(steps) else 3600.0
+
+    def record(self, when: datetime) -> int | None:
+        """Return the record nearest to a time, None outside of the run."""
+        apart = np.abs(self.scene.times - np.datetime64(when)) / np.timedelta64(1, "s")
+        nearest = int(np.argmin(apart))
+        return nearest if apart[nearest] <= self.patience else None
+
+    def position(self, record: int, numbers: Iterable[int]) -> Position:
+        """Return place and heading of some fragments together."""
+        s = self.scene
+        rows = np.isin(s.berg[record], list(numbers))
+        return berg_position(s.x[record][rows], s.y[record][rows], s.area[rows], radius=s.radius)
+
+    def fragments(self, record: int) -> list[int]:
+        """Return the fragments large enough to be matched, largest first."""
+        number, index = np.unique(self.scene.berg[record], return_inverse=True)
+        area = np.bincount(index, weights=self.scene.area)
+        order = np.argsort(-area, kind="stable")
+        return [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
+
+    def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> Day:
+        """Compare at one time."""
+        outlines = [item for item in items if isinstance(item, Outline)]
+        if outlines:
+            matches, unmatched = self._outlines(record, outlines)
+        else:
+            matches = [self._fix(record, item, names) for item in items if isinstance(item, Fix)]
+            used = {n for m in matches for n in m.fragments}
+            unmatched = [n for n in self.fragments(record) if n not in used]
+        return Day(when.isoformat(), matches, self.fragments(record)[0], unmatched)
+
+    # --- outlines --------------------------------------------------------------------------------------------------
+
+    def _outlines(self, record: int, outlines: list[Outline]) -> tuple[list[Match], list[int]]:
+        here = self.position(record, self.fragments(record)[:1])
+        plane = Plane(here.lon, here.lat, self.scene.radius)
+        pieces = _without_twins([(o.name, _polygon(plane, o.ring)) for o in outlines])
+        polygons = self.scene.polygons(record)
+        shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
+        groups = group_fragments(shapes, [shape for _, shape in pieces])
+        if self.together:
+            there = [n for n in self.together if n in shapes]
+            groups = [there, *([n for n in g if n not in there] for g in groups[1:])]
+        matches = [
+            self._piece(record, plane, name, piece, group, shapes)
+            for (name, piece), group in zip(pieces, groups, strict=True)
+        ]
+        used = {n for group in groups for n in group}
+        return matches, [n for n in shapes if n not in used]
+
+    def _union(self, plane: Plane, polygons: Floats) -> BaseGeometry:
+        shapely = _shapely()
+        x, y = plane.forward(polygons[..., 0], polygons[..., 1])
+        squares = shapely.polygons(np.stack([x, y], axis=-1))
+        return shapely.buffer(
+            shapely.union_all(shapely.buffer(squares, _SEAM, join_style="mitre")), -_SEAM, join_style="mitre"
+        )
+
+    def _piece(
+        self,
+        record: int,
+        plane: Plane,
+        name: str,
+        piece: BaseGeometry,
+        group: list[int],
+        shapes: dict[int, BaseGeometry],
+    ) -> Match:
+        x, y, azimuth = polygon_moments(np.asarray(piece.exterior.coords))
+        lon, lat = (float(a) for a in plane.inverse(np.array(x), np.array(y)))
+        iou = overlap(_shapely().union_all([shapes[n] for n in group]), piece) if group else None
+        seen = Position(lon, lat, azimuth, float(piece.area))
+        return self._match(name or "berg", group, record, seen, iou)
+
+    # --- positions -------------------------------------------------------------------------------------------------
+
+    def name_fragments(self, fixes: list[Fix], hour: float) -> dict[str, int]:
+        """Return which fragment goes by which name; the largest one by the name that is seen first."""
+        seen: dict[str, list[tuple[int, Fix]]] = {}
+        for fix in fixes:
+            record = self.record(fix.when + timedelta(hours=hour) if fix.day_only else fix.when)
+            if record is not None:
+                seen.setdefault(fix.name, []).append((record, fix))
+        if not seen:
+            return {}
+        last = len(self.scene.times) - 1
+        order = sorted(seen, key=lambda name: (seen[name][0][0], name))
+        fragments = self.fragments(last)
+        names = {order[0]: fragments[0]}
+        pairs = []
+        for name in order[1:]:
+            for number in fragments[1:]:
+                apart = self._mean_distance(number, seen[name])
+                if apart is not None:
+                    pairs.append((apart, name, number))
+        for _, name, number in sorted(pairs):
+            if name not in names and number not in names.values():
+                names[name] = number
+        return names
+
+    def _mean_distance(self, number: int, seen: list[tuple[int, Fix]]) -> float | None:
+        apart = []
+        for record, fix in seen:
+            if (self.scene.berg[record] == number).any():
+                place = self.position(record, [number])
+                apart.append(distance(place.lon, place.lat, fix.lon, fix.lat, self.scene.radius))
+        return float(np.mean(apart)) if apart else None
+
+    def _fix(self, record: int, fix: Fix, names: dict[str, int]) -> Match:
+        number = names.get(fix.name)
+        main = number is not None and number == names[next(iter(names))]
+        group = list(self.together) if main and self.together else [number] if number is not None else []
+        there = [n for n in group if (self.scene.berg[record] == n).any()]
+        return self._match(fix.name, there, record, Position(fix.lon, fix.lat, fix.azimuth, fix.area), None)
+
+    def _match(self, name: str, group: list[int], record: int, seen: Position, iou: float | None) -> Match:
+        if not group:
+            azimuth, area = _or_none(seen.azimuth), _or_none(seen.area / 1e6)
+            return Match(name, [], None, None, azimuth, None, None, area, None, None, None, seen.lon, seen.lat)
+        made = self.position(record, group)
+        return Match(
+            observed=name,
+            fragments=group,
+            distance_km=distance(made.lon, made.lat, seen.lon, seen.lat, self.scene.radius) / 1e3,
+            azimuth=_or_none(made.azimuth),
+            azimuth_observed=_or_none(seen.azimuth),
+            azimuth_difference=_or_none(axis_difference(made.azimuth, seen.azimuth)),
+            area_km2=made.area / 1e6,
+            area_observed_km2=_or_none(seen.area / 1e6),
+            iou=iou,
+            lon=made.lon,
+            lat=made.lat,
+            lon_observed=seen.lon,
+            lat_observed=seen.lat,
+        )
+
+
+def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry]) -> list[list[int]]:
+    """Return which fragments make up each observed piece.
+
+    Parameters
+    ----------
+    shapes : dict
+        Outlines of the fragments, largest first.
+    pieces : sequence
+        Observed outlines, largest first.
+
+    Returns
+    -------
+    list of list of int
+        Numbers of fragments for each piece.
+    """
+    union = _shapely().union_all
+    groups: list[list[int]] = [[] for _ in pieces]
+    free = dict(shapes)
+    pairs = sorted(((overlap(s, p), n, k) for n, s in shapes.items() for k, p in enumerate(pieces)), reverse=True)
+    for iou, number, k in pairs:
+        if iou > 0.0 and number in free and not groups[k]:
+            groups[k] = [number]
+            del free[number]
+    for number, shape in list(free.items()):
+        gains = [
+            aligned_overlap(union([shapes[n] for n in (*group, number)]), piece)
+            - aligned_overlap(union([shapes[n] for n in group]), piece)
+            if group
+            else 0.0
+            for group, piece in zip(groups, pieces, strict=True)
+        ]
+        if max(gains) > 0.0 and shape.area > 0.0:
+            groups[int(np.argmax(gains))].append(number)
+            del free[number]
+    for k, piece in enumerate(pieces):
+        # A piece that nothing overlaps is taken to be the nearest fragment left.
+        if not groups[k] and free:
+            nearest = min(free, key=lambda n: free[n].centroid.distance(piece.centroid))
+            groups[k] = [nearest]
+            del free[nearest]
+    return groups
+
+
+def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
+    """Return the intersection over the union of two outlines."""
+    common = float(a.intersection(b).area)
+    whole = float(a.area) + float(b.area) - common
+    return common / whole if whole > 0.0 else 0.0
+
+
+def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
+    """Return the intersection over the union of two outlines whose centroids are laid on each other."""
+    from shapely.affinity import translate  # type: ignore[import-untyped, unused-ignore]
+
+    here, there = a.centroid, b.centroid
+    return overlap(translate(a, there.x - here.x, there.y - here.y), b)
+
+
+def axis_difference(first: float, second: float) -> float:
+    """Return the angle between two axes, first minus second, degrees in [-90, 90)."""
+    return (first - second + 90.0) % 180.0 - 90.0
+
+
+def distance(lon1: float, lat1: float, lon2: float, lat2: float, radius: float) -> float:
+    """Return the length of the great circle between two points, m."""
+    a, b = np.radians(lat1), np.radians(lat2)
+    half = np.sin(0.5 * (a - b)) ** 2 + np.cos(a) * np.cos(b) * np.sin(0.5 * np.radians(lon1 - lon2)) ** 2
+    return float(2.0 * radius * np.arcsin(np.sqrt(half)))
+
+
+def polygon_moments(ring: Floats) -> tuple[float, float, float]:
+    """Return the centroid of a polygon and the azimuth of its axis of the largest second moment.
+
+    Parameters
+    ----------
+    ring : array, shape (n, 2)
+        Corners, m east and north, closed or not.
+
+    Returns
+    -------
+    x, y : float
+        Centroid, m.
+    azimuth : float
+        Degrees clockwise from north, 0 to 180; NaN where no axis is longer.
+    """
+    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
+    xn, yn = np.roll(x, -1), np.roll(y, -1)
+    cross = x * yn - xn * y
+    area = 0.5 * cross.sum()
+    cx, cy = ((x + xn) * cross).sum() / (6.0 * area), ((y + yn) * cross).sum() / (6.0 * area)
+    xx = ((x * x + x * xn + xn * xn) * cross).sum() / (12.0 * area) - cx * cx
+    yy = ((y * y + y * yn + yn * yn) * cross).sum() / (12.0 * area) - cy * cy
+    xy = ((x * yn + 2.0 * x * y + 2.0 * xn * yn + xn * y) * cross).sum() / (24.0 * area) - cx * cy
+    azimuth = math.nan
+    if math.hypot(2.0 * xy, yy - xx) > 1e-9 * (xx + yy):
+        azimuth = math.degrees(0.5 * math.atan2(2.0 * xy, yy - xx)) % 180.0
+    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), azimuth
+
+
+def _polygon(plane: Plane, ring: Floats) -> BaseGeometry:
+    """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
+    shapely = _shapely()
+    x, y = plane.forward(ring[:, 0], ring[:, 1])
+    polygon = shapely.Polygon(np.column_stack([x, y]))
+    if not polygon.is_valid:
+        parts = [
+            p for p in getattr(shapely.make_valid(polygon), "geoms", [shapely.make_valid(polygon)]) if p.area > 0.0
+        ]
+        flat = [q for p in parts for q in getattr(p, "geoms", [p]) if q.geom_type == "Polygon"]
+        polygon = max(flat, key=lambda p: p.area)
+    made: BaseGeometry = polygon
+    return made
+
+
+def _without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:
+    """Return the pieces largest first, without those drawn twice."""
+    kept: list[tuple[str, BaseGeometry]] = []
+    for name, piece in sorted(pieces, key=lambda p: -p[1].area):
+        if not any(overlap(piece, other) > TWINS for _, other in kept):
+            kept.append((name, piece))
+    return kept
+
+
+def _shapely() -> Any:
+    try:
+        import shapely  # type: ignore[import-untyped, unused-ignore]
+    except ImportError as error:
+        raise InputError(
+            "outlines need the package shapely", remedy="Install it with: pip install 'riftberg[outline]'"
+        ) from error
+    return shapely
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else float(value)
+
+
+def _rms(values: Iterable[float | None]) -> float | None:
+    there = [v for v in values if v is not None]
+    return math.sqrt(sum(v * v for v in there) / len(there)) if there else None
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    there = [v for v in values if v is not None]
+    return sum(there) / len(there) if there else None

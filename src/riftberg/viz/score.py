@@ -1,0 +1,139 @@
+"""Figure of a score: tracks side by side, and distance, heading, area and overlap by day."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from riftberg.diagnostics.score import Match, Score
+from riftberg.state import Floats
+from riftberg.viz import style
+from riftberg.viz.plots import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MODEL: Final = "#D55E00"
+OBSERVED: Final = "#222222"
+
+
+def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
+    """Draw a score.
+
+    Parameters
+    ----------
+    score : Score
+    path : path
+        Picture.
+    title : str, optional
+        Heading; its second line may say what the forcing is.
+    dpi : int, optional
+    """
+    figure = new_figure(12.5, 7.6, dpi)
+    grid = figure.add_gridspec(
+        4, 2, left=0.07, right=0.97, top=0.875, bottom=0.075, wspace=0.2, hspace=0.16, width_ratios=(1.0, 1.15)
+    )
+    _tracks(figure.add_subplot(grid[:, 0]), score)
+    rows = [(day.time, berg) for day in score.days if (berg := day.berg) is not None]
+    times = np.array([time for time, _ in rows], dtype="datetime64[s]")
+    matches = [match for _, match in rows]
+    axes: list[Any] = []
+    for k, (label, draw) in enumerate(_CURVES):
+        axes.append(figure.add_subplot(grid[k, 1], sharex=axes[0] if axes else None))
+        draw(axes[k], times, matches)
+        axes[k].set_ylabel(label, fontsize=9)
+        axes[k].grid(color="#DDDDDD", lw=0.6)
+        axes[k].tick_params(labelsize=8, labelbottom=k == len(_CURVES) - 1)
+        axes[k].spines[["top", "right"]].set_visible(False)
+    _dates(axes[-1])
+    figure.suptitle(title or f"Run against {score.observed}", x=0.05, ha="left", fontsize=12)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _values(matches: Sequence[Match], name: str) -> Floats:
+    return np.array([np.nan if getattr(m, name) is None else getattr(m, name) for m in matches], np.float64)
+
+
+def _distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+    ax.plot(times, _values(berg, "distance_km"), "o-", color=MODEL, ms=4)
+    ax.set_ylim(bottom=0.0)
+
+
+def _azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+    """Draw both headings without jumps at 180 degrees, the model's near the observed one."""
+    seen = _values(berg, "azimuth_observed")
+    known = np.isfinite(seen)
+    if known.any():
+        seen[known] = np.unwrap(seen[known], period=180.0)
+        ax.plot(times[known], seen[known], "s-", color=OBSERVED, ms=4)
+        ax.plot(times, seen + _values(berg, "azimuth_difference"), "o-", color=MODEL, ms=4)
+    else:
+        ax.plot(times, np.unwrap(_values(berg, "azimuth"), period=180.0), "o-", color=MODEL, ms=4)
+
+
+def _area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+    ax.plot(times, _values(berg, "area_observed_km2"), "s-", color=OBSERVED, ms=4)
+    ax.plot(times, _values(berg, "area_km2"), "o-", color=MODEL, ms=4)
+    ax.set_ylim(bottom=0.0)
+
+
+def _overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+    values = _values(berg, "iou")
+    ax.plot(times, values, "o-", color=MODEL, ms=4)
+    ax.set_ylim(0.0, 1.0)
+    if not np.isfinite(values).any():
+        ax.text(0.5, 0.5, "positions only, no outlines", transform=ax.transAxes, ha="center", va="center", fontsize=9)
+
+
+_CURVES: Final = (
+    ("distance of\ncentroids (km)", _distance),
+    ("long axis\n(degrees from N)", _azimuth),
+    ("area (km²)", _area),
+    ("overlap (IoU)", _overlap),
+)
+
+
+def _tracks(ax: Axes, score: Score) -> None:
+    """Draw the centroids of all pieces, model and observed, joined day by day."""
+    ends: list[tuple[float, float]] = []
+    labels = style.Labels(ax)
+    berg = [(day.time, m) for day in score.days if (m := day.berg) is not None]
+    for day in score.days:
+        for m in day.matches:
+            ends.append((m.lon_observed, m.lat_observed))
+            other = m is not day.berg
+            ax.plot(
+                m.lon_observed, m.lat_observed, "s", color=OBSERVED, ms=3 if other else 5, alpha=0.5 if other else 1.0
+            )
+            if m.lon is not None and m.lat is not None:
+                ends.append((m.lon, m.lat))
+                ax.plot([m.lon_observed, m.lon], [m.lat_observed, m.lat], "-", color="#999999", lw=0.9, zorder=1)
+                ax.plot(m.lon, m.lat, "o", color=MODEL, ms=3 if other else 5, alpha=0.5 if other else 1.0)
+    seen = np.array([(m.lon_observed, m.lat_observed) for _, m in berg]).reshape(-1, 2)
+    made = np.array([(m.lon, m.lat) for _, m in berg], np.float64).reshape(-1, 2)
+    ax.plot(*seen.T, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed")
+    ax.plot(*made.T, "o-", color=MODEL, ms=5, lw=1.4, label="model")
+    middle = float(np.mean([lat for _, lat in ends]))
+    ax.set_aspect(1.0 / np.cos(np.radians(middle)), adjustable="datalim")
+    ax.margins(0.08)
+    style.geographic_axes(ax, latlon=True)
+    ax.grid(color="#E3E3E3", lw=0.6)
+    ax.legend(fontsize=9)
+    ax.set_title("centroids; small: other pieces", fontsize=10)
+    for x, y in (*seen, *made):
+        labels.avoid(x, y)
+    for k in range(0, len(berg), max(1, len(berg) // 8)):
+        when = np.datetime64(berg[k][0]).astype("datetime64[s]").item()
+        labels.put(f"{when.day} {when:%b}", *seen[k], fontsize=8)
+
+
+def _dates(ax: Axes) -> None:
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]

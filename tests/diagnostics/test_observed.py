@@ -1,0 +1,132 @@
+"""Observed outlines and positions."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from riftberg.diagnostics.observed import parse_date, read_observed
+from riftberg.errors import InputError
+
+RING = [[-39.0, -55.0], [-38.0, -55.0], [-38.0, -54.5], [-39.0, -55.0]]
+
+
+def feature(geometry: object, **properties: object) -> dict[str, object]:
+    """Return a GeoJSON feature."""
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def geojson(path: Path, *features: object) -> Path:
+    """Write a collection."""
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return path
+
+
+def test_polygons_of_geojson_without_the_repeated_point(tmp_path: Path) -> None:
+    found = read_observed(
+        geojson(
+            tmp_path / "o.geojson",
+            feature({"type": "Polygon", "coordinates": [RING]}, date="2020-12-17", berg="A68A"),
+            feature(
+                {"type": "MultiPolygon", "coordinates": [[RING], [np.add(RING, 1).tolist()]]},
+                date="2020-12-18T10:30:00Z",
+            ),
+            feature({"type": "LineString", "coordinates": RING}, date="2020-12-18", name="a rift"),
+        )
+    )
+    assert [(o.name, o.when, o.day_only, len(o.ring)) for o in found.outlines] == [
+        ("A68A", datetime(2020, 12, 17), True, 3),
+        ("", datetime(2020, 12, 18, 10, 30), False, 3),
+        ("", datetime(2020, 12, 18, 10, 30), False, 3),
+    ]
+    assert {day: len(rings) for day, rings in found.rings_by_day().items()} == {"2020-12-17": 1, "2020-12-18": 2}
+
+
+def test_an_outline_given_twice_is_taken_once(tmp_path: Path) -> None:
+    polygon = feature({"type": "Polygon", "coordinates": [RING]}, date="2020-12-17")
+    assert len(read_observed(geojson(tmp_path / "o.json", polygon, polygon)).outlines) == 1
+
+
+def test_vertices_in_csv_in_any_order_of_columns(tmp_path: Path) -> None:
+    path = tmp_path / "o.csv"
+    rows = [f"{x},{k},{y},2020-12-{day}" for day in (17, 18) for k, (x, y) in enumerate(RING[:3])]
+    path.write_text("\n".join(["lon,vertex,lat,Date", *rows]))
+    found = read_observed(path)
+    assert len(found.outlines) == 2
+    np.testing.assert_array_equal(found.outlines[1].ring, RING[:3])
+
+
+def test_byu_tracks_are_read_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "a68d.csv"
+    path.write_text(
+        "nic_1,ascat_1,ascat_2,ascat_3,date,nic_2,nic_3\n"
+        "-55.5,-55.06,-37.38,1,2020353,-36.4,1\n"  # both saw it: ascat is daily
+        "-55.6,-55.10,-37.30,0,2020354,-36.3,1\n"  # ascat interpolated: nic saw it
+        "-55.7,-55.20,-37.20,0,2020355,-36.2,0\n"
+        "0,0,0,0,2020356,0,0\n"
+    )
+    fixes = read_observed(path).fixes
+    assert [(f.name, f.when.day, f.lat, f.lon, f.interpolated) for f in fixes] == [
+        ("A68D", 18, -55.06, -37.38, False),
+        ("A68D", 19, -55.6, -36.3, False),
+        ("A68D", 20, -55.2, -37.2, True),
+    ]
+
+
+def test_a_table_of_states_gives_azimuth_and_area(tmp_path: Path) -> None:
+    path = tmp_path / "state.csv"
+    path.write_text(
+        "date,centroid_lat,centroid_lon,area_km2,mrr_azimuth_deg_mod180\n2020-12-09T13:00,-55,321,4151,190\n"
+    )
+    (fix,) = read_observed(path).fixes
+    assert (fix.lat, fix.lon, fix.area, fix.azimuth, fix.day_only) == (-55.0, 321.0, 4151e6, 10.0, False)
+
+
+@pytest.mark.parametrize(
+    ("text", "when", "day_only"),
+    [
+        ("2020353", datetime(2020, 12, 18), True),
+        ("20201218", datetime(2020, 12, 18), True),
+        ("2020-12-18", datetime(2020, 12, 18), True),
+        ("2020-12-18T13:00", datetime(2020, 12, 18, 13), False),
+        ("2020-12-18T13:00+02:00", datetime(2020, 12, 18, 11), False),
+    ],
+)
+def test_dates(text: str, when: datetime, day_only: bool) -> None:
+    assert parse_date(text) == (when, day_only)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "date,x,y\n2020-12-01,1,2\n", "no columns of latitude and longitude"),
+        ("a.csv", "day of,lat,lon\n1,2,3\n", "no column of dates"),
+        ("a.csv", "date,lat,lon\n2020-12-01,abc,2\n", "line 2, lat: 'abc' is not a number"),
+        ("a.csv", "date,lat,lon\nyesterday,1,2\n", "'yesterday' is not a date"),
+        ("a.csv", "date,lat,lon\n", "no rows"),
+        ("a.geojson", "hello", "not JSON"),
+        ("a.geojson", '{"type": "FeatureCollection", "features": [{"properties": {}}]}', "feature 0: no date"),
+        ("a.geojson", json.dumps(feature({"type": "Polygon", "coordinates": [[[1, 2], [3, 4]]]}, date="2020-12-01")), "2 points"),
+        ("a.geojson", json.dumps(feature({"type": "Polygon", "coordinates": [[[1, 95], [3, 4], [5, 6]]]}, date="2020-12-01")),
+         "latitude beyond 90"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_named(tmp_path: Path, name: str, text: str, message: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_observed(tmp_path / name)
+
+
+def test_real_tables(shared: Path) -> None:
+    outlines = read_observed(shared / "data/observed/a68a_daily_outlines.geojson")
+    table = read_observed(shared / "data/observed/a68a_daily_outlines.csv")
+    assert len(outlines.outlines) == len(table.outlines) == 28
+    track = read_observed(shared / "data/tracks/a68a.csv")
+    december = [f for f in track.fixes if f.when == datetime(2020, 12, 9)]
+    assert december[0].lat == pytest.approx(-55.0, abs=0.2)
+    byu = read_observed(shared / "data/observed/a68_tracks_20201101_20210131_byu.csv")
+    assert {f.name for f in byu.fixes} == {"A68A", "A68C", "A68D", "A68E", "A68F", "A68G"}

@@ -1,0 +1,189 @@
+"""Scores of a run against observations made from that run, moved and turned by known amounts."""
+
+from __future__ import annotations
+
+import json
+import math
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import xarray as xr
+from fakes import FakeModel
+from matplotlib.image import imread
+
+from riftberg.diagnostics.observed import Fix, Observed, Outline
+from riftberg.diagnostics.score import (
+    aligned_overlap,
+    axis_difference,
+    distance,
+    group_fragments,
+    overlap,
+    polygon_moments,
+    score_run,
+)
+from riftberg.errors import InputError
+from riftberg.io.run_file import RunWriter, open_run
+from riftberg.viz.plane import Plane
+from riftberg.viz.score import draw_score
+
+START = datetime(2020, 12, 9, 13)
+RADIUS = 6_363_827.0
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Four days of a berg of 24 by 9 km that loses its last 6 km after a day."""
+    path = tmp_path_factory.mktemp("score") / "run.nc"
+    FakeModel().advance(4, recorders=[RunWriter(path, every_hours=3, experiment="fake")])
+    return open_run(path)
+
+
+def true_outline(
+    day: int, *, shift: tuple[float, float] = (0.0, 0.0), turn: float = 0.0, columns: slice = slice(0, 8)
+) -> np.ndarray:
+    """Return the outline of the fake berg on a day, moved (m) and turned (degrees, counter-clockwise)."""
+    model = FakeModel(break_time=math.inf)
+    model.time = 86_400.0 * day
+    model._place()
+    left, right = -12e3 + 3e3 * columns.start, -12e3 + 3e3 * columns.stop
+    x, y = np.array([left, right, right, left]), np.array([-4.5e3, -4.5e3, 4.5e3, 4.5e3])
+    angle = model.turn * model.time + math.radians(turn)
+    gone = 0.2 * model.time, -0.02 * model.time
+    px = x * math.cos(angle) - y * math.sin(angle) + gone[0] + shift[0]
+    py = x * math.sin(angle) + y * math.cos(angle) + gone[1] + shift[1]
+    metres = math.radians(1.0) * RADIUS
+    return np.column_stack([-39.0 + px / (metres * math.cos(math.radians(-55.0))), -55.0 + py / metres])
+
+
+def seen(day: int, ring: np.ndarray, name: str = "") -> Outline:
+    """Return an outline of a day."""
+    return Outline(name, datetime(2020, 12, 9 + day), True, ring)
+
+
+def test_the_run_against_itself_is_perfect(run: xr.Dataset) -> None:
+    (day,) = score_run(run, Observed("itself", [seen(0, true_outline(0))])).days
+    match = day.berg
+    assert match is not None
+    assert match.distance_km == pytest.approx(0.0, abs=0.02)
+    assert match.azimuth_difference == pytest.approx(0.0, abs=0.1)
+    assert match.area_km2 == 216.0
+    assert match.area_observed_km2 == pytest.approx(216.0, rel=0.003)
+    assert match.iou == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_known_shift_and_turn_come_back(run: xr.Dataset) -> None:
+    (day,) = score_run(run, Observed("moved", [seen(0, true_outline(0, shift=(3e3, 4e3), turn=20.0))])).days
+    match = day.berg
+    assert match is not None
+    assert match.distance_km == pytest.approx(5.0, rel=0.01)
+    assert match.azimuth_difference == pytest.approx(20.0, abs=0.2)  # counter-clockwise lowers the observed azimuth
+    (day,) = score_run(run, Observed("along", [seen(0, true_outline(0, shift=(12e3, 0.0)))])).days
+    assert day.berg is not None
+    assert day.berg.iou == pytest.approx(1.0 / 3.0, abs=0.01)  # half of it overlaps
+
+
+def test_pieces_are_matched_with_fragments(run: xr.Dataset) -> None:
+    # On the second day fragment 2 (the last two columns) has moved 8.6 km east.
+    rings = [true_outline(2, columns=slice(0, 6)), true_outline(2, columns=slice(6, 8), shift=(8.64e3, 0.0))]
+    (day,) = score_run(run, Observed("pieces", [seen(2, rings[1], "tip"), seen(2, rings[0], "rest")])).days
+    assert [(m.observed, m.fragments) for m in day.matches] == [("rest", [1]), ("tip", [2])]
+    assert all(m.iou is not None and m.iou > 0.98 for m in day.matches)
+    assert day.unmatched == []
+
+
+def test_a_piece_still_in_place_counts_to_the_berg_whatever_the_drift_error(run: xr.Dataset) -> None:
+    when = datetime(2020, 12, 10, 16)  # three hours after the break
+    ring = true_outline(1, shift=(8e3, 5e3))
+    (day,) = score_run(run, Observed("whole", [Outline("", when, False, ring)])).days
+    assert day.matches[0].fragments == [1, 2]
+    far = Outline("", datetime(2020, 12, 13, 13), False, true_outline(4, columns=slice(0, 6)))
+    (day,) = score_run(run, Observed("rest", [far])).days
+    assert day.matches[0].fragments == [1]
+    assert day.unmatched == [2]
+
+
+def test_the_fragments_of_the_berg_can_be_told(run: xr.Dataset) -> None:
+    ring = true_outline(4, columns=slice(0, 6))
+    (day,) = score_run(run, Observed("rest", [seen(4, ring)]), together=[1, 2]).days
+    assert day.matches[0].fragments == [1, 2]
+    assert day.matches[0].area_km2 == 216.0
+
+
+def test_tracks_are_matched_by_name_over_the_run(run: xr.Dataset) -> None:
+    tip = run.isel(trajectory=run["berg"].isel(time=-1).values == 2)
+    fixes = []
+    for day in (0, 2, 3, 4):
+        ring = true_outline(day).mean(axis=0)
+        fixes.append(Fix("A1", datetime(2020, 12, 9 + day), True, ring[0] + 0.01, ring[1]))
+        if day > 1:
+            place = tip.sel(time=START + timedelta(days=day))
+            fixes.append(
+                Fix("A2", datetime(2020, 12, 9 + day), True, float(place["lon"].mean()), float(place["lat"].mean()))
+            )
+    fixes.append(Fix("A1", datetime(2020, 12, 10), True, 0.0, 0.0, interpolated=True))
+    found = score_run(run, Observed("tracks", fixes=fixes))
+    assert len(found.days) == 4
+    assert [(m.observed, m.fragments) for m in found.days[-1].matches] == [("A1", [1]), ("A2", [2])]
+    assert found.days[-1].matches[1].distance_km == pytest.approx(0.0, abs=0.05)
+    assert found.summary()["days"] == 4
+    assert len(score_run(run, Observed("tracks", fixes=fixes), interpolated=True).days) == 5
+
+
+def test_a_day_is_compared_at_the_hour_asked_for(run: xr.Dataset) -> None:
+    ring = true_outline(0)
+    (day,) = score_run(run, Observed("hour", [Outline("", datetime(2020, 12, 9), True, ring)]), hour=19).days
+    assert day.time == "2020-12-09T19:00:00"
+    assert day.matches[0].distance_km == pytest.approx(6 * 3.6 * math.hypot(0.2, 0.02), rel=0.02)
+
+
+def test_outside_of_the_run_there_is_nothing_to_compare(run: xr.Dataset) -> None:
+    with pytest.raises(InputError, match="nothing was observed"):
+        score_run(run, Observed("late", [Outline("", datetime(2021, 1, 9), True, true_outline(0))]))
+
+
+def test_score_is_written_and_drawn(run: xr.Dataset, tmp_path: Path) -> None:
+    rings = [seen(day, true_outline(day, shift=(1e3 * day, 0.0))) for day in range(5)]
+    found = score_run(run, Observed("rings", rings))
+    content = json.loads(found.write(tmp_path / "score.json").read_text())
+    assert content["summary"]["days"] == 5
+    assert content["summary"]["distance_km_max"] > 3.0
+    picture = imread(draw_score(found, tmp_path / "score.png", title="a test", dpi=60))
+    assert picture[..., :3].std() > 0.05
+    only = Observed("points", fixes=[Fix("A", datetime(2020, 12, 10), True, -39.0, -55.0)])
+    assert draw_score(score_run(run, only), tmp_path / "points.png", dpi=60).exists()
+
+
+def test_axes_differ_by_at_most_a_right_angle() -> None:
+    assert axis_difference(175.0, 5.0) == pytest.approx(-10.0)
+    assert axis_difference(5.0, 175.0) == pytest.approx(10.0)
+    assert abs(axis_difference(0.0, 90.0)) == 90.0
+
+
+def test_distance_on_the_sphere_matches_the_plane() -> None:
+    plane = Plane(-37.0, -56.0, RADIUS)
+    lon, lat = plane.inverse(np.array([3e3]), np.array([4e3]))
+    assert distance(-37.0, -56.0, float(lon[0]), float(lat[0]), RADIUS) == pytest.approx(5e3, rel=1e-6)
+    assert distance(179.9, 0.0, -179.9, 0.0, RADIUS) == pytest.approx(math.radians(0.2) * RADIUS)
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 100.0, 170.0])
+def test_moments_of_a_rectangle(turn: float) -> None:
+    angle = math.radians(90.0 - turn)
+    x, y = np.array([-8.0, 8.0, 8.0, -8.0]), np.array([-2.0, -2.0, 2.0, 2.0])
+    ring = np.column_stack(
+        [x * math.cos(angle) - y * math.sin(angle) + 50.0, x * math.sin(angle) + y * math.cos(angle) - 7.0]
+    )
+    for corners in (ring, ring[::-1], np.vstack([ring, ring[:1]])):
+        cx, cy, azimuth = polygon_moments(corners)
+        assert (cx, cy) == pytest.approx((50.0, -7.0))
+        assert axis_difference(azimuth, turn) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_overlap_of_squares() -> None:
+    a, b = shapely.box(0, 0, 2, 1), shapely.box(1, 0, 3, 1)
+    assert overlap(a, b) == pytest.approx(1.0 / 3.0)
+    assert aligned_overlap(a, b) == pytest.approx(1.0)
+    assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(90, 0, 91, 1)]) == [[1], [2]]
