@@ -65,7 +65,7 @@ def test_a_run_that_fails_leaves_its_last_good_state(
 
     step = Model.step
     monkeypatch.setattr(Model, "step", fail)
-    with pytest.raises(RunError, match=r"it blew up; the last good state is in .*t_restart.nc"):
+    with pytest.raises(RunError, match=r"it blew up; the last good state is in .*t_restart.nc.*To go on, put"):
         run_kid(change(case, traj_sample_hrs=-1.0), tmp_path / "t.nc")
     assert len(read(tmp_path / "t.nc")["lon"]) == 4
     np.testing.assert_array_equal(read(tmp_path / "t_restart.nc")["lon"], read(tmp_path / "t.nc")["lon"][2:])

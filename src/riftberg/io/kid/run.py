@@ -201,9 +201,22 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
         case.model.advance(steps=case.clock.steps, recorders=recorders)
     except RunError as error:
         saved = _write_restarts(case, paths)
-        raise RunError(f"{error}; the last good state is in {', '.join(map(str, saved))}") from error
+        raise RunError(
+            f"{error}; the last good state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
+        ) from error
     files += _write_restarts(case, paths)
     return KidReport(case, tuple(files), (*case.namelist.report(), *case.notes))
+
+
+def _how_to_go_on(saved: list[Path]) -> str:
+    """Say how KID's own restart files start another run."""
+    folder = "a copy of the run folder"
+    if len(saved) == 1:
+        return f"To go on, put it into {folder} as INPUT/{RESTART}"
+    return (
+        f"To go on, put them into {folder} as INPUT/{RESTART} and INPUT/{BOND_RESTART} "
+        "and set manually_initialize_bonds = .false."
+    )
 
 
 def _output_paths(case: KidCase, output: Path) -> dict[str, Path]:
