@@ -1,3 +1,60 @@
-"""Riftberg: tabular icebergs as lattices of ice columns joined by breakable bonds."""
+"""Riftberg: tabular icebergs as lattices of ice columns joined by breakable bonds.
+
+Five lines from nothing to a picture::
+
+    from riftberg import Iceberg, Model, Steady, draw_map
+    berg = Iceberg.rectangle(60e3, 20e3, thickness=200.0, placement=(-37.0, -56.0))
+    model = Model(berg, Steady(current=(0.2, 0.05), wind=(5.0, -2.0)))
+    run = model.run(days=3)
+    draw_map(run, "berg.png")
+
+The names below are loaded when they are first used, so that ``import riftberg`` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from riftberg.bergs.iceberg import Iceberg
+    from riftberg.io.run_file import open_run
+    from riftberg.model import Model
+    from riftberg.ocean.analytic import Steady
+    from riftberg.ocean.gridded import GriddedForcing
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.viz.map import draw_map
+
+_HOMES = {
+    "Iceberg": "riftberg.bergs.iceberg",
+    "Model": "riftberg.model",
+    "Parameters": "riftberg.parameters",
+    "A68A_2022": "riftberg.parameters",
+    "A68A_2022_KID": "riftberg.parameters",
+    "Steady": "riftberg.ocean.analytic",
+    "GriddedForcing": "riftberg.ocean.gridded",
+    "open_run": "riftberg.io.run_file",
+    "draw_map": "riftberg.viz.map",
+}
+
+__all__ = [
+    "A68A_2022",
+    "A68A_2022_KID",
+    "GriddedForcing",
+    "Iceberg",
+    "Model",
+    "Parameters",
+    "Steady",
+    "__version__",
+    "draw_map",
+    "open_run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its home on first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'riftberg' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)

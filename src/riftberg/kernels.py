@@ -23,7 +23,8 @@ from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
 import numba
-from numba import config, njit
+from numba import njit
+from numba.core import config
 from platformdirs import user_cache_path
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -87,11 +88,11 @@ def stage(function: _F) -> _F:
 
 
 def _compiled(function: _F, **options: Any) -> _F:
-    before = config.CACHE_DIR
+    before = config.CACHE_DIR  # type: ignore[attr-defined]
     # numba reads the setting at decoration only; other packages must not inherit ours.
-    config.CACHE_DIR = str(cache_folder())
+    config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
         compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
         return compiled
     finally:
-        config.CACHE_DIR = before
+        config.CACHE_DIR = before  # type: ignore[attr-defined]

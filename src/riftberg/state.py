@@ -223,4 +223,4 @@ def new_bonds(first: Ints, second: Ints) -> Bonds:
 
 def copy_state(elements: Elements, bonds: Bonds) -> tuple[Elements, Bonds]:
     """Return copies that share no memory with the originals."""
-    return Elements(*(a.copy() for a in elements)), Bonds(*(a.copy() for a in bonds))
+    return Elements._make(a.copy() for a in elements), Bonds._make(a.copy() for a in bonds)

@@ -89,7 +89,7 @@ class FragmentTree:
         """
         part = connected_parts(elements.mass.size, bonds.first, bonds.second, bonds.status)
         count = int(part.max()) + 1
-        mass = np.bincount(part, weights=elements.mass, minlength=count)
+        mass: Floats = np.bincount(part, weights=elements.mass, minlength=count).astype(np.float64)
         number = self._inherited(part, mass, elements.berg)
         newborn = [k for k in range(count) if number[k] == 0]
         for k in newborn:

@@ -26,10 +26,10 @@ class BondRows(NamedTuple):
     """Unbroken bonds in contiguous rows; one spare row at the end always holds zeros.
 
     ``sx``, ``sy`` hold the shear displacement (m); ``fx``, ``fy`` the force on the first element (N); ``torque`` the
-    torques (N m) on the first ends and, behind the spare row, on the second ends (``torque1`` and ``torque2`` are views
-    of the two halves: with one array LLVM could not prove that the halves are apart, and would not vectorise); the other rows are geometry and
-    constants of the law. ``slot[k, e]`` is the row of the k-th bond of element e, ``sign`` +1 if e is its first end,
-    -1 if its second, 0 for the spare row; ``torque_slot`` the matching place in ``torque``.
+    torques (N m) on the first ends and, behind the spare row, on the second ends. ``torque1`` and ``torque2`` are views
+    of the two halves: with one array LLVM could not prove that the halves are apart, and would not vectorise. The other
+    rows are geometry and constants of the law. ``slot[k, e]`` is the row of the k-th bond of element e, ``sign`` +1 if
+    e is its first end, -1 if its second, 0 for the spare row; ``torque_slot`` the matching place in ``torque``.
     """
 
     bond: Ints
@@ -153,7 +153,9 @@ def _copy_unbroken(rows, bonds, p):
 
 
 @stage
-def load_rows(rows: BondRows, elements: Elements, bonds: Bonds, sizes: Sizes, earlier: Ints, p: KernelParameters) -> int:
+def load_rows(
+    rows: BondRows, elements: Elements, bonds: Bonds, sizes: Sizes, earlier: Ints, p: KernelParameters
+) -> int:
     """Copy the unbroken bonds into the rows and find the rows of each element.
 
     Parameters

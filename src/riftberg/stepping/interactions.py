@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
 from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
 from riftberg.physics.geometry import separation
-from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats
 from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
@@ -69,7 +69,7 @@ class Partners(NamedTuple):
 @kernel
 def _stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[float, float]:
     """Stiffness (s-2) and distance (m) at which the force vanishes, by kind of pair (spec 5.2)."""
-    if kind == COLLISION or kind == PLAIN_CONTACT:
+    if kind in (COLLISION, PLAIN_CONTACT):
         return law.contact_spring, max(sum_radii, law.contact_distance)
     return law.spring, sum_radii
 

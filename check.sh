@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# Install Riftberg for development and pass all checks: lint, types, tests. One command on a machine with plain Python 3.11.
+#   bash check.sh            environment in .venv
+#   RIFTBERG_VENV=DIR ...    environment elsewhere
+set -euo pipefail
+cd "$(dirname "$0")"
+venv="${RIFTBERG_VENV:-.venv}"
+[ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"
+"$venv/bin/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+"$venv/bin/ruff" format --check src tests benchmarks
+"$venv/bin/ruff" check src tests benchmarks
+"$venv/bin/mypy"
+exec "$venv/bin/python" -m pytest "$@"
