@@ -63,6 +63,11 @@ class Case:
     relative_acceleration: float = RELATIVE
 
     @property
+    def counts_bonds(self) -> bool:
+        """Whether the reference has written ``n_bonds``, and rightly: not on several processes (Q32), not in KID's case."""
+        return self.ranks == 1 and self.name != "collision_KID_wide"
+
+    @property
     def latlon(self) -> bool:
         """Whether positions are degrees."""
         return self.name.startswith("a68")

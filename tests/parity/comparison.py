@@ -50,11 +50,6 @@ class Comparison:
         self.distance = np.hypot(*self._offset)
         self.stamps = np.unique(self.theirs["second"])
 
-    @property
-    def counts_bonds(self) -> bool:
-        """Whether the reference's ``n_bonds`` can be compared (quirk Q32)."""
-        return self.case.ranks == 1 and "n_bonds" in self.theirs
-
     def bonds_left(self, table: Table) -> np.ndarray:
         """Unbroken bonds at each stamp."""
         return np.asarray([table["n_bonds"][self.at(s)].sum() // 2 for s in self.stamps])
@@ -66,7 +61,7 @@ class Comparison:
     @cached_property
     def before_break(self) -> np.ndarray:
         """Rows before the reference's first break: all rows where nothing breaks."""
-        if not self.counts_bonds:
+        if not self.case.counts_bonds:
             return np.ones_like(self.distance, dtype=bool)
         left = self.bonds_left(self.theirs)
         whole = self.stamps[left == left[0]]
@@ -92,7 +87,7 @@ class Comparison:
 
     def really_same_until(self) -> int | None:
         """Last stamp (s) up to which ``n_bonds`` of every element is the same; None if never."""
-        if not self.counts_bonds:
+        if not self.case.counts_bonds:
             return None
         wrong = self.theirs["second"][self.ours["n_bonds"] != self.theirs["n_bonds"]]
         good = self.stamps[self.stamps < wrong.min()] if wrong.size else self.stamps

@@ -41,9 +41,7 @@ def layout(path: Path) -> list[Variable]:
     """
     with netCDF4.Dataset(path) as dataset:
         return [
-            Variable(
-                v.name, str(v.dtype), v.dimensions, {k: v.getncattr(k) for k in v.ncattrs() if k != "checksum"}
-            )
+            Variable(v.name, str(v.dtype), v.dimensions, {k: v.getncattr(k) for k in v.ncattrs() if k != "checksum"})
             for v in dataset.variables.values()
             if v.dimensions
         ]

@@ -10,7 +10,19 @@ HEADER = (
     "case", "records", "position, m", "position, m", "velocity", "rotation", "stress", "bonds broken", "later: bonds",
     "centroid", "wall",
 )  # fmt: skip
-SECOND = ("", "compared", "before break", "same breaks", "m/s", "rad", "Pa", "at the same record", "ours / ref", "m", "s")
+SECOND = (
+    "",
+    "compared",
+    "before break",
+    "same breaks",
+    "m/s",
+    "rad",
+    "Pa",
+    "at the same record",
+    "ours / ref",
+    "m",
+    "s",
+)
 NOTES = (
     "Largest differences from the reference. 'before break': all records before its first break (all of the case, if",
     "nothing breaks). 'same breaks' and velocity, rotation, stress: as long as the breaks are asked to be the same (to",
@@ -36,7 +48,7 @@ def _number(value: float) -> str:
 
 
 def _breaks(c: Comparison) -> str:
-    if not c.counts_bonds:
+    if not c.case.counts_bonds:
         return "not compared"
     if not c.broken:
         return "none, as there" if c.really_same_until() == c.stamps[-1] else "NO"
@@ -52,7 +64,7 @@ def _breaks(c: Comparison) -> str:
 
 
 def _later(c: Comparison) -> tuple[str, str]:
-    rows = c.later() if c.counts_bonds else []
+    rows = c.later() if c.case.counts_bonds else []
     if not rows:
         return "-", "-"
     _, ours, theirs, _ = max(rows, key=lambda r: abs(r[1] - r[2]))
