@@ -1,0 +1,60 @@
+"""Results do not depend on the number of threads: several runs side by side, and numba's own setting."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.model import Model
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import A68A_2022
+
+PROGRAM = """
+import hashlib
+from test_threads import moved
+elements, bonds = moved(0)
+print(hashlib.sha256(b"".join(a.tobytes() for a in (*elements, *bonds))).hexdigest())
+"""
+
+
+def moved(seed: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Return elements and bonds of a small berg that has drifted and broken for some steps."""
+    berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
+    weak = A68A_2022.changed(fracture={"normal_strength": 3e2 + 1e2 * seed})
+    model = Model(berg, Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0), weak)
+    model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.u.size)
+    for _ in range(6):
+        model.step()
+    return model.elements, model.bonds
+
+
+@pytest.mark.parametrize("threads", [2, 4])
+def test_runs_side_by_side_equal_runs_in_turn(threads: int) -> None:
+    """Kernels release the interpreter lock and share nothing, so replicas may run in threads."""
+    alone = [moved(seed) for seed in range(4)]
+    assert any(np.isfinite(bonds.break_time).any() for _, bonds in alone)
+    with ThreadPoolExecutor(threads) as pool:
+        together = list(pool.map(moved, range(4)))
+    for (elements, bonds), (other_elements, other_bonds) in zip(alone, together, strict=True):
+        for name, a, b in zip(elements._fields, elements, other_elements, strict=True):
+            np.testing.assert_array_equal(a, b, err_msg=name)
+        for name, a, b in zip(bonds._fields, bonds, other_bonds, strict=True):
+            np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+def test_numba_thread_setting_changes_nothing() -> None:
+    """One process per setting; every array of the state enters the digest."""
+    digests = set()
+    for threads in ("1", "2"):
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": os.path.dirname(__file__)}
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True, timeout=300
+        )
+        digests.add(done.stdout.strip())
+    assert len(digests) == 1
