@@ -1,0 +1,351 @@
+"""Build what the documentation takes from the code: the reference pages, and the figures.
+
+    python docs/build.py            reference pages, then figures (about two minutes)
+    python docs/build.py --pages    reference pages only (a second)
+    python docs/build.py --check    exit with 1 if a reference page is out of date; write nothing
+
+Everything under ``docs/reference`` is written by this script: change the code, not the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, get_args
+
+from typer.models import ArgumentInfo
+
+DOCS = Path(__file__).resolve().parent
+NOTE = "<!-- Written by docs/build.py from {source}; change that, then run the script. -->\n\n"
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a Markdown table; bars and line ends in cells are made harmless."""
+    head = list(head)
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for row in rows:
+        lines.append("| " + " | ".join(" ".join(str(cell).replace("|", "\\|").split()) for cell in row) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def code(value: Any) -> str:
+    """Return a value as code, or nothing for an empty text."""
+    return "" if value == "" else f"`{value}`"
+
+
+def value_text(value: Any) -> str:
+    """Return a default value as it is written in an experiment file."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return "none" if value is None else str(value)
+
+
+def limits(field: Any) -> str:
+    """Return the limits that pydantic checks."""
+    signs = (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤"))
+    found = [
+        f"{sign} {getattr(item, name):g}" for item in field.metadata for name, sign in signs if hasattr(item, name)
+    ]
+    return " and ".join(found)
+
+
+def extra(field: Any, name: str) -> str:
+    """Return one of the things noted beside a field."""
+    return str((field.json_schema_extra or {}).get(name, ""))
+
+
+def parameters_page() -> str:
+    """Return the page of all parameters, with the values of the presets where they differ from the default."""
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+
+    default = Parameters()
+    text = [
+        "# Parameters\n",
+        "Set one with `riftberg run EXPERIMENT --set group.name=value`, in a YAML file under `parameters:`, or in Python with",
+        '`A68A_2022.changed(group={"name": value})`. Values may carry units: `--set fracture.normal_strength="20 kPa"`.',
+        "Impossible values and unknown names are refused.\n",
+        "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
+        "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
+        "the default. Sources named *spec* are sections of the written specification of KID/iKID's dynamics from which",
+        "Riftberg was made; Q numbers are explained in",
+        "[differences from the reference](../explanation/differences-from-the-reference.md).\n",
+    ]
+    for group in Parameters.model_fields:
+        kind = type(getattr(default, group))
+        text += [f"## {group}\n", (kind.__doc__ or "").split("\n\n")[0] + "\n"]
+        rows = []
+        for name, field in kind.model_fields.items():
+            plain, physics, kid = (getattr(getattr(p, group), name) for p in (default, A68A_2022, A68A_2022_KID))
+            rows.append(
+                (
+                    code(name), value_text(plain), extra(field, "unit"), limits(field), field.description or "",
+                    value_text(physics) if physics != plain else "", value_text(kid) if kid != physics else "",
+                    extra(field, "source"),
+                )
+            )  # fmt: skip
+        heads = ("name", "default", "unit", "limits", "meaning", "A68A_2022", "A68A_2022_KID", "source")
+        text.append(table(heads, rows))
+    return "\n".join(text)
+
+
+def experiment_page() -> str:
+    """Return the page of the keys of an experiment file."""
+    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, Outline, Rectangle
+    from riftberg.experiments.yaml_file import sections
+
+    text = [
+        "# Experiment files\n",
+        "Keys of a YAML experiment; see the [how-to](../howto/own-experiment-yaml.md) for a whole one. Quantities may carry",
+        "units (`thickness: 200 m`, `time_step: 30 min`); plain numbers are in the unit named here. Unknown keys are refused",
+        "with the line where they stand.\n",
+    ]
+    shapes = (
+        ("berg.outline", Outline),
+        ("berg.mask", Mask),
+        ("berg.rectangle", Rectangle),
+        ("berg.lattice", LatticeRows),
+    )
+    for name, fields in (*sections(), *((name, kind.model_fields) for name, kind in shapes)):
+        text.append(f"## {name or 'top level'}\n")
+        rows = []
+        for key, field in fields.items():
+            needed = field.is_required()
+            rows.append((code(key), "needed" if needed else _default(field), extra(field, "unit"), limits(field),
+                         field.description or "a section of its own"))  # fmt: skip
+        text.append(table(("key", "default", "unit", "limits", "meaning"), rows))
+    text.append(
+        f"`parameters` takes the groups of [the parameters](parameters.md) and `preset`: {', '.join(map(code, PRESETS))}.\n"
+    )
+    return "\n".join(text)
+
+
+def _default(field: Any) -> str:
+    value = field.get_default()
+    return value_text(list(value) if isinstance(value, tuple) else value).replace("[]", "none").replace("{}", "none")
+
+
+def variables_page() -> str:
+    """Return the page of the state variables and of the run file."""
+    from riftberg.io import run_file
+    from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
+
+    def rows(variables: Any) -> list[tuple[str, ...]]:
+        yes = ("", "yes")
+        return [
+            (code(v.name), v.units, v.long_name, code(v.standard_name), yes[v.output], yes[v.restart])
+            for v in variables
+        ]
+
+    heads = ("name", "units", "meaning", "CF standard name", "in the run file", "in restarts")
+    fragments = [(code(f"fragment_{v.name}"), v.units, v.long_name) for v in run_file.FRAGMENT_VARIABLES]
+    return "\n".join(
+        [
+            "# Variables\n",
+            "One registry (`riftberg.state`) gives names, units and meaning to the state, run files, restarts and this page.\n",
+            "## Run file\n",
+            "`run.nc` is one CF-1.11 NetCDF-4 file that opens with `xarray.open_dataset` as it is, and with TrajAn and",
+            "clouddrift. Variables of an element are tables `(trajectory, time)`; "
+            f"{', '.join(map(code, run_file.SHAPE))} are written once. Bonds have the dimension `bond`:",
+            f"{', '.join(map(code, run_file.BOND_HISTORY))} are `(bond, time)`, the others hold the latest state. Positions and",
+            "`rotation` are kept in double precision, the rest in single precision.\n",
+            "## Elements\n",
+            table(heads, rows(ELEMENT_VARIABLES)),
+            "## Bonds\n",
+            table(heads, rows(BOND_VARIABLES)),
+            "## Fragments\n",
+            "Family tree of the fragments, in the run file along `fragment`; `fragment_number` is the value of `berg`.\n",
+            table(("name", "units", "meaning"), fragments),
+        ]
+    )
+
+
+def namelist_page() -> str:
+    """Return the page of KID's namelist entries."""
+    from riftberg.io.kid.entry_table import DRIVER, ICEBERGS
+
+    words = {
+        "honoured": "acts as in KID",
+        "refused": "the run is refused unless it has the value named",
+        "reported": "without effect here; the reason is told at the end of the run if a file sets it",
+    }
+    text = [
+        "# Entries of KID's namelists\n",
+        "What `riftberg kid CASE_DIR` does with each entry of `input.nml`; see the [how-to](../howto/kid-directories.md).",
+        "Names ignore the case. An entry that KID does not know is an error that offers the nearest name.\n",
+        table(("treatment", "meaning"), words.items()),
+    ]
+    for name, group in (("icebergs_nml", ICEBERGS), ("icebergs_driver_nml", DRIVER)):
+        counts = {kind: sum(e.treatment == kind for e in group) for kind in words}
+        told = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+        text += [f"## {name}\n", f"{len(group)} entries: {told}.\n"]
+        rows = []
+        for e in group:
+            treatment = e.treatment + (f" (only {value_text(e.accepted)})" if e.treatment == "refused" else "")
+            rows.append((code(e.name), e.kind, _entry_default(e.default), e.unit, e.meaning, treatment, e.note))
+        text.append(table(("entry", "type", "default", "unit", "meaning in KID", "here", "how, or why not"), rows))
+    return "\n".join(text)
+
+
+def _entry_default(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(f"{v:g}" for v in value)
+    if isinstance(value, float) and value > 1e300:
+        return "never"
+    return value_text(value)
+
+
+def summary_page() -> str:
+    """Return the page of the keys of summary.json, from the docstring of its module."""
+    from riftberg.diagnostics import speed, summary
+
+    return "\n".join(
+        [
+            "# Keys of `summary.json`\n",
+            "Every `riftberg run` writes one; `riftberg.diagnostics.summary.summarize` makes the same dictionary in Python.\n",
+            table(("key", "meaning"), _keys(summary.__doc__ or "")),
+            "# Keys of `riftberg bench --json`\n",
+            table(("key", "meaning"), _keys(speed.__doc__ or "")),
+        ]
+    )
+
+
+def _keys(doc: str) -> list[tuple[str, str]]:
+    """Read ``name : meaning`` lines; indented lines go on with the one before."""
+    rows: list[tuple[str, str]] = []
+    for line in doc.split("----\n", 1)[1].splitlines():
+        if line.startswith(" ") and rows:
+            rows[-1] = (rows[-1][0], f"{rows[-1][1]} {line.strip()}")
+        elif " : " in line:
+            names, _, meaning = line.partition(" : ")
+            rows.append((", ".join(code(name) for name in names.split(", ")), meaning))
+    return rows
+
+
+def commands_page() -> str:
+    """Return the page of the command line, from the signatures of its functions."""
+    from riftberg.cli.main import app
+    from riftberg.experiments import EXPERIMENTS
+
+    text = [
+        "# Commands\n",
+        f"{app.info.help}\n",
+        "Exit codes: 0 done; 1 `doctor` found something lacking; 2 an error, told in one message; 130 interrupted.\n",
+    ]
+    for command in app.registered_commands:
+        assert command.callback is not None
+        text += [f"## riftberg {command.name}\n", (command.callback.__doc__ or "").split("\n\n")[0].strip() + "\n"]
+        rows = [_argument(p) for p in inspect.signature(command.callback, eval_str=True).parameters.values()]
+        if rows:
+            text.append(table(("argument or option", "default", "meaning"), rows))
+    experiments = [(code(e.name), e.summary, ", ".join(map(code, e.parts))) for e in EXPERIMENTS]
+    text += ["## Built-in experiments\n", table(("name", "shows", "`--without`"), experiments)]
+    return "\n".join(text)
+
+
+def _argument(p: inspect.Parameter) -> tuple[str, str, str]:
+    """Return name, default and meaning of an argument or option of a command."""
+    kind, info = get_args(p.annotation)[:2]
+    meaning, _, told = (info.help or "").partition("[default: ")
+    default = told.rstrip("] ") or ("" if p.default in (p.empty, None) else value_text(p.default))
+    if isinstance(info, ArgumentInfo):
+        name = info.metavar or p.name.upper()
+        return code(name), "needed" if p.default is p.empty else default, meaning
+    flag = bool in (kind, *get_args(kind))
+    plain = "--" + p.name.strip("_").replace("_", "-")
+    # In Annotated the first name stands where the default would.
+    given = [*([info.default] if isinstance(info.default, str) else []), *(info.param_decls or ())]
+    names = ", ".join(given or ([f"{plain}/--no-{plain[2:]}"] if flag else [plain]))
+    takes = "" if flag else f" {info.metavar or _type_name(kind)}"
+    return code(names + takes), "" if flag and default == "false" else default, meaning
+
+
+def _type_name(kind: Any) -> str:
+    plain = next(k for k in (*get_args(kind), kind) if k is not type(None))
+    plain = next(iter(get_args(plain)), plain)
+    return {"float": "NUMBER", "int": "N", "str": "TEXT", "Path": "PATH"}.get(plain.__name__, plain.__name__.upper())
+
+
+def products_page() -> str:
+    """Return the page of the data products and the canonical quantities."""
+    from riftberg.ocean.products.canonical import QUANTITIES
+    from riftberg.ocean.products.registry import PRODUCTS
+
+    words = {
+        "sample": "a real file of the product",
+        "layout": "a file made from a published header",
+        "documentation": "a file made from the product's documentation",
+    }
+    products = [
+        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), words[p.evidence], "; ".join(p.notes))
+        for p in PRODUCTS
+    ]
+    quantities = [(code(q.name), q.units, q.long_name, q.sign, code(q.standard_name)) for q in QUANTITIES.values()]
+    cite = [(code(p.name), p.citation) for p in PRODUCTS if p.citation]
+    return "\n".join(
+        [
+            "# Data products\n",
+            "Riftberg recognises these files by what is in them; a file belongs to the first product that matches. `riftberg",
+            "doctor FILES` says what a file is. How to use them: [forcing from products](../howto/forcing-from-products.md).\n",
+            table(("name (`--product`)", "product", "gives", "reader checked against", "to know"), products),
+            "## Canonical quantities\n",
+            "Every product becomes an `xarray.Dataset` with these names, units and signs.\n",
+            table(("name", "units", "meaning", "positive means", "CF standard name"), quantities),
+            "## How to cite them\n",
+            table(("name", "citation"), cite),
+        ]
+    )
+
+
+PAGES: dict[str, tuple[Callable[[], str], str]] = {
+    "parameters.md": (parameters_page, "src/riftberg/parameters.py"),
+    "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
+    "variables.md": (variables_page, "src/riftberg/state.py and io/run_file.py"),
+    "namelist.md": (namelist_page, "src/riftberg/io/kid/entry_table.py"),
+    "summary.md": (summary_page, "src/riftberg/diagnostics/summary.py and speed.py"),
+    "commands.md": (commands_page, "src/riftberg/cli and experiments"),
+    "products.md": (products_page, "src/riftberg/ocean/products"),
+}
+
+
+def page(name: str) -> str:
+    """Return a reference page as it should be."""
+    make, source = PAGES[name]
+    return NOTE.format(source=source) + make().rstrip() + "\n"
+
+
+def outdated() -> list[str]:
+    """Return the names of the reference pages that are not as the code says."""
+    folder = DOCS / "reference"
+    return [name for name in PAGES if not (folder / name).exists() or (folder / name).read_text("utf-8") != page(name)]
+
+
+def main() -> int:
+    """Write the pages and the figures, or check the pages."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--check", action="store_true", help="tell which pages are out of date and write nothing")
+    parser.add_argument("--pages", action="store_true", help="write the pages only, no figures")
+    options = parser.parse_args()
+    stale = outdated()
+    if options.check:
+        for name in stale:
+            print(f"docs/reference/{name} is out of date: run python docs/build.py --pages", file=sys.stderr)
+        return 1 if stale else 0
+    for name in stale:
+        (DOCS / "reference" / name).write_text(page(name), "utf-8")
+        print(f"docs/reference/{name}")
+    if not options.pages:
+        sys.path.insert(0, str(DOCS))
+        from figures import make_figures
+
+        for path in make_figures(DOCS / "figures"):
+            print(path.relative_to(DOCS.parent))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,39 @@
+"""Make the figures of the documentation by running the package; called by ``build.py``."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+
+def make_figures(folder: Path) -> Iterator[Path]:
+    """Make all figures and give their paths as they are finished."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    folder.mkdir(exist_ok=True)
+    yield five_lines(folder / "five-lines.png")
+    yield from story(folder)
+
+
+def five_lines(path: Path) -> Path:
+    """Draw what the five lines of the README give."""
+    from riftberg import Iceberg, Model, Steady, draw_map
+
+    berg = Iceberg.rectangle(60e3, 20e3, thickness=200.0, placement=(-37.0, -56.0))
+    run = Model(berg, Steady(current=(0.2, 0.05), wind=(5.0, -2.0))).run(days=3)
+    draw_map(run, path)
+    return path
+
+
+def story(folder: Path) -> Iterator[Path]:
+    """Run the built-in experiment and draw its map."""
+    from riftberg.experiments import build
+    from riftberg.viz.map import draw_map
+
+    model, info = build("a68a")
+    with tempfile.TemporaryDirectory() as scratch:
+        run = model.run(info.days, output=Path(scratch) / "run.nc", every_hours=info.output_every_hours)
+        draw_map(run, folder / "a68a-map.png", forcing=model.forcing, title=info.title, observed=info.observed)
+        yield folder / "a68a-map.png"
