@@ -224,6 +224,13 @@ class Compatibility(Group):
     grid_position_round_trip: bool = quantity(False, "", "Q40: positions pass through cell coordinates", "spec 8.2")
     swapped_implicit_velocity: bool = quantity(False, "", "Q1: mid-step v uses the implicit x-acceleration", "spec 6.4")
     mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "spec 3.2")
+    uncentred_half_kicks: bool = quantity(
+        False,
+        "",
+        "half kicks of the long step take half the Coriolis force and of the drag's speed from before the kick: first order, "
+        "and inertial motion grows at f^2 dt / 4",
+        "spec 4.3",
+    )
     frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
     depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
     plain_kid_branch: bool = quantity(
@@ -241,6 +248,7 @@ class Compatibility(Group):
             "shared_shear_lever": True,
             "bond_thickness_of_second": True,
             "swapped_implicit_velocity": True,
+            "uncentred_half_kicks": True,
             "frozen_sea_ice_drag": True,
         }
         return cls(**{**on, **overrides})
@@ -302,6 +310,7 @@ class KernelParameters(NamedTuple):
     bond_thickness_of_second: bool
     grid_position_round_trip: bool
     swapped_implicit_velocity: bool
+    uncentred_half_kicks: bool
     frozen_sea_ice_drag: bool
     plain_kid_branch: bool
 
@@ -407,6 +416,7 @@ class Parameters(Group):
             bond_thickness_of_second=c.bond_thickness_of_second,
             grid_position_round_trip=c.grid_position_round_trip,
             swapped_implicit_velocity=c.swapped_implicit_velocity,
+            uncentred_half_kicks=c.uncentred_half_kicks,
             frozen_sea_ice_drag=c.frozen_sea_ice_drag,
             plain_kid_branch=c.plain_kid_branch,
         )

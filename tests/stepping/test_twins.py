@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
+from riftberg.state import copy_state
+from riftberg.stepping import runge_kutta, verlet
+from riftberg.stepping.sizes import interaction_sizes
 from stepping.lattices import lattice, long_step, parameters, partners_of
 from twins import drag as twin_drag
 from twins import stepping as twin
 from twins import velocity as twin_velocity
 from twins.elements import column, unpack
-
-from riftberg.state import copy_state
-from riftberg.stepping import runge_kutta, verlet
-from riftberg.stepping.sizes import interaction_sizes
 
 SEEDS = range(3)
 STATE = ("lon", "lat", "u", "v", "u_sync", "v_sync", "u_pair", "v_pair", "lon_pair", "lat_pair", "ax", "ay", "bx", "by")
@@ -215,6 +215,7 @@ SPRING = {
     "explicit": {},
     "explicit-one-pass": {"contact": {"iterate": False}},
     "explicit-speed-damping": {"contact": {"damping_by_speed": True, "tangential_critical_damping": True}},
+    "uncentred-half-kicks": {"compatibility": {"uncentred_half_kicks": True}},
     "implicit": {"stepping": {"explicit_substeps": False}},
     "implicit-Q1": {"stepping": {"explicit_substeps": False}, "compatibility": {"swapped_implicit_velocity": True}},
     "implicit-one-pass": {"stepping": {"explicit_substeps": False}, "contact": {"iterate": False}},

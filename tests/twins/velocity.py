@@ -86,7 +86,10 @@ def kid_terms(k, elements, bonds, p, u0, u1, *, inside, outside, multiple, plain
     return total(terms)
 
 
-def solve(e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=False, mean_speeds=True, only=False):
+def solve(
+    e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=False, mean_speeds=True, only=False,
+    centred=False,
+):  # fmt: skip
     """Two-pass semi-implicit solve of spec 4.2 and 4.3.
 
     Parameters
@@ -105,6 +108,8 @@ def solve(e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=Fa
         Mean of the two speeds (predictor-corrector) or speed of the mean velocity.
     only : bool
         Interactions only.
+    centred : bool
+        Coriolis force and drag all at the new velocity (Riftberg's own long step).
 
     Returns
     -------
@@ -126,7 +131,9 @@ def solve(e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=Fa
         else:
             rates = []
             for c, medium in media:
-                if mean_speeds:
+                if centred:
+                    rates.append(c * np.linalg.norm(u - medium))
+                elif mean_speeds:
                     rates.append(c * momentum.mean_speed(u, u0, medium))
                 else:
                     rates.append(c * np.linalg.norm((u + u_stage) / 2 - medium))
@@ -134,7 +141,7 @@ def solve(e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=Fa
             right = explicit * (1.0 if stage else 0.5) + share * drags - share * (tensor @ u_star - vec)
             matrix = np.eye(2) * (1 + share * dt * (sum(rates) + env.floor)) + share * dt * tensor
             if not stage:
-                matrix = matrix - share * dt / 2 * env.f * skew
+                matrix = matrix - share * dt * (1.0 if centred else 0.5) * env.f * skew
         acceleration = momentum.solve(matrix, right)
         u = u_star + dt * acceleration
     if only:
@@ -201,7 +208,10 @@ def slow_acceleration(k, elements, bonds, p, dt):
         return kid_terms(k, elements, bonds, p, u0, u1, inside=False, outside=True, multiple=True)
 
     env = surroundings(e, p, latitude=e.lat, multiple=True)
-    return solve(e, env, pairs, p, dt, u_star=u0, u0=u0, share=0.5, only=p.only_interactions)
+    return solve(
+        e, env, pairs, p, dt, u_star=u0, u0=u0, share=0.5, only=p.only_interactions,
+        centred=not p.uncentred_half_kicks,
+    )  # fmt: skip
 
 
 def implicit_acceleration(k, elements, bonds, p, dt):

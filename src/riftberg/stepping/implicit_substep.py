@@ -27,7 +27,7 @@ def _solve_all(el, dt, partners, view, law, scratch, p):
         u0, v0 = el.u[e], el.v[e]
         us, vs = u0 + half * (el.ax_fast[e] + el.bx_fast[e]), v0 + half * (el.ay_fast[e] + el.by_fast[e])
         s = solve_velocity(
-            e, el.lon[e], el.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, INTERACTIONS_ONLY, dt,
+            e, el.lon[e], el.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, False, INTERACTIONS_ONLY, dt,
             el.mass[e], alone[e], partners, False, p.constant_size, view, law,
         )  # fmt: skip
         el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)

@@ -48,8 +48,8 @@ def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
             continue
         around = surroundings_of(table, e)
         s = solve_velocity(
-            e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], around, 0.5, 0.5, True, mode, dt, mass[e],
-            alone[e], partners, False, False, view, law,
+            e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], around, 0.5, 0.5, True,
+            not p.uncentred_half_kicks, mode, dt, mass[e], alone[e], partners, False, False, view, law,
         )  # fmt: skip
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
         if first and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):

@@ -75,8 +75,8 @@ def evaluate(
         half_u, half_v = u0 + 0.5 * span * el.ax[e], v0 + 0.5 * span * el.ay[e]
         around = surroundings_of(table, e)
         s = solve_velocity(
-            e, el.lon_pair[e], el.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds, mode,
-            span, el.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
+            e, el.lon_pair[e], el.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds,
+            False, mode, span, el.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y

@@ -59,11 +59,12 @@ def _drag_rates(around, mean_speeds, u1, v1, u0, v0, us, vs):
 def solve_once(
     u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, u1: float, v1: float,
     push_x: float, push_y: float, around: Surroundings, t: Terms, share: float, explicit_part: float,
-    mean_speeds: bool, mode: int, dt: float,
+    mean_speeds: bool, turn_part: float, mode: int, dt: float,
 ) -> tuple[float, float]:  # fmt: skip
     """One pass of the solve: acceleration (m s-2) with drag at the iterate (u1, v1).
 
-    ``push_x`` and ``push_y`` are the explicit accelerations, springs included; other arguments as in `solve_velocity`.
+    ``push_x`` and ``push_y`` are the explicit accelerations, springs included; ``turn_part`` is the part of the
+    change of the Coriolis force that is implicit; other arguments as in `solve_velocity`.
     """
     damp_x = t.p11 * u_star + t.p12 * v_star - t.px
     damp_y = t.p12 * u_star + t.p22 * v_star - t.py
@@ -78,8 +79,7 @@ def solve_once(
         rx = explicit_part * push_x - share * (drag_x + damp_x)
         ry = explicit_part * push_y - share * (drag_y + damp_y)
         rate = do + da + di + dg
-        # Runge-Kutta stages take the Coriolis force fully explicit.
-        turn = 0.5 * around.coriolis if explicit_part < 1.0 else 0.0
+        turn = turn_part * around.coriolis
     a11 = 1.0 + share * dt * (rate + t.p11)
     a22 = 1.0 + share * dt * (rate + t.p22)
     a12 = share * dt * (t.p12 - turn)
@@ -101,7 +101,7 @@ def explicit_acceleration(
 
 @stage
 def solve_velocity(
-    e, x, y, u_star, v_star, u0, v0, us, vs, around, share, explicit_part, mean_speeds, mode, dt, mass, alone,
+    e, x, y, u_star, v_star, u0, v0, us, vs, around, share, explicit_part, mean_speeds, centred, mode, dt, mass, alone,
     partners, plain, bond_size, view, law,
 ):  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
@@ -125,6 +125,9 @@ def solve_velocity(
         take the Coriolis force fully explicit.
     mean_speeds : bool
         Drag by the mean of the speeds at start and iterate; else by the speed of the mean velocity.
+    centred : bool
+        Coriolis force and drag at the new velocity only. The half kick that follows repeats the same acceleration, so
+        that both together are centred: second order, and the Coriolis force does no work.
     mode : int
         `WITH_SURROUNDINGS` or `INTERACTIONS_ONLY`.
     dt : float
@@ -147,16 +150,21 @@ def solve_velocity(
     cu, cv = (u_star, v_star) if explicit_part < 1.0 else (us, vs)
     push_x = around.push_x + t.ix + around.coriolis * cv
     push_y = around.push_y + t.iy - around.coriolis * cu
+    # The matrix adds what the change of velocity adds to the Coriolis force: all, half, or nothing in Runge-Kutta stages.
+    turn_part = 1.0 if centred else (0.5 if explicit_part < 1.0 else 0.0)
     ax, ay = solve_once(
-        u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, around, t, share, explicit_part, mean_speeds, mode, dt
-    )
+        u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
+        mode, dt,
+    )  # fmt: skip
     if not alone:
         t = interaction_terms(
             e, x, y, u0, v0, u_star + dt * ax, v_star + dt * ay, partners, plain, bond_size, view, law
         )
+    u1, v1 = u_star + dt * ax, v_star + dt * ay
+    du, dv = (u1, v1) if centred else (u0, v0)
     ax, ay = solve_once(
-        u_star, v_star, u0, v0, us, vs, u_star + dt * ax, v_star + dt * ay, push_x, push_y, around, t, share,
-        explicit_part, mean_speeds, mode, dt,
+        u_star, v_star, du, dv, us, vs, u1, v1, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
+        mode, dt,
     )  # fmt: skip
     u1, v1 = u_star + dt * ax, v_star + dt * ay
     a_x, a_y = explicit_acceleration(u1, v1, around, t, explicit_part, mode)

@@ -29,8 +29,8 @@ def update_velocities(el: Elements, partners: Partners, sizes: Sizes, dt: float,
         us, vs = u + 0.5 * dt * el.ax[e], v + 0.5 * dt * el.ay[e]
         around = surroundings_of(table, e)
         s = solve_velocity(
-            e, el.lon[e], el.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, mode, dt, el.mass[e],
-            alone[e], partners, p.plain_kid_branch, False, view, law,
+            e, el.lon[e], el.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, False, mode, dt,
+            el.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
