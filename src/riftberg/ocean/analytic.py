@@ -61,3 +61,104 @@ class Steady:
     def describe(self) -> str:
         """Return the values in words."""
         return f"steady and uniform: current {self.current} m/s, wind {self.wind} m/s, depth {self.water:g} m"
+
+
+class Convergence(Steady):
+    """A uniform current along x that converges on a line in part of each period (spec 10.2).
+
+    The northward current falls from ``speed`` south of the line to ``-speed`` north of it over ``ramp`` metres on either
+    side, and sets in and ends over ``ramp`` along x: what bilinear interpolation gives on a grid of that spacing.
+
+    Parameters
+    ----------
+    current : tuple of float
+        Uniform current, m s-1.
+    speed : float
+        Speed towards the line, m s-1.
+    line : float
+        y of the line, m.
+    span : tuple of float
+        Where along x the current converges, m; it ends ``ramp`` behind the second.
+    ramp : float
+        Width of the transition, m.
+    period : float
+        Zonal period, m.
+    depth : float
+        Depth of water, m.
+    """
+
+    def __init__(
+        self,
+        current: tuple[float, float],
+        speed: float,
+        line: float,
+        span: tuple[float, float],
+        ramp: float,
+        period: float,
+        depth: float = 1e4,
+    ) -> None:
+        super().__init__(current=current, depth=depth)
+        self.speed, self.line, self.span, self.ramp, self.period = speed, line, span, ramp, period
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements; the vorticity is that of the northward current."""
+        super().sample(elements, time)
+        e = elements
+        e.uo[:], e.vo[:] = self.currents(e.lon, e.lat, time)
+        step = 1e-3 * self.ramp
+        ahead, behind = (self.currents(e.lon + s, e.lat, time)[1] for s in (step, -step))
+        e.vorticity[:] = (ahead - behind) / (2.0 * step)
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points (m)."""
+        along = (np.asarray(lon) - self.span[0]) % self.period
+        end = self.span[1] - self.span[0]
+        window = np.clip(along / self.ramp, 0.0, 1.0) * np.clip((end + self.ramp - along) / self.ramp, 0.0, 1.0)
+        across = np.clip((self.line - np.asarray(lat)) / self.ramp, -1.0, 1.0)
+        return np.full(np.shape(lon), self.current[0]), self.current[1] + self.speed * across * window
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        return f"current {self.current} m/s that converges on y = {self.line:g} m at {self.speed:g} m/s"
+
+
+class Seamount(Steady):
+    """A uniform current over a Gaussian seamount (spec 10.4).
+
+    Parameters
+    ----------
+    current : tuple of float
+        m s-1.
+    centre : tuple of float
+        x and y of the summit, m.
+    height, width : float
+        Height over the plain, and standard deviation, m.
+    depth : float
+        Depth of the plain, m.
+    """
+
+    def __init__(
+        self,
+        current: tuple[float, float],
+        centre: tuple[float, float],
+        height: float,
+        width: float,
+        depth: float = 1000.0,
+    ) -> None:
+        super().__init__(current=current, depth=depth)
+        self.centre, self.height, self.width = centre, height, width
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements."""
+        super().sample(elements, time)
+        elements.depth[:] = self.depth(elements.lon, elements.lat)
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points (m)."""
+        squared = (np.asarray(lon) - self.centre[0]) ** 2 + (np.asarray(lat) - self.centre[1]) ** 2
+        return self.water - self.height * np.exp(-squared / (2.0 * self.width**2))
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        summit = self.water - self.height
+        return f"current {self.current} m/s over a seamount whose summit is {summit:g} m deep, plain {self.water:g} m"
