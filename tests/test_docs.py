@@ -1,0 +1,143 @@
+"""The documentation says what is so: reference pages are fresh, code runs, commands exist, links lead somewhere."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from typer.models import OptionInfo
+
+from riftberg.cli.main import app
+from riftberg.parameters import Compatibility
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").glob("*.md")], key=lambda path: path.as_posix()
+)
+NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
+QUIRKS = DOCS / "explanation" / "differences-from-the-reference.md"
+
+
+def script() -> ModuleType:
+    """Return docs/build.py as a module."""
+    spec = importlib.util.spec_from_file_location("docs_build", DOCS / "build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Return language and content of the code blocks of a page."""
+    return re.findall(r"^```(\w+)\n(.*?)^```", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
+def commands() -> list[tuple[str, list[str]]]:
+    """Return every command line of the documentation that calls riftberg, with its page."""
+    found = []
+    for page in PAGES:
+        text = "".join(content for kind, content in blocks(page) if kind in ("bash", "console"))
+        for line in text.replace("\\\n", " ").splitlines():
+            for part in re.split(r"&&|;", line):
+                words = shlex.split(part, comments=True)
+                if words and Path(words[0]).name == "riftberg":
+                    found.append((page.relative_to(ROOT).as_posix(), words[1:]))
+    return found
+
+
+def run_page(page: Path, folder: Path) -> None:
+    """Run the python and bash blocks of a page in order, all Python in one namespace, in ``folder``."""
+    riftberg = f"{shlex.quote(sys.executable)} -m riftberg.cli.main "
+    steps = []
+    for kind, content in blocks(page):
+        if kind == "bash":
+            shell = re.sub(r"^riftberg ", lambda _: riftberg, content, flags=re.MULTILINE)
+            lines = "set -e\n" + shell
+            steps.append(f"subprocess.run({lines!r}, shell=True, check=True)\n")
+        elif kind == "python":
+            steps.append(content)
+    text = "import subprocess\n" + "\n".join(steps)
+    done = subprocess.run(
+        [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", text],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+
+
+@pytest.mark.parametrize("name", script().PAGES)
+def test_reference_page_is_fresh(name: str) -> None:
+    written = (DOCS / "reference" / name).read_text("utf-8")
+    assert written == script().page(name), "run: python docs/build.py --pages"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_links_lead_somewhere(name: str) -> None:
+    page = ROOT / name
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if not re.match(r"[a-z]+:", target):
+            path, _, anchor = target.partition("#")
+            aim = (page.parent / path).resolve() if path else page
+            assert aim.exists(), f"{name} links to {target}"
+            assert not anchor or anchor in anchors(aim), f"{name} links to {target}"
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of the headings of a page, as GitHub makes them."""
+    heads = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize(
+    ("page", "words"), commands(), ids=lambda value: value if isinstance(value, str) else " ".join(value)
+)
+def test_commands_exist(page: str, words: list[str]) -> None:
+    """Names of commands and of their options."""
+    if words[0].startswith("-"):
+        assert words[0] in ("--help", "--version")
+        return
+    known = {command.name: command.callback for command in app.registered_commands}
+    assert words[0] in known, f"{page}: riftberg {words[0]}"
+    options = {"--help", "-h"}
+    signature = script().inspect.signature(known[words[0]], eval_str=True)
+    for p in signature.parameters.values():
+        info = p.annotation.__metadata__[0]
+        if isinstance(info, OptionInfo):
+            first = [info.default] if isinstance(info.default, str) else []
+            given = [*first, *(info.param_decls or ())] or ["--" + p.name.strip("_").replace("_", "-")]
+            options |= {part for name in given for part in name.split("/")}
+    for word in words[1:]:
+        if re.match(r"--?[a-z]", word):
+            assert word in options, f"{page}: riftberg {words[0]} {word}"
+
+
+def test_readme_runs(tmp_path: Path) -> None:
+    run_page(ROOT / "README.md", tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (DOCS / "tutorials").glob("*.md")))
+def test_tutorial_runs(name: str, tmp_path: Path) -> None:
+    run_page(DOCS / "tutorials" / name, tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (DOCS / "howto").glob("*.md")))
+def test_howto_runs(name: str, tmp_path: Path) -> None:
+    run_page(DOCS / "howto" / name, tmp_path)
+
+
+def test_every_quirk_is_told() -> None:
+    rows = re.findall(r"^\| (Q\d+) \|", QUIRKS.read_text("utf-8"), flags=re.MULTILINE)
+    assert sorted(rows, key=lambda q: int(q[1:])) == [f"Q{n}" for n in range(1, 44)]
+
+
+@pytest.mark.parametrize("switch", Compatibility.model_fields)
+def test_every_switch_of_the_quirks_is_told(switch: str) -> None:
+    assert f"`compatibility.{switch}`" in QUIRKS.read_text("utf-8")
