@@ -213,7 +213,9 @@ class Model:
             except RiftbergError as error:
                 if self.step_number == before and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
-                raise RunError(f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}") from error
+                raise RunError(
+                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}"
+                ) from error
             return writer.dataset()
 
     def _rescued(self, output: str | Path | None) -> str:

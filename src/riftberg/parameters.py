@@ -231,6 +231,9 @@ class Compatibility(Group):
         "and inertial motion grows at f^2 dt / 4",
         "spec 4.3",
     )
+    explicit_contact_damping: bool = quantity(
+        False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "spec 5.5"
+    )
     frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
     depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
     plain_kid_branch: bool = quantity(
@@ -249,6 +252,7 @@ class Compatibility(Group):
             "bond_thickness_of_second": True,
             "swapped_implicit_velocity": True,
             "uncentred_half_kicks": True,
+            "explicit_contact_damping": True,
             "frozen_sea_ice_drag": True,
         }
         return cls(**{**on, **overrides})
@@ -311,6 +315,7 @@ class KernelParameters(NamedTuple):
     grid_position_round_trip: bool
     swapped_implicit_velocity: bool
     uncentred_half_kicks: bool
+    explicit_contact_damping: bool
     frozen_sea_ice_drag: bool
     plain_kid_branch: bool
 
@@ -417,6 +422,7 @@ class Parameters(Group):
             grid_position_round_trip=c.grid_position_round_trip,
             swapped_implicit_velocity=c.swapped_implicit_velocity,
             uncentred_half_kicks=c.uncentred_half_kicks,
+            explicit_contact_damping=c.explicit_contact_damping,
             frozen_sea_ice_drag=c.frozen_sea_ice_drag,
             plain_kid_branch=c.plain_kid_branch,
         )

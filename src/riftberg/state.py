@@ -92,8 +92,8 @@ ELEMENT_VARIABLES: tuple[Variable, ...] = (
     _v("eta", "1", "position in the cell, south to north"),
     _v("uo", "m s-1", "eastward ocean current", standard_name="eastward_sea_water_velocity", output=True),
     _v("vo", "m s-1", "northward ocean current", standard_name="northward_sea_water_velocity", output=True),
-    _v("ui", "m s-1", "eastward sea-ice velocity", standard_name="eastward_sea_ice_velocity"),
-    _v("vi", "m s-1", "northward sea-ice velocity", standard_name="northward_sea_ice_velocity"),
+    _v("ui", "m s-1", "eastward sea-ice velocity", standard_name="eastward_sea_ice_velocity", output=True),
+    _v("vi", "m s-1", "northward sea-ice velocity", standard_name="northward_sea_ice_velocity", output=True),
     _v("ua", "m s-1", "eastward wind", standard_name="eastward_wind", output=True),
     _v("va", "m s-1", "northward wind", standard_name="northward_wind", output=True),
     _v("slope_x", "1", "eastward slope of the sea surface", output=True),
@@ -104,7 +104,7 @@ ELEMENT_VARIABLES: tuple[Variable, ...] = (
     _v("sst", "degree_Celsius", "sea-surface temperature", standard_name="sea_surface_temperature"),
     _v("sss", "1e-3", "sea-surface salinity", standard_name="sea_surface_salinity"),
     _v("ice_fraction", "1", "sea-ice area fraction", standard_name="sea_ice_area_fraction"),
-    _v("ice_thickness", "m", "sea-ice thickness", standard_name="sea_ice_thickness"),
+    _v("ice_thickness", "m", "sea-ice thickness", standard_name="sea_ice_thickness", output=True),
     _v("vorticity", "s-1", "relative vorticity of the ocean current", restart=True),
 )
 """Registry of the variables of an element, in the order of the fields of `Elements`."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fakes import FakeModel
 from typer.testing import CliRunner
 
+from fakes import FakeModel
 from riftberg.cli.bench import sizes_between
 from riftberg.cli.main import app
 from riftberg.diagnostics import speed, yardstick

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 import xarray as xr
-from fakes import FakeModel
 from typer.testing import CliRunner
 
+from fakes import FakeModel
 from riftberg import kernels
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import shapely
 import xarray as xr
-from fakes import FakeModel
 from matplotlib.image import imread
 
+from fakes import FakeModel
 from riftberg.diagnostics.observed import Fix, Observed, Outline
 from riftberg.diagnostics.score import (
     aligned_overlap,

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from fakes import FakeModel
 
+from fakes import FakeModel
 from riftberg import __version__
 from riftberg.diagnostics import summary as module
 from riftberg.diagnostics.summary import Stopwatch, summarize, write_summary

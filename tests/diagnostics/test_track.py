@@ -7,10 +7,10 @@ from datetime import datetime
 
 import numpy as np
 import pytest
-from fakes import FakeModel
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fakes import FakeModel
 from riftberg.diagnostics.track import (
     DailyTrack,
     berg_position,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from fakes import FakeForcing, FakeModel
 
+from fakes import FakeForcing, FakeModel
 from riftberg.errors import ForcingError
 from riftberg.io.background import bilinear, stored_water
 from riftberg.io.run_file import RunWriter, memory_run, open_run

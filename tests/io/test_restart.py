@@ -7,8 +7,8 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from fakes import FakeModel
 
+from fakes import FakeModel
 from riftberg.errors import InputError
 from riftberg.io import restart
 from riftberg.parameters import A68A_2022

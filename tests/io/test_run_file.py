@@ -15,8 +15,8 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from fakes import FakeModel
 
+from fakes import FakeModel
 from riftberg.errors import InputError, RunError
 from riftberg.io.run_file import RunWriter, element_history, memory_run, open_run
 from riftberg.parameters import Parameters

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from twins import cells as twin
 
 from ocean.grids import ALL, bent, cap, degrees, scattered, square_lakes
 from riftberg.ocean.cells import (
@@ -22,6 +21,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import find_cell, search_nearby
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
+from twins import cells as twin
 
 PARAMS = Parameters().kernel_values()
 
@@ -82,8 +82,16 @@ def test_cells_tile_the_domain():
     for make in ALL:
         grid = make(rng)
         a = grid.arrays
-        points = [position_from_cell(x, y, i, j, a) for x, y, i, j in zip(
-            rng.random(30), rng.random(30), rng.integers(4, 4 + a.ni, 30), rng.integers(4, 4 + a.nj, 30), strict=True)]
+        points = [
+            position_from_cell(x, y, i, j, a)
+            for x, y, i, j in zip(
+                rng.random(30),
+                rng.random(30),
+                rng.integers(4, 4 + a.ni, 30),
+                rng.integers(4, 4 + a.nj, 30),
+                strict=True,
+            )
+        ]
         if make is not bent:
             points += [(a.lon[j, i], a.lat[j, i]) for i, j in rng.integers(4, 11, (30, 2))]
         for x, y in points:

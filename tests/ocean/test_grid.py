@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from twins.cells import great_circle
 
 from ocean.grids import ALL, bent, degrees, square_lakes
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.grid import CORNER_FIELDS, Fields, Grid
 from riftberg.ocean.metrics import cell_areas, haversine
 from riftberg.state import new_elements
+from twins.cells import great_circle
 
 RADIUS = 6_363_827.0
 

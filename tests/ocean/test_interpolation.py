@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from twins import cells as plain_cells
-from twins import fields as twin
 
 from ocean.grids import ALL, bent, random_fields, scattered, square_lakes
 from riftberg.ocean.grid import Fields, Grid
@@ -19,6 +17,8 @@ from riftberg.ocean.interpolation import (
 )
 from riftberg.ocean.tides import _draws, add_tidal_drift, cell_seed
 from riftberg.state import new_elements
+from twins import cells as plain_cells
+from twins import fields as twin
 
 SAMPLED = (
     "uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "sst", "sss", "ice_fraction", "ice_thickness",

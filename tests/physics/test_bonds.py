@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, speed, turn, unit
-from twins import bonds as twin
 
+from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, speed, turn, unit
 from riftberg.physics import bonds
+from twins import bonds as twin
 
 E = 5e6
 length = between(500, 5000)
@@ -186,7 +186,7 @@ def test_section_equals_twin(r1, r2, t1, t2, stretch, quirk):
 
 
 def test_section_of_equal_elements_is_their_own():
-    """w = 2 R and H = T (spec 5.4), pressed or stretched."""
+    """W = 2 R and H = T (spec 5.4), pressed or stretched."""
     for dist in (2700.0, 3000.0, 3300.0):
         assert bonds.bond_section(1500.0, 0.0, 200.0, 0.0, bonds.overlap(3000.0, dist), dist) == (3000.0, 200.0)
 

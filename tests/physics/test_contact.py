@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, speed, turn, unit
-from twins import contact as twin
 
+from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, speed, turn, unit
 from riftberg.physics import contact
+from twins import contact as twin
 
 coefficient = between(0, 1e-2)
 flag = st.booleans()

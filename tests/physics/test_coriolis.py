@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from physics.agreement import assert_same, between, quick
-from twins import coriolis as twin
 
+from physics.agreement import assert_same, between, quick
 from riftberg.physics.coriolis import coriolis_parameter
+from twins import coriolis as twin
 
 latitude = between(-90, 90)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from physics.agreement import SEEDS, assert_same, between, quick, speed
-from twins import drag as twin
 
+from physics.agreement import SEEDS, assert_same, between, quick, speed
 from riftberg.physics import drag
+from twins import drag as twin
 
 size = between(100, 10_000)
 thickness = between(1, 500)

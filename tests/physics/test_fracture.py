@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given
-from physics.agreement import between, quick
-from twins import fracture as twin
 
+from physics.agreement import between, quick
 from riftberg.physics.fracture import exceeds
+from twins import fracture as twin
 
 stress = between(-40e3, 40e3)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given
-from physics.agreement import SEEDS, assert_same, between, quick
-from twins import grounding as twin
 
+from physics.agreement import SEEDS, assert_same, between, quick
 from riftberg.physics import grounding
+from twins import grounding as twin
 
 depth = between(0, 1000)
 

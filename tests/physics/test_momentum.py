@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import assume, given
-from physics.agreement import angle, assert_same, between, quick, speed, turn
-from twins import momentum as twin
 
+from physics.agreement import angle, assert_same, between, quick, speed, turn
 from riftberg.physics import momentum
+from twins import momentum as twin
 
 entry = between(-2, 2)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from hypothesis import given
-from physics.agreement import assert_same, between, quick
-from twins import slope as twin
 
+from physics.agreement import assert_same, between, quick
 from riftberg.physics.slope import slope_acceleration
+from twins import slope as twin
 
 slope = between(-1e-4, 1e-4)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hypothesis import given
-from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, turn
-from twins import waves as twin
 
+from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, turn
 from riftberg.physics import waves
+from twins import waves as twin
 
 wind = between(-25, 25)
 current = between(-1, 1)

@@ -117,6 +117,10 @@ DEM = {
     "interactions-only": {"stepping": {"only_interactions": True}},
     "cartesian": {"earth": {"latlon": False, "period": 0.0, "reference_latitude": -55.0}},
     "search": {"fracture": {"broken_as_contact": False}},
+    "search-explicit-contact": {
+        "fracture": {"broken_as_contact": False},
+        "compatibility": {"explicit_contact_damping": True},
+    },
     "speed-damping": {"contact": {"damping_by_speed": True, "critical_damping": False, "radial_damping": 1e-4}},
 }
 

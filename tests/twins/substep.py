@@ -53,7 +53,7 @@ def end(e, p, position):
     )
 
 
-def contact_inside(e, c, p, u0, sizes):
+def contact_inside(e, c, p, u0, sizes, span=0.0):
     """Contact of two elements of one berg (spec 5.5): acceleration of ``e``."""
     (r1, m1, _), (r2, m2, _) = sizes(e, p), sizes(c, p)
     damping = contact.coefficients(
@@ -72,7 +72,9 @@ def contact_inside(e, c, p, u0, sizes):
         u0,
         acts=lambda d, rest: d < rest,
     )
-    return spring + tensor @ (u2 - vector(e, "u_pair"))
+    # The trace of the tensor is the sum of radial and tangential damping, times the mass ratio.
+    rate = np.trace(tensor) * m1 / min(m1, m2)
+    return spring + tensor @ (u2 - vector(e, "u_pair")) / (1 + 2 * span * rate)
 
 
 def searched(k, elements, bonds, p):
@@ -137,7 +139,8 @@ def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0):
         u0 = vector(e, "u")
         total = force[k] / mass
         for j in touching:
-            total = total + contact_inside(e, elements[j], p, u0, bond_size)
+            span = 0.0 if p.explicit_contact_damping else dt * p.max_bonds
+            total = total + contact_inside(e, elements[j], p, u0, bond_size, span)
         accelerations.append(total)
         e.spin_rate = float(torque[k] / (0.5 * mass * r**2))
     for b in fresh:

@@ -156,3 +156,35 @@ def test_collision_of_two_lattices_keeps_momentum(below) -> None:
     after = momentum(model)
     assert model.elements.u[6:].mean() > 0.1
     below("collision of lattices: change of momentum", 1e-9, float(np.abs(after - before).max() / before[0]))
+
+
+def _crushed(packing: str, **compatibility: bool) -> float:
+    """Energy of motion left of a broken lattice whose pieces are pressed together, relative to that of the start."""
+    p = parameters(
+        stepping={**ALONE, "interactions": False}, bonds={"packing": packing}, compatibility=compatibility,
+        fracture={"enabled": True, "normal_strength": 1e12, "shear_strength": 1e12},
+    )  # fmt: skip
+    whole = lattice(p, 5, 5)
+    model = Model(whole_berg(packing), Steady(), p.changed(stepping={"substeps": whole.substeps}))
+    shake(model, speed=0.01, spin=0.0)
+    for name in ("lon", "lat"):
+        getattr(model.elements, name)[:] *= 0.999
+        getattr(model.elements, f"{name}_pair")[:] = getattr(model.elements, name)
+    model.bonds.status[:] = 1
+    squeezed = 0.5 * p.bonds.spring * model.elements.mass[0] * model.bonds.first.size * (0.001 * SIDE) ** 2
+    moving = 0.5 * np.sum(model.elements.mass * (model.elements.u**2 + model.elements.v**2))
+    model.step()
+    left = 0.5 * np.sum(model.elements.mass * (model.elements.u**2 + model.elements.v**2))
+    return float(left / (moving + squeezed))
+
+
+def whole_berg(packing: str) -> Iceberg:
+    """Return the lattice of `_crushed`."""
+    return Iceberg.rectangle(5 * SIDE, 5 * SIDE, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_pieces_in_contact_gain_no_energy(below, packing) -> None:
+    """At the sub-step that the bonds allow, fully explicit damping of contacts blew broken bergs apart."""
+    below(f"broken {packing} lattice pressed together: energy of motion left", 1.0, _crushed(packing))
+    assert _crushed(packing, explicit_contact_damping=True) > 3.0

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from fakes import SIDE, FakeModel
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from fakes import SIDE, FakeModel
 from riftberg.io.run_file import RunWriter, open_run
 from riftberg.viz.map import draw_map
 from riftberg.viz.scene import Scene

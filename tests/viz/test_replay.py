@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import xarray as xr
 from browser import opened
-from fakes import FakeModel
 from matplotlib.image import imread
 
+from fakes import FakeModel
 from riftberg.io.run_file import RunWriter, open_run
 from riftberg.viz.packing import pack, unpack
 from riftberg.viz.replay import ReplayContent, chosen_records, write_replay

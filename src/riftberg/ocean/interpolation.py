@@ -154,9 +154,7 @@ def coastal_increment(mask: Floats, i: int, j: int, speed: float) -> tuple[float
 
 
 @kernel
-def corner_vorticity(
-    u: Floats, v: Floats, dx: Floats, dy: Floats, i: int, j: int, xi: float, eta: float
-) -> float:
+def corner_vorticity(u: Floats, v: Floats, dx: Floats, dy: Floats, i: int, j: int, xi: float, eta: float) -> float:
     """Return dv/dx - du/dy (s-1) of a corner field at (xi, eta) of a cell."""
     north = (v[j, i] - v[j, i - 1]) / dx[j, i]
     south = (v[j - 1, i] - v[j - 1, i - 1]) / dx[j - 1, i]
@@ -273,9 +271,7 @@ def sample_gridded(
     _fill_from_cells(i, j, f.sss, e.sss)
     _fill_from_cells(i, j, f.ice_fraction, e.ice_fraction)
     _fill_from_cells(i, j, f.ice_thickness, e.ice_thickness)
-    fill_depth(
-        e.lon, e.lat, i, j, xi, eta, g, f.depth, f.ssh, depth_rule, zone_lon, zone_lat, even_parity, e.depth
-    )
+    fill_depth(e.lon, e.lat, i, j, xi, eta, g, f.depth, f.ssh, depth_rule, zone_lon, zone_lat, even_parity, e.depth)
 
 
 @kernel

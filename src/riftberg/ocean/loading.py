@@ -49,9 +49,7 @@ def at_corners(u: Floats, v: Floats, grid: Grid, staggering: Staggering) -> tupl
     wet = corner_mask(grid.arrays.mask)
     if staggering == "C":
         return wet * (0.5 * (u + _shifted(u, 1, 0))), wet * (0.5 * (v + _shifted(v, 0, 1)))
-    mean_u, mean_v = (
-        0.25 * ((q + _shifted(q, 1, 1)) + (_shifted(q, 0, 1) + _shifted(q, 1, 0))) for q in (u, v)
-    )
+    mean_u, mean_v = (0.25 * ((q + _shifted(q, 1, 1)) + (_shifted(q, 0, 1) + _shifted(q, 1, 0))) for q in (u, v))
     return wet * mean_u, wet * mean_v
 
 

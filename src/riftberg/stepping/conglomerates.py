@@ -65,9 +65,7 @@ def drop_broken_bonds(bonds: Bonds) -> None:
 
 
 @stage
-def break_after_step(
-    el: Elements, bonds: Bonds, normal_strength: float, shear_strength: float, time: float
-) -> int:
+def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_strength: float, time: float) -> int:
     """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (spec 7.1).
 
     Returns

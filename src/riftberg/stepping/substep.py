@@ -112,8 +112,9 @@ def dem_accelerations(
     scratch.accel_x[:] = 0.0
     scratch.accel_y[:] = 0.0
     if pairs.count[0] > 0:
+        soft_dt = 0.0 if p.explicit_contact_damping else dt
         add_contacts(
-            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True
+            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True, soft_dt
         )
     broken = 0
     if may_break and any_exceeds(rows, count) > 0.0:
@@ -126,7 +127,9 @@ def dem_accelerations(
 
 
 @kernel
-def spring_accelerations(el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw):
+def spring_accelerations(
+    el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw
+):
     """Accelerations (m s-2) by KID's bonds and contact inside the berg (spec 5.3 without DEM)."""
     view = pair_view(el, sizes)
     for e in range(el.lon.size):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import f90nml  # type: ignore[import-untyped]
+import f90nml
 
 from riftberg.errors import NamelistError
 from riftberg.io.kid.entries import GROUPS, convert, find_entry, refused
