@@ -15,15 +15,15 @@ from matplotlib.image import imread
 
 from fakes import FakeModel
 from riftberg.diagnostics.observed import Fix, Observed, Outline
-from riftberg.diagnostics.score import (
+from riftberg.diagnostics.overlap import (
     aligned_overlap,
     axis_difference,
     distance,
     group_fragments,
     overlap,
     polygon_moments,
-    score_run,
 )
+from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.io.run_file import RunWriter, open_run
 from riftberg.viz.plane import Plane

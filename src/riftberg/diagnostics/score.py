@@ -21,6 +21,16 @@ import numpy as np
 import xarray as xr
 
 from riftberg.diagnostics.observed import Fix, Observed, Outline
+from riftberg.diagnostics.overlap import (
+    axis_difference,
+    distance,
+    group_fragments,
+    overlap,
+    polygon_moments,
+    polygon_on,
+    shapely_module,
+    without_twins,
+)
 from riftberg.diagnostics.track import Position, berg_position
 from riftberg.errors import InputError
 from riftberg.state import Floats
@@ -28,10 +38,7 @@ from riftberg.viz.plane import Plane
 from riftberg.viz.scene import Scene
 
 if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry  # type: ignore[import-untyped, unused-ignore]
-
-TWINS: Final = 0.8
-"""Two outlines of a day that overlap more than this (intersection over union) are one piece drawn twice."""
+    from shapely.geometry.base import BaseGeometry
 
 SMALLEST: Final = 0.005
 """Fragments below this part of the whole area are not matched one by one."""
@@ -241,7 +248,7 @@ class _Judge:
     def _outlines(self, record: int, outlines: list[Outline]) -> tuple[list[Match], list[int]]:
         here = self.position(record, self.fragments(record)[:1])
         plane = Plane(here.lon, here.lat, self.scene.radius)
-        pieces = _without_twins([(o.name, _polygon(plane, o.ring)) for o in outlines])
+        pieces = without_twins([(o.name, polygon_on(plane, o.ring)) for o in outlines])
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
         groups = group_fragments(shapes, [shape for _, shape in pieces])
@@ -256,7 +263,7 @@ class _Judge:
         return matches, [n for n in shapes if n not in used]
 
     def _union(self, plane: Plane, polygons: Floats) -> BaseGeometry:
-        shapely = _shapely()
+        shapely = shapely_module()
         x, y = plane.forward(polygons[..., 0], polygons[..., 1])
         squares = shapely.polygons(np.stack([x, y], axis=-1))
         return shapely.buffer(
@@ -274,7 +281,7 @@ class _Judge:
     ) -> Match:
         x, y, azimuth = polygon_moments(np.asarray(piece.exterior.coords))
         lon, lat = (float(a) for a in plane.inverse(np.array(x), np.array(y)))
-        iou = overlap(_shapely().union_all([shapes[n] for n in group]), piece) if group else None
+        iou = overlap(shapely_module().union_all([shapes[n] for n in group]), piece) if group else None
         seen = Position(lon, lat, azimuth, float(piece.area))
         return self._match(name or "berg", group, record, seen, iou)
 
@@ -339,139 +346,6 @@ class _Judge:
             lon_observed=seen.lon,
             lat_observed=seen.lat,
         )
-
-
-def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry]) -> list[list[int]]:
-    """Return which fragments make up each observed piece.
-
-    Parameters
-    ----------
-    shapes : dict
-        Outlines of the fragments, largest first.
-    pieces : sequence
-        Observed outlines, largest first.
-
-    Returns
-    -------
-    list of list of int
-        Numbers of fragments for each piece.
-    """
-    union = _shapely().union_all
-    groups: list[list[int]] = [[] for _ in pieces]
-    free = dict(shapes)
-    pairs = sorted(((overlap(s, p), n, k) for n, s in shapes.items() for k, p in enumerate(pieces)), reverse=True)
-    for iou, number, k in pairs:
-        if iou > 0.0 and number in free and not groups[k]:
-            groups[k] = [number]
-            del free[number]
-    for number, shape in list(free.items()):
-        gains = [
-            aligned_overlap(union([shapes[n] for n in (*group, number)]), piece)
-            - aligned_overlap(union([shapes[n] for n in group]), piece)
-            if group
-            else 0.0
-            for group, piece in zip(groups, pieces, strict=True)
-        ]
-        if max(gains) > 0.0 and shape.area > 0.0:
-            groups[int(np.argmax(gains))].append(number)
-            del free[number]
-    for k, piece in enumerate(pieces):
-        # A piece that nothing overlaps is taken to be the nearest fragment left.
-        if not groups[k] and free:
-            nearest = min(free, key=lambda n: free[n].centroid.distance(piece.centroid))
-            groups[k] = [nearest]
-            del free[nearest]
-    return groups
-
-
-def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
-    """Return the intersection over the union of two outlines."""
-    common = float(a.intersection(b).area)
-    whole = float(a.area) + float(b.area) - common
-    return common / whole if whole > 0.0 else 0.0
-
-
-def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
-    """Return the intersection over the union of two outlines whose centroids are laid on each other."""
-    from shapely.affinity import translate  # type: ignore[import-untyped, unused-ignore]
-
-    here, there = a.centroid, b.centroid
-    return overlap(translate(a, there.x - here.x, there.y - here.y), b)
-
-
-def axis_difference(first: float, second: float) -> float:
-    """Return the angle between two axes, first minus second, degrees in [-90, 90)."""
-    return (first - second + 90.0) % 180.0 - 90.0
-
-
-def distance(lon1: float, lat1: float, lon2: float, lat2: float, radius: float) -> float:
-    """Return the length of the great circle between two points, m."""
-    a, b = np.radians(lat1), np.radians(lat2)
-    half = np.sin(0.5 * (a - b)) ** 2 + np.cos(a) * np.cos(b) * np.sin(0.5 * np.radians(lon1 - lon2)) ** 2
-    return float(2.0 * radius * np.arcsin(np.sqrt(half)))
-
-
-def polygon_moments(ring: Floats) -> tuple[float, float, float]:
-    """Return the centroid of a polygon and the azimuth of its axis of the largest second moment.
-
-    Parameters
-    ----------
-    ring : array, shape (n, 2)
-        Corners, m east and north, closed or not.
-
-    Returns
-    -------
-    x, y : float
-        Centroid, m.
-    azimuth : float
-        Degrees clockwise from north, 0 to 180; NaN where no axis is longer.
-    """
-    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
-    xn, yn = np.roll(x, -1), np.roll(y, -1)
-    cross = x * yn - xn * y
-    area = 0.5 * cross.sum()
-    cx, cy = ((x + xn) * cross).sum() / (6.0 * area), ((y + yn) * cross).sum() / (6.0 * area)
-    xx = ((x * x + x * xn + xn * xn) * cross).sum() / (12.0 * area) - cx * cx
-    yy = ((y * y + y * yn + yn * yn) * cross).sum() / (12.0 * area) - cy * cy
-    xy = ((x * yn + 2.0 * x * y + 2.0 * xn * yn + xn * y) * cross).sum() / (24.0 * area) - cx * cy
-    azimuth = math.nan
-    if math.hypot(2.0 * xy, yy - xx) > 1e-9 * (xx + yy):
-        azimuth = math.degrees(0.5 * math.atan2(2.0 * xy, yy - xx)) % 180.0
-    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), azimuth
-
-
-def _polygon(plane: Plane, ring: Floats) -> BaseGeometry:
-    """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
-    shapely = _shapely()
-    x, y = plane.forward(ring[:, 0], ring[:, 1])
-    polygon = shapely.Polygon(np.column_stack([x, y]))
-    if not polygon.is_valid:
-        parts = [
-            p for p in getattr(shapely.make_valid(polygon), "geoms", [shapely.make_valid(polygon)]) if p.area > 0.0
-        ]
-        flat = [q for p in parts for q in getattr(p, "geoms", [p]) if q.geom_type == "Polygon"]
-        polygon = max(flat, key=lambda p: p.area)
-    made: BaseGeometry = polygon
-    return made
-
-
-def _without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:
-    """Return the pieces largest first, without those drawn twice."""
-    kept: list[tuple[str, BaseGeometry]] = []
-    for name, piece in sorted(pieces, key=lambda p: -p[1].area):
-        if not any(overlap(piece, other) > TWINS for _, other in kept):
-            kept.append((name, piece))
-    return kept
-
-
-def _shapely() -> Any:
-    try:
-        import shapely  # type: ignore[import-untyped, unused-ignore]
-    except ImportError as error:
-        raise InputError(
-            "outlines need the package shapely", remedy="Install it with: pip install 'riftberg[outline]'"
-        ) from error
-    return shapely
 
 
 def _or_none(value: float) -> float | None:

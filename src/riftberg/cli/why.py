@@ -1,0 +1,152 @@
+"""``riftberg why``: the reasons of the break-ups of a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from riftberg.cli.failures import reported, say
+from riftberg.cli.pictures import Run
+from riftberg.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from riftberg.diagnostics.breakup import Breakup, Reasons
+
+
+@reported
+def why(
+    run: Run,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")] = None,
+    controls: Annotated[
+        bool,
+        typer.Option(
+            "--controls", help="Run the experiment again without each of its parts, and with half the long step."
+        ),
+    ] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Tell of every piece, however small.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw why.png.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress of the controls.")] = False,
+) -> None:
+    """Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
+    from riftberg.diagnostics.why import explain, words
+    from riftberg.io.run_file import open_run
+    from riftberg.viz.scene import SMALL
+
+    folder = output or (run if run.is_dir() else run.parent)
+    folder.mkdir(parents=True, exist_ok=True)
+    with open_run(run) as dataset:
+        reasons = explain(dataset, smallest=0.0 if everything else SMALL)
+        if controls:
+            add_controls(dataset, reasons, quiet=quiet)
+    if as_json:
+        typer.echo(json.dumps(reasons.as_dict(), indent=1))
+    else:
+        for paragraph, breakup in zip(words(reasons), [*reasons.breakups, None], strict=False):
+            typer.echo(paragraph)
+            if breakup is not None:
+                _print(breakup)
+    written = [reasons.write(folder / "why.json")]
+    if figure:
+        from riftberg.viz.why import draw_reasons
+
+        written.append(draw_reasons(reasons, folder / "why.png"))
+    say("Written: " + ", ".join(str(path) for path in written))
+
+
+def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False) -> None:
+    """Run the experiment again without each of its parts, and with half the long step; note what became of each break-up.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        The full run; names its experiment and parameters.
+    reasons : Reasons
+        Its break-ups; ``controls`` of each is filled.
+    quiet : bool, optional
+        Show no progress.
+    """
+    from riftberg.diagnostics.why import removed_by
+    from riftberg.experiments import find
+
+    entry = find(reasons.experiment)
+    changes = {f"without {part}": ({part}, 1) for part in entry.parts} | {"with half the long step": (set[str](), 2)}
+    with TemporaryDirectory(prefix="riftberg-controls-") as folder:
+        for number, (name, (parts, split)) in enumerate(changes.items()):
+            if not quiet:
+                say(f"Control {name}:")
+            control = _control(run, entry.name, parts, split, Path(folder) / f"{number}.nc", quiet)
+            for breakup in reasons.breakups:
+                breakup.controls[name] = removed_by(breakup, control)
+            control.close()
+
+
+def _control(run: xr.Dataset, name: str, parts: set[str], split: int, path: Path, quiet: bool) -> xr.Dataset:
+    """Run a control; ``split`` shortens the long step, the sub-step stays."""
+    import numpy as np
+
+    from riftberg.cli.progress import ProgressRecorder
+    from riftberg.experiments import Options, build
+    from riftberg.io.run_file import RunWriter, open_run
+    from riftberg.parameters import Parameters
+
+    times = run["time"].values
+    days = float((times[-1] - times[0]) / np.timedelta64(1, "s")) / 86400.0
+    every = float(np.median(np.diff(times)) / np.timedelta64(1, "s")) / 3600.0
+    same: dict[str, Any] = Parameters.model_validate_json(run.attrs["parameters_json"]).model_dump()
+    stepping = same["stepping"]
+    stepping["time_step"] /= split
+    if stepping["substeps"] is not None:
+        stepping["substeps"] = max(1, round(stepping["substeps"] / split))
+    model, _ = build(name, Options(changes=same, days=days, without=frozenset(parts)))
+    if len(model.elements.id) != run.sizes["trajectory"]:
+        raise InputError(
+            f"{name} builds {len(model.elements.id)} elements, the run has {run.sizes['trajectory']}", where="--controls",
+            remedy="The run was made with another berg; run its controls with 'riftberg run --without'",
+        )  # fmt: skip
+    writer = RunWriter(path, every_hours=every, experiment=name, background=False)
+    model.advance(days, recorders=[writer, ProgressRecorder(days, quiet=quiet)])
+    return open_run(path)
+
+
+def _print(b: Breakup) -> None:
+    """Print the budget and the load of one break-up as tables."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"Fragment {b.fragment}: forces at {b.decisive.time.replace('T', ' ')[:16]}")
+    table.add_column("force", no_wrap=True)
+    for column in (
+        "on it, GN east",
+        "north",
+        "on the rest, GN east",
+        "north",
+        "cut: tension GN",
+        "couple TN m",
+        "stress kPa",
+    ):
+        table.add_column(column, justify="right")
+    load = b.decisive
+    for name in load.stress:
+        sides = [part / 1e9 for k in ("fragment", "rest") for part in b.budgets[k].forces[name]]
+        across = (load.tension[name] / 1e9, load.couple[name] / 1e12, load.stress[name] / 1e3)
+        table.add_row(name, *(f"{v:+.3f}" for v in (*sides, *across)))
+    table.add_section()
+    for title, name in (("inertia", "inertia"), ("through the cut", "residual")):
+        pair = [getattr(b.budgets[k], name) for k in ("fragment", "rest")]
+        if pair[0] is not None and pair[1] is not None:
+            table.add_row(title, *(f"{v / 1e9:+.3f}" for p in pair for v in p), "", "", "")
+    recorded = ["", "", ""]
+    if load.tension_recorded is not None and load.couple_recorded is not None:
+        recorded = [f"{load.tension_recorded / 1e9:+.3f}", f"{load.couple_recorded / 1e12:+.3f}", ""]
+    total = (sum(load.tension.values()) / 1e9, sum(load.couple.values()) / 1e12, load.nominal / 1e3)
+    table.add_row("all, if rigid", "", "", "", "", *(f"{v:+.3f}" for v in total))
+    table.add_row("recorded", "", "", "", "", *recorded)
+    console = Console()
+    (console if console.is_terminal else Console(width=120)).print(table)

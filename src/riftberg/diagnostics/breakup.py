@@ -1,0 +1,161 @@
+"""What is told of a break-up: loads, budgets, bonds and reasons, as plain records."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Load:
+    """Load across the cut at one record.
+
+    Attributes
+    ----------
+    time : str
+    cut_km, thickness : float
+        Length of the cut (km), and thickness of the ice there (m).
+    bonds : int
+        Bonds of the cut that still hold.
+    tension, shear : dict
+        By force: pull across the cut and push along it, N.
+    couple : dict
+        By force, about the centre of the cut, counter-clockwise on the fragment, N m.
+    stress : dict
+        By force: share of the nominal stress at the outer fibre that is pulled most, Pa.
+    tension_recorded, couple_recorded : float or None
+        The same from the recorded acceleration of the fragment.
+    aground : int
+        Elements of fragment and rest that are aground.
+    """
+
+    time: str
+    cut_km: float
+    thickness: float
+    bonds: int
+    tension: dict[str, float]
+    shear: dict[str, float]
+    couple: dict[str, float]
+    stress: dict[str, float]
+    tension_recorded: float | None
+    couple_recorded: float | None
+    aground: int
+
+    @property
+    def nominal(self) -> float:
+        """Nominal stress, Pa."""
+        return sum(self.stress.values())
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Forces on one body at one record, N, east and north.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    forces : dict
+        By name.
+    inertia : list of float or None
+        Mass times recorded acceleration.
+    residual : list of float or None
+        Inertia minus forces: what the rest of the berg and other bergs do to it, and errors of differences.
+    """
+
+    mass: float
+    forces: dict[str, list[float]]
+    inertia: list[float] | None
+    residual: list[float] | None
+
+
+@dataclass(frozen=True)
+class FirstBond:
+    """History of a bond of the cut, from `HOURS_BEFORE` to its breaking.
+
+    Attributes
+    ----------
+    bond : int
+        Row in the run file.
+    time : str
+        When it broke.
+    lon, lat : float
+        Where, at the record before.
+    grounded : bool
+        An end was aground when it broke.
+    strength : float
+        Pa.
+    hours : list of float
+        Times of the history, h before its breaking (negative).
+    tension, shear : list of float
+        Pa.
+    """
+
+    bond: int
+    time: str
+    lon: float
+    lat: float
+    grounded: bool
+    strength: float
+    hours: list[float]
+    tension: list[float]
+    shear: list[float]
+
+
+@dataclass
+class Breakup:
+    """One break-up and its reasons; see the attributes of the parts.
+
+    ``closure`` is the residual of the whole parent over the sum of the sizes of the forces on it, at the last record at
+    which it was afloat: how well the recomputed forces explain the recorded acceleration. ``highest`` is the largest
+    tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
+    below `SUDDEN` of the strength.
+    """
+
+    fragment: int
+    parent: int
+    time: str
+    lon: float
+    lat: float
+    area_km2: float
+    elements: int
+    grounded: bool
+    bonds: int
+    first_break: str
+    decisive: Load
+    budgets: dict[str, Budget]
+    closure: float | None
+    first_bonds: list[FirstBond]
+    highest: float
+    sudden: bool
+    history: list[Load]
+    members: list[int] = field(default_factory=list)
+    controls: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def causes(self) -> list[tuple[str, float]]:
+        """Forces with their shares of the nominal stress, largest first."""
+        return sorted(self.decisive.stress.items(), key=lambda item: -item[1])
+
+
+@dataclass
+class Reasons:
+    """All break-ups of a run that are large enough to be told."""
+
+    experiment: str
+    forcing: str
+    breakups: list[Breakup]
+    small: int
+    strength: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers, texts, lists and dicts."""
+        return asdict(self)
+
+    def write(self, path: str | Path) -> Path:
+        """Write as JSON."""
+        path = Path(path)
+        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        return path

@@ -1,0 +1,160 @@
+"""Why a berg broke: the break-ups of a run with their reasons, what controls make of them, and all of it in plain words.
+
+How the load of a cut is found and shared among the forces is told in `riftberg.diagnostics.cut`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
+from riftberg.diagnostics.cut import Cut, iso, members_at_birth
+from riftberg.viz.scene import SMALL, Scene
+
+CAUSES: Final = {
+    "ocean drag": "the current drags on its parts differently",
+    "surface slope": "the sea surface slopes differently under its parts",
+    "Coriolis": "its parts move differently on the turning Earth",
+    "wind drag": "the wind drags on its parts differently",
+    "waves": "waves push its parts differently",
+    "sea floor": "the sea floor holds a part of it",
+    "sea ice": "sea ice drags on its parts differently",
+}
+
+
+def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
+    """Find the reasons of the break-ups of a run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.io.run_file.open_run`.
+    smallest : float, optional
+        Fragments below this part of the whole area are counted, not explained.
+    """
+    scene = Scene(run)
+    whole, found, small = float(scene.area.sum()), [], 0
+    for row in np.argsort(run["fragment_birth_time"].values, kind="stable"):
+        if int(run["fragment_parent"].values[row]) <= 0:
+            continue
+        told = float(run["fragment_area"].values[row]) >= smallest * whole
+        breakup = Cut(scene, int(row)).breakup() if told else None
+        if breakup is None:
+            small += 1
+        else:
+            found.append(breakup)
+    fracture = scene.parameters.fracture
+    return Reasons(
+        experiment=str(run.attrs.get("experiment", "")),
+        forcing=str(run.attrs.get("forcing_title", "")),
+        breakups=found,
+        small=small,
+        strength=fracture.normal_strength if fracture.enabled else None,
+    )
+
+
+def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.5) -> str:
+    """Say what became of a break-up in a control run.
+
+    Parameters
+    ----------
+    breakup : Breakup
+        Of the full run.
+    control : xarray.Dataset
+        Run of the same berg without a part of the experiment.
+    alike : float, optional
+        Fragments that share more than this part of their elements (intersection over union) are the same.
+
+    Returns
+    -------
+    str
+        ``"removed"``, or when the same fragment breaks off there.
+    """
+    scene, mine = Scene(control), set(breakup.members)
+    for row in range(control.sizes["fragment"]):
+        found = members_at_birth(scene, row) if int(control["fragment_parent"].values[row]) > 0 else None
+        if found is not None:
+            theirs = {int(n) for n in control["trajectory"].values[found[0]]}
+            if len(mine & theirs) > alike * len(mine | theirs):
+                return f"breaks off at {iso(control['fragment_birth_time'].values[row])}"
+    return "removed"
+
+
+def words(reasons: Reasons) -> list[str]:
+    """Return the reasons in plain words, one paragraph per break-up."""
+    if not reasons.breakups:
+        few = f" but {reasons.small} small piece{'s' if reasons.small > 1 else ''} (--all tells of them)"
+        return ["Nothing broke off" + (few if reasons.small else "") + "."]
+    lines = [_paragraph(breakup) for breakup in reasons.breakups]
+    if reasons.small:
+        lines.append(
+            f"{reasons.small} smaller piece{'s' if reasons.small > 1 else ''} broke off too (--all tells of them)."
+        )
+    return lines
+
+
+def _paragraph(b: Breakup) -> str:
+    first, load = b.first_bonds[0], b.decisive
+    where = (
+        "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
+    )
+    text = [
+        f"{_when(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
+        f"{where}.",
+        f"{b.bonds} bonds failed from {_when(b.first_break)} on, the first at {_place(first.lat, first.lon)}"
+        + (", with an end aground." if first.grounded else "."),
+        _stress_words(first),
+        f"Across the cut of {load.cut_km:.1f} km the load at {_when(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
+        + _share_words(b.causes)
+        + ".",
+    ]
+    if b.sudden:
+        text.append(
+            f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before: it broke within the long step"
+            + (
+                ", on impact."
+                if load.aground
+                else ", in the ringing after the kick of the slow forces (--controls tries half the long step)."
+            )
+        )
+    leading, value = b.causes[0]
+    if value > 0.0:
+        text.append(
+            f"{'What loads the cut:' if b.sudden and not load.aground else 'It broke because'} {CAUSES[leading]} ({leading})."
+        )
+    if b.closure is not None:
+        text.append(f"The forces explain the recorded motion to {100.0 * b.closure:.1f} % of their sum.")
+    for part, fate in b.controls.items():
+        text.append(f"{part.capitalize()} it {'does not break off' if fate == 'removed' else fate.replace('T', ' ')}.")
+    return " ".join(text)
+
+
+def _stress_words(bond: FirstBond) -> str:
+    if not bond.tension:
+        return f"No record shows its stress; its strength is {bond.strength / 1e3:.3g} kPa."
+    told = [f"{bond.tension[-1] / 1e3:.1f} kPa {-bond.hours[-1]:.1f} h before"]
+    for hours in (6.0, 24.0):
+        k = int(np.argmin(np.abs(np.array(bond.hours) + hours)))
+        if abs(bond.hours[k] + hours) < 0.5 * hours and k != len(bond.hours) - 1:
+            told.append(f"{bond.tension[k] / 1e3:.1f} kPa {-bond.hours[k]:.0f} h before")
+    return f"Its tensile stress was {', '.join(reversed(told))}; its strength is {bond.strength / 1e3:.3g} kPa."
+
+
+def _share_words(causes: Sequence[tuple[str, float]]) -> str:
+    large = max(abs(value) for _, value in causes) or 1.0
+    return ", ".join(f"{name} {value / 1e3:+.1f} kPa" for name, value in causes if abs(value) >= 0.02 * large)
+
+
+def _when(text: str) -> str:
+    return text.replace("T", " ")[:16]
+
+
+def _place(lat: float, lon: float) -> str:
+    if abs(lat) > 90.0 or abs(lon) > 360.0:
+        return f"x {lon / 1e3:.1f} km, y {lat / 1e3:.1f} km"
+    lon = (lon + 180.0) % 360.0 - 180.0
+    return f"{abs(lat):.2f}{'N' if lat >= 0 else 'S'} {abs(lon):.2f}{'E' if lon >= 0 else 'W'}"

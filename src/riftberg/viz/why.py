@@ -1,0 +1,134 @@
+"""Figure of the reasons of a break-up: forces on the parts, load across the cut over time, first bonds to fail."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from riftberg.diagnostics.breakup import Breakup, Reasons
+from riftberg.diagnostics.forces import FORCES
+from riftberg.viz.plots import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS: Final = dict(
+    zip(FORCES, ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#A50026", "#999999"), strict=True)
+)
+"""One colour for each force in all panels."""
+
+
+def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int = 150) -> Path:
+    """Draw one row of panels for each of the first ``most`` break-ups.
+
+    Parameters
+    ----------
+    reasons : Reasons
+    path : path
+        Picture.
+    most : int, optional
+    dpi : int, optional
+    """
+    shown = reasons.breakups[:most]
+    rows = max(1, len(shown))
+    figure = new_figure(15.0, 4.3 * rows + 1.2, dpi)
+    grid = figure.subplots(rows, 3, squeeze=False, width_ratios=(1.0, 1.2, 1.0))
+    for axes, breakup in zip(grid, shown, strict=False):
+        _forces(axes[0], breakup)
+        _load(axes[1], breakup)
+        _bonds(axes[2], breakup)
+    if not shown:
+        for ax in grid[0]:
+            ax.set_axis_off()
+        grid[0, 1].text(0.5, 0.5, "nothing broke off", ha="center", fontsize=12)
+    height = figure.get_figheight()
+    title = f"{reasons.experiment or 'Run'}: why it broke" + (
+        f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
+    )
+    figure.suptitle(title, x=0.05, y=1.0 - 0.12 / height, ha="left", va="top", fontsize=12)
+    figure.subplots_adjust(
+        left=0.06, right=0.985, top=1.0 - 1.15 / height, bottom=0.62 / height, wspace=0.36, hspace=0.42
+    )
+    figure.savefig(path)
+    return Path(path)
+
+
+def _forces(ax: Axes, b: Breakup) -> None:
+    """Draw the forces on fragment and rest as arrows from one point each."""
+    reach = 0.0
+    for k, name in enumerate(("fragment", "rest")):
+        budget = b.budgets[name]
+        vectors: list[tuple[str, Any, str]] = [
+            (n, f, COLOURS[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0
+        ]
+        if budget.residual is not None:
+            vectors.append(("other part", budget.residual, "#000000"))
+        per_mass = [(label, np.array(force) / budget.mass * 1e6, colour) for label, force, colour in vectors]
+        reach = max(reach, *(float(np.hypot(*v)) for _, v, _ in per_mass))
+        for label, vector, colour in per_mass:
+            ax.annotate("", xy=(vector[0], vector[1]), xytext=(0.0, 0.0),
+                        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.4 if k == 0 else 1.2,
+                                    "ls": "-" if k == 0 else "--", "shrinkA": 0, "shrinkB": 0})  # fmt: skip
+            if k == 0:
+                ax.plot([], [], color=colour, lw=2.4, label=label)
+    reach = 1.15 * (reach or 1.0)
+    ax.set_xlim(-reach, reach)
+    ax.set_ylim(-reach, reach)
+    ax.set_aspect("equal", adjustable="box")
+    ax.axhline(0.0, color="#DDDDDD", lw=0.6, zorder=0)
+    ax.axvline(0.0, color="#DDDDDD", lw=0.6, zorder=0)
+    ax.plot([], [], color="#555555", lw=2.4, label="on the fragment")
+    ax.plot([], [], color="#555555", lw=1.2, ls="--", label="on the rest")
+    ax.legend(
+        fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.2, frameon=False, handlelength=1.4
+    )
+    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {_when(b.decisive.time)}", fontsize=9)
+    ax.set_ylabel(f"fragment {b.fragment}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
+    ax.set_xlabel("east", fontsize=9)
+    ax.tick_params(labelsize=7)
+
+
+def _load(ax: Axes, b: Breakup) -> None:
+    """Draw the shares of the forces in the nominal stress of the cut, until the break."""
+    hours = [_hours(load.time, b.time) for load in b.history]
+    for name in FORCES:
+        values = np.array([load.stress[name] for load in b.history]) / 1e3
+        if np.abs(values).max() > 0.0:
+            ax.plot(hours, values, color=COLOURS[name], lw=1.5, label=name)
+    ax.plot(hours, [load.nominal / 1e3 for load in b.history], color="black", lw=2.2, label="all")
+    ax.axvline(_hours(b.first_break, b.time), color="#A50026", ls=":", lw=1.2)
+    ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color="#A50026", fontsize=7, ha="right", va="top",
+            transform=ax.get_xaxis_transform())  # fmt: skip
+    ax.axhline(0.0, color="#BBBBBB", lw=0.6)
+    ax.legend(fontsize=7, loc="upper left", ncols=2, framealpha=0.85)
+    ax.set_title(f"nominal stress of the cut of {b.decisive.cut_km:.0f} km (kPa), by force", fontsize=9)
+    ax.set_xlabel(f"hours before {_when(b.time)}", fontsize=9)
+    ax.tick_params(labelsize=8)
+
+
+def _bonds(ax: Axes, b: Breakup) -> None:
+    """Draw the stress of the first bonds to fail until they fail."""
+    strength = b.first_bonds[0].strength / 1e3
+    for k, bond in enumerate(b.first_bonds):
+        end = _hours(bond.time, b.time)
+        hours = [*(end + h for h in bond.hours), end]
+        stress = [*(s / 1e3 for s in bond.tension), bond.strength / 1e3]
+        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{_when(bond.time)[5:]}")
+        ax.plot(end, bond.strength / 1e3, "x", color="#A50026", ms=7, mew=1.8)
+    ax.axhline(strength, color="#555555", ls="--", lw=1.0)
+    ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
+    ax.legend(fontsize=7, loc="center left", title="bonds, by time of failure", title_fontsize=7)
+    ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
+    ax.set_xlabel(f"hours before {_when(b.time)}", fontsize=9)
+    ax.tick_params(labelsize=8)
+
+
+def _hours(text: str, end: str) -> float:
+    return float((np.datetime64(text) - np.datetime64(end)) / np.timedelta64(1, "s")) / 3600.0
+
+
+def _when(text: str) -> str:
+    return text.replace("T", " ")[:16]

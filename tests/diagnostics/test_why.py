@@ -1,0 +1,169 @@
+"""Reasons of break-ups: loads across a cut under known forces, histories of bonds, controls, words."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.image import imread
+
+from fakes import FakeModel
+from riftberg.diagnostics import why
+from riftberg.diagnostics.breakup import Breakup
+from riftberg.diagnostics.forces import FORCES
+from riftberg.io.run_file import RunWriter, open_run
+from riftberg.viz.why import draw_reasons
+
+PIECE = slice(18, 24)
+"""Rows of the last two columns of the fake berg of 8 by 3 elements, which break off after a day."""
+
+
+def made(path: Path, **how: Any) -> xr.Dataset:
+    """Run the fake berg for two days."""
+    model = FakeModel(turn_per_day=0.0, **how)
+    model.advance(2, recorders=[RunWriter(path, every_hours=1, experiment="fake")])
+    return open_run(path)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Return a run in which the last two columns break off."""
+    return made(tmp_path_factory.mktemp("why") / "run.nc")
+
+
+def explained(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch, force: np.ndarray) -> Breakup:
+    """Explain the break-up with a given force called ocean drag, and no other."""
+
+    def forces(run: xr.Dataset, record: int, p: Any) -> dict[str, np.ndarray]:
+        return {name: force if name == "ocean drag" else np.zeros_like(force) for name in FORCES}
+
+    monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", forces)
+    (breakup,) = why.explain(run).breakups
+    return breakup
+
+
+def field(piece: tuple[float, float], rest: tuple[float, float]) -> np.ndarray:
+    """Return a force on each element of piece and rest."""
+    force = np.tile(np.array(rest, float), (24, 1))
+    force[PIECE] = piece
+    return force
+
+
+def test_the_break_is_described(run: xr.Dataset) -> None:
+    (breakup,) = why.explain(run).breakups
+    assert (breakup.fragment, breakup.parent, breakup.elements, breakup.bonds) == (2, 1, 6, 3)
+    assert breakup.area_km2 == 54.0
+    assert breakup.time == "2020-12-10T13:00:00"
+    assert breakup.grounded
+    assert sorted(breakup.members) == list(range(19, 25))
+    assert breakup.decisive.cut_km == pytest.approx(9.0, rel=1e-3)
+    assert breakup.decisive.thickness == 200.0
+
+
+def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    # 6 elements pulled east with 3 GN in all, 18 pulled west with as much.
+    load = explained(run, monkeypatch, field((5e8, 0.0), (-3e9 / 18, 0.0))).decisive
+    assert load.tension["ocean drag"] == pytest.approx(3e9, rel=1e-3)
+    assert abs(load.shear["ocean drag"]) < 2e7
+    assert abs(load.couple["ocean drag"]) < 3e9 * 30.0
+    assert load.stress["ocean drag"] == pytest.approx(3e9 / (200.0 * 9e3), rel=0.06)
+    assert load.tension_recorded == pytest.approx(3e9, rel=1e-3)
+
+
+def test_a_push_is_negative_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    load = explained(run, monkeypatch, field((-5e8, 0.0), (3e9 / 18, 0.0))).decisive
+    assert load.tension["ocean drag"] == pytest.approx(-3e9, rel=1e-3)
+
+
+def test_the_same_force_per_mass_loads_no_cut(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    load = explained(run, monkeypatch, np.tile([4e8, -7e8], (24, 1))).decisive
+    scale = 24 * 8e8
+    assert abs(load.tension["ocean drag"]) < 1e-3 * scale
+    assert abs(load.couple["ocean drag"]) < 1e-3 * scale * 9e3
+
+
+def test_bending_is_that_of_a_free_beam(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Forces north at both ends, south in the middle: moment at the cut = sum of the piece's forces times their arms,
+    # because the body neither shifts nor turns.
+    north = np.zeros(24)
+    column = np.repeat(np.arange(8), 3)
+    north[(column == 0) | (column == 7)] = 1e9
+    north[(column == 3) | (column == 4)] = -1e9
+    load = explained(run, monkeypatch, np.column_stack([np.zeros(24), north])).decisive
+    arm = 4.5e3  # from the cut (between columns 5 and 6) to the middle of column 7
+    assert load.couple["ocean drag"] == pytest.approx(-3e9 * arm, rel=2e-3)
+    assert load.shear["ocean drag"] == pytest.approx(-3e9, rel=2e-3)
+    assert load.nominal == pytest.approx(6.0 * 3e9 * arm / (200.0 * 9e3**2), rel=5e-3)
+
+
+def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
+    (breakup,) = why.explain(run).breakups
+    assert len(breakup.first_bonds) == 3
+    bond = breakup.first_bonds[0]
+    assert bond.time == "2020-12-10T13:00:00"
+    assert bond.strength == 18e3
+    assert bond.hours[0] == -24.0
+    assert bond.hours[-1] == 0.0
+    np.testing.assert_allclose(bond.tension, 1000.0 + (86_400.0 + 3600.0 * np.array(bond.hours)) / 100.0, rtol=1e-6)
+    assert breakup.sudden
+    assert breakup.highest == pytest.approx(1000.0 + 23 * 36.0)
+
+
+def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
+    reasons = why.explain(run, smallest=0.5)
+    assert reasons.breakups == []
+    assert reasons.small == 1
+    assert why.words(reasons) == ["Nothing broke off but 1 small piece (--all tells of them)."]
+
+
+def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path) -> None:
+    (breakup,) = why.explain(run).breakups
+    assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
+    later = made(tmp_path / "later.nc", break_time=1.5 * 86_400.0)
+    assert why.removed_by(breakup, later) == "breaks off at 2020-12-11T01:00:00"
+    assert why.removed_by(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
+    breakup.members = breakup.members[:2]
+    assert why.removed_by(breakup, run) == "removed"
+
+
+def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:
+    reasons = why.explain(run)
+    reasons.breakups[0].controls = {"without shoal": "removed", "without shear": "breaks off at 2020-12-10T13:00:00"}
+    (text,) = why.words(reasons)
+    for part in ("fragment 2 (54 km2, 6 elements) broke off berg 1, aground", "3 bonds failed", "strength is 18 kPa",
+                 "Without shoal it does not break off.", "Without shear it breaks off at 2020-12-10 13:00:00."):  # fmt: skip
+        assert part in text, text
+    content = json.loads(reasons.write(tmp_path / "why.json").read_text())
+    assert content["breakups"][0]["decisive"]["bonds"] == 3
+    picture = imread(draw_reasons(reasons, tmp_path / "why.png", dpi=60))
+    assert picture[..., :3].std() > 0.04
+    reasons.breakups = []
+    assert draw_reasons(reasons, tmp_path / "nothing.png", dpi=60).exists()
+
+
+def test_a_run_that_does_not_break_says_so(tmp_path: Path) -> None:
+    reasons = why.explain(made(tmp_path / "run.nc", break_time=math.inf))
+    assert why.words(reasons) == ["Nothing broke off."]
+
+
+def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bug: a force of the floor from the velocity of one moment was ten times the one that stopped the berg."""
+    aground = run.copy()
+    depth = np.full((24, run.sizes["time"]), 1e4)
+    depth[23] = 100.0
+    aground["depth"] = (("trajectory", "time"), depth)
+    load = explained(aground, monkeypatch, np.tile([0.0, 2e8], (24, 1))).decisive
+    # The berg does not change its velocity, so the floor holds all 4.8 GN at the last element of the piece.
+    assert load.aground == 1
+    x, y = 3e3 * (np.repeat(np.arange(8), 3) - 3.5), 3e3 * (np.tile(np.arange(3), 8) - 1.0)
+    turn = -4.8e9 * x[23] / float((x**2 + y**2 + 9e6 / (2.0 * math.pi)).sum())
+    needed = 6 * -4.8e9 / 24 + turn * x[PIECE].sum() + 4.8e9
+    assert load.shear["sea floor"] == pytest.approx(needed, rel=2e-3)
+    budget = why.explain(aground).breakups[0].budgets["both"]
+    assert budget.residual is not None
+    assert np.hypot(*budget.residual) < 1e-6 * 4.8e9
