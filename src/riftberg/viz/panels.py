@@ -88,10 +88,11 @@ class Panel:
         speed = np.hypot(*self.water.currents(x, y, time))
         if not np.isfinite(speed).any():
             return
-        self.ax.pcolormesh(
-            x, y, np.ma.masked_invalid(speed), cmap=style.speed_map(), vmin=0.0, vmax=top, rasterized=True
-        )
         b = self.box
+        self.ax.imshow(
+            np.ma.masked_invalid(speed), cmap=style.speed_map(), vmin=0.0, vmax=top, interpolation="bilinear",
+            extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
+        )  # fmt: skip
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
         ax, ay = np.meshgrid(
             np.linspace(b.west + margin_x, b.east - margin_x, arrows),
@@ -99,8 +100,8 @@ class Panel:
         )
         u, v = self.water.currents(ax, ay, time)
         self.ax.quiver(
-            ax, ay, u, v, angles="uv", scale=1.05 * arrows * top, width=0.055 / arrows, headwidth=3.6, headlength=4.2,
-            color="#35506B", minlength=0.5, zorder=2,
+            ax, ay, u, v, angles="uv", scale=1.05 * arrows * top, width=0.036 / arrows, headwidth=3.4, headlength=3.8,
+            headaxislength=3.4, minshaft=1.6, color="#35506B", minlength=0.4, zorder=2,
         )  # fmt: skip
 
     def draw_floor(self) -> bool:
