@@ -30,7 +30,7 @@ PHYSICS: dict[str, Parameters] = {
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK),
     "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),
     "spring, implicit sub-steps": A68A_2022.changed(
-        **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 10}
+        **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}
     ),
     "verlet": A68A_2022.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),
     "verlet as the reference": A68A_2022_KID.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),

@@ -52,7 +52,8 @@ def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
             not p.uncentred_half_kicks, mode, dt, mass[e], alone[e], partners, False, False, view, law,
         )  # fmt: skip
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
-        if first and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
+        # A lone element cannot collide; asked without that, a velocity that is not a number would count as contact.
+        if first and not alone[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
             collided = True
             in_contact[e] = 1.0
         u_sync[e] = u[e] + kick * dt * s.total_x
