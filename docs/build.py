@@ -3,6 +3,8 @@
     python docs/build.py            reference pages, then figures (about two minutes)
     python docs/build.py --pages    reference pages only (a second)
     python docs/build.py --check    exit with 1 if a reference page is out of date; write nothing
+    python docs/build.py --trust F  put the tables of a test run into docs/explanation/trust.md; F holds the output of
+                                    pytest -v -m "" tests/parity tests/verification
 
 Everything under ``docs/reference`` is written by this script: change the code, not the page.
 """
@@ -11,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -324,12 +327,32 @@ def outdated() -> list[str]:
     return [name for name in PAGES if not (folder / name).exists() or (folder / name).read_text("utf-8") != page(name)]
 
 
+def take_tables(report: str) -> None:
+    """Put the parity and the theory table of a test report into the page on trust."""
+    path = DOCS / "explanation" / "trust.md"
+    text = path.read_text("utf-8")
+    for name, title in (("parity", "parity with the reference"), ("theory", "theory and model")):
+        found = re.search(rf"^=+ {title} =+\n(.*?)(?=^=+ )", report, flags=re.MULTILINE | re.DOTALL)
+        if found is None:
+            sys.exit(f"no table called '{title}' in the report: run pytest with -v")
+        begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+        before, _, rest = text.partition(begin)
+        lines = [line.rstrip() for line in found[1].strip("\n").splitlines()]
+        block = "\n".join(lines)
+        text = f"{before}{begin}\n\n```text\n{block}\n```\n\n{end}{rest.partition(end)[2]}"
+    path.write_text(text, "utf-8")
+
+
 def main() -> int:
     """Write the pages and the figures, or check the pages."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--check", action="store_true", help="tell which pages are out of date and write nothing")
     parser.add_argument("--pages", action="store_true", help="write the pages only, no figures")
+    parser.add_argument("--trust", type=Path, help="file with the output of the parity and verification tests")
     options = parser.parse_args()
+    if options.trust:
+        take_tables(options.trust.read_text("utf-8"))
+        return 0
     stale = outdated()
     if options.check:
         for name in stale:

@@ -1,0 +1,67 @@
+"""How cost and memory grow with the number of elements: 500 to 100,000, each in a process of its own.
+
+    python benchmarks/scaling.py                 the table, as Markdown
+    python benchmarks/scaling.py --json          the raw measurements
+    python benchmarks/scaling.py --sizes 500 2000
+
+Predicted is 25 ns for each element and sub-step: 11 microseconds for 440 elements, measured for gather, law and sum alone
+while the layout of the bonds was designed. It knows nothing of the long step, nor of caches.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+PREDICTED = 25e-9
+"""Seconds for an element and a sub-step."""
+LONG_STEP = 1800.0
+"""Long step of these runs, s."""
+
+
+def measure(size: int) -> dict[str, Any]:
+    """Time a rectangular berg of ``size`` elements in a fresh process."""
+    command = [sys.executable, "-m", "riftberg.cli.main", "bench", "--scaling", f"{size}..{size}", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    row: dict[str, Any] = json.loads(done.stdout)[0]
+    row["seconds_per_long_step"] = row["seconds_per_day"] * LONG_STEP / 86400.0
+    row["predicted_seconds_per_day"] = PREDICTED * row["elements"] * row["substeps_per_day"]
+    row["load"] = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return row
+
+
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """Return the table."""
+    head = ("elements", "bonds", "sub-steps a day", "s per long step", "s per day", "predicted", "yardsticks", "MiB")
+    lines = ["| " + " | ".join(head) + " |", "|" + "---:|" * len(head)]
+    for r in rows:
+        cells = (
+            f"{r['elements']:,}", f"{r['bonds']:,}", f"{r['substeps_per_day']:.0f}", f"{r['seconds_per_long_step']:.2g}",
+            f"{r['seconds_per_day']:.3g}", f"{r['predicted_seconds_per_day']:.3g}", f"{r['relative_to_yardstick']:.2f}",
+            f"{r['memory_mb']:.0f}",
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--json", action="store_true", help="print the raw measurements")
+    parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="numbers of elements")
+    options = parser.parse_args()
+    rows = []
+    for size in options.sizes:
+        rows.append(measure(size))
+        print(f"{size} elements: {rows[-1]['seconds_per_day']:.3g} s per day", file=sys.stderr, flush=True)
+    print(json.dumps(rows, indent=1) if options.json else markdown(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
