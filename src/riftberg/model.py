@@ -88,7 +88,9 @@ class Model:
         given = A68A_2022 if parameters is None else parameters
         check_coordinates(berg, forcing, given)
         self.elements, self.bonds = copy_state(berg.elements, berg.bonds)
-        self.parameters = _with_constant_size(given, self.elements)
+        # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
+        packed = given.changed(bonds={"packing": berg.packing}) if berg.packing != given.bonds.packing else given
+        self.parameters = _with_constant_size(packed, self.elements)
         self.forcing = forcing
         self.start = start
         self.time = 0.0
@@ -293,6 +295,9 @@ class Model:
         model._prepare()
         # A number found anew would depend on the bonds broken since.
         model.substeps = int(state.extra.get("substeps", model.substeps))
+        if model.step_number > 0:
+            # The same values as in the file, unless the run failed because its forcing was at fault.
+            model._stepper.surround(model)
         return model
 
     def describe(self) -> str:

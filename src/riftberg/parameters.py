@@ -208,6 +208,13 @@ class Compatibility(Group):
     inline_break_in_first_step: bool = quantity(
         False, "", "Q9: bonds may break in the sub-steps of the first step in spite of not_in_first_step", "spec 7.1"
     )
+    flat_relative_velocity: bool = quantity(
+        False,
+        "",
+        "bonds compare velocities whose axes differ by the convergence of the meridians; a hexagonal berg that turns "
+        "then loads itself",
+        "spec 5.4",
+    )
     zero_start: bool = quantity(
         False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4"
     )
@@ -244,6 +251,7 @@ class Compatibility(Group):
     def kid(cls, **overrides: bool) -> Compatibility:
         """All switches as KID/iKID behaves, except those given."""
         on = {
+            "flat_relative_velocity": True,
             "zero_start": True,
             "inline_break_in_first_step": True,
             "forcing_lag": True,
@@ -290,6 +298,7 @@ class KernelParameters(NamedTuple):
     poisson: float
     bond_damping: float
     objective_damping: bool
+    flat_relative_velocity: bool
     no_shear: bool
     linear_bending: bool
     max_bonds: int
@@ -397,6 +406,7 @@ class Parameters(Group):
             poisson=p.bonds.poisson,
             bond_damping=p.bonds.damping,
             objective_damping=p.bonds.objective_damping,
+            flat_relative_velocity=c.flat_relative_velocity,
             no_shear=p.bonds.no_shear,
             linear_bending=p.bonds.linear_bending,
             max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,

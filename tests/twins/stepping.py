@@ -9,7 +9,7 @@ import numpy as np
 
 from twins import geometry
 from twins.elements import assign, copies, moves, vector
-from twins.substep import explicit_substep, implicit_substep
+from twins.substep import explicit_substep, implicit_substep, set_convergence
 from twins.velocity import movers, slow_acceleration, stage_acceleration, verlet_acceleration
 
 
@@ -145,6 +145,7 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_brea
     if not skip_slow:
         elements, passes = closing_half_kick(elements, bonds, p, dt)
         elements = opening_half_kick(elements, p, dt)
+    set_convergence(elements, bonds, p)
     for n in range(substeps):
         if p.explicit_substeps or p.dem:
             elements, bonds, more = explicit_substep(

@@ -88,6 +88,13 @@ def searched(k, elements, bonds, p):
     ]
 
 
+def set_convergence(elements, bonds, p):
+    """Turn of the axes between the ends of each bond, rad per metre of zonal distance; it holds for the long step."""
+    for b in bonds:
+        mean = np.radians(0.5 * (elements[b.first].lat_pair + elements[b.second].lat_pair))
+        b.convergence = np.tan(mean) / p.earth_radius if p.latlon and not p.flat_relative_velocity else 0.0
+
+
 def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground):
     """All unbroken bonds: update ``bonds`` and return forces and torques (elastic and damping together) per element."""
     force = np.zeros((len(elements), 2))
@@ -99,6 +106,8 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground):
             continue
         apart = between(elements[i], elements[j], p)
         one, two = end(elements[i], p, apart), end(elements[j], p, np.zeros(2))
+        apart_in_axes = 0.5 * b.convergence * apart[0] * np.array([-1.0, 1.0]) * (0.5 * (one.u + two.u))[::-1]
+        one.u, two.u = one.u + apart_in_axes, two.u - apart_in_axes
         result = bond_law.pair(one, two, np.array([b.shear_x, b.shear_y]), dem_law(p), dt)
         b.shear_x, b.shear_y = map(float, result.s)
         b.normal_stress, b.shear_stress = float(result.sigma_n), float(result.sigma_s)

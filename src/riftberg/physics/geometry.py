@@ -84,6 +84,29 @@ def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float
 
 
 @kernel
+def meridian_convergence(latitude: float, radius: float) -> float:
+    """Angle between the meridians per metre of zonal distance, rad m-1: tan(latitude) / radius.
+
+    Local east and north at two points ``r_x`` metres apart differ by this times ``r_x``, counter-clockwise in the
+    northern hemisphere; near the pole it is limited to its value at 89.9 degrees.
+    """
+    return math.tan(min(max(latitude, -89.9), 89.9) * _DEGREE) / radius
+
+
+@kernel
+def same_axes(
+    du: float, dv: float, u_mean: float, v_mean: float, zonal_distance: float, convergence: float
+) -> tuple[float, float]:
+    """Difference of two velocities (m s-1) given in their own local axes, in common axes between them.
+
+    ``(du - k r_x v, dv + k r_x u)`` with the convergence k (rad m-1) and the zonal distance r_x (m): without it a rigid
+    berg that turns seems to slip along its bonds.
+    """
+    angle = convergence * zonal_distance
+    return du - angle * v_mean, dv + angle * u_mean
+
+
+@kernel
 def nearest_image(difference: float, period: float) -> float:
     """Bring a difference of two zonal coordinates into [-period/2, period/2); unchanged if period <= 0 (spec 8.2)."""
     if period > 0.0:

@@ -19,7 +19,7 @@ from riftberg.physics.bonds import (
     tensile_stress,
     torque_of,
 )
-from riftberg.physics.geometry import fast_cos_latitude, fast_sin
+from riftberg.physics.geometry import fast_cos_latitude, fast_sin, same_axes
 
 
 @kernel
@@ -32,6 +32,8 @@ def gather_ends(rows, count, el):
         rows.y_mean[r] = 0.5 * (el.lat_pair[i] + el.lat_pair[j])
         rows.du[r] = el.u_pair[i] - el.u_pair[j]
         rows.dv[r] = el.v_pair[i] - el.v_pair[j]
+        rows.u_mean[r] = 0.5 * (el.u_pair[i] + el.u_pair[j])
+        rows.v_mean[r] = 0.5 * (el.v_pair[i] + el.v_pair[j])
         rows.spin1[r], rows.spin2[r] = el.spin[i], el.spin[j]
         rows.angle[r] = el.rotation[i] - el.rotation[j]
 
@@ -68,7 +70,8 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
         )
         fn = normal_force(youngs, width, thickness, rows.rest[r], half)
         spins = (rows.radius1[r] - half) * rows.spin1[r] + (rows.radius2[r] - half) * rows.spin2[r]
-        cx, cy = contact_velocity(rows.du[r], rows.dv[r], nx, ny, spins)
+        du, dv = same_axes(rows.du[r], rows.dv[r], rows.u_mean[r], rows.v_mean[r], rx, rows.convergence[r])
+        cx, cy = contact_velocity(du, dv, nx, ny, spins)
         sx, sy = advance_shear(rows.sx[r], rows.sy[r], nx, ny, cx, cy, dt)
         stiffness = shear_on * shear_stiffness(youngs, poisson, width, thickness, rows.rest[r])
         tx, ty = -stiffness * sx, -stiffness * sy
@@ -76,8 +79,8 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
         bending = bending_torque(youngs, width, thickness, rows.rest[r], angle)
         c = rows.damping[r]
         # The objective damper acts on the slip at the contact, so its force there has a moment about both centres.
-        bx = -c * (cx if objective else rows.du[r])
-        by = -c * (cy if objective else rows.dv[r])
+        bx = -c * (cx if objective else du)
+        by = -c * (cy if objective else dv)
         spin_damping = -c * (rows.spin1[r] - rows.spin2[r])
         lx, ly = tx + slip_part * bx, ty + slip_part * by
         rows.nx[r], rows.ny[r] = nx, ny

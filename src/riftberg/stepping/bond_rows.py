@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import damping_constant
+from riftberg.physics.geometry import meridian_convergence
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.sizes import Sizes
 
@@ -53,6 +54,9 @@ class BondRows(NamedTuple):
     y_mean: Floats
     du: Floats
     dv: Floats
+    u_mean: Floats
+    v_mean: Floats
+    convergence: Floats
     spin1: Floats
     spin2: Floats
     angle: Floats
@@ -114,11 +118,14 @@ def _fill_constants(rows, count, elements, sizes, earlier, p):
     first, second, radius, mass, thickness = (
         rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.thickness,
     )  # fmt: skip
+    latitude, convergence = elements.lat_pair, rows.convergence
+    curved = p.latlon and not p.flat_relative_velocity
     rest, radius1, radius2, lever1, lever2 = rows.rest, rows.radius1, rows.radius2, rows.lever1, rows.lever2
     radius_small, radius_gap, damping = rows.radius_small, rows.radius_gap, rows.damping
     thickness_small, thickness_gap = rows.thickness_small, rows.thickness_gap
     for r in range(count):
         i, j = first[r], second[r]
+        convergence[r] = meridian_convergence(0.5 * (latitude[i] + latitude[j]), p.earth_radius) if curved else 0.0
         r1, r2 = radius[i], radius[j]
         first_is_earlier = earlier[i] <= earlier[j]
         rest[r], radius1[r], radius2[r] = r1 + r2, r1, r2

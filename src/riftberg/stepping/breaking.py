@@ -9,7 +9,7 @@ import numpy as np
 from riftberg.kernels import kernel, stage
 from riftberg.physics.bonds import bond_section, normal_force, overlap
 from riftberg.physics.fracture import exceeds
-from riftberg.physics.geometry import separation
+from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Ints
 from riftberg.stepping.interactions import SAME_BERG_CONTACT, pair_terms
 
@@ -90,8 +90,10 @@ def _force_while_breaking(rows, r, el, youngs):
         rows.radius_small[r], rows.radius_gap[r], rows.thickness_small[r], rows.thickness_gap[r], half, rows.length[r]
     )
     fn = normal_force(youngs, width, thickness, rows.rest[r], half)
-    rows.fx[r] = fn * rows.nx[r] - rows.damping[r] * rows.du[r]
-    rows.fy[r] = fn * rows.ny[r] - rows.damping[r] * rows.dv[r]
+    zonal = rows.length[r] * rows.nx[r]
+    du, dv = same_axes(rows.du[r], rows.dv[r], rows.u_mean[r], rows.v_mean[r], zonal, rows.convergence[r])
+    rows.fx[r] = fn * rows.nx[r] - rows.damping[r] * du
+    rows.fy[r] = fn * rows.ny[r] - rows.damping[r] * dv
 
 
 @stage

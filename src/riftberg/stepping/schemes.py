@@ -29,6 +29,9 @@ class Stepper(Protocol):
     def step(self, model: Model) -> None:
         """Advance by one long step; ``model.time`` moves on, ``model.step_number`` does not."""
 
+    def surround(self, model: Model) -> None:
+        """Take the environment that the elements carry between two steps from the forcing."""
+
 
 def make_stepper(model: Model) -> Stepper:
     """Return the stepper of the scheme that the parameters name."""
@@ -164,10 +167,16 @@ class MultipleStepper:
                 "raise contact.tolerance or shorten stepping.time_step"
             )
         settle(model)
-        began, model.time = model.time, model.time + model.parameters.stepping.time_step
-        model.forcing.sample(el, began if model.parameters.compatibility.forcing_lag else model.time)
+        model.time += model.parameters.stepping.time_step
+        self.surround(model)
         if report.broken > 0:
             _update_fragments(model)
+
+    def surround(self, model: Model) -> None:
+        """Sample at the new positions: the fields of the next step, or with the lag of Q5 of the step just taken."""
+        p = model.parameters
+        lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
+        model.forcing.sample(model.elements, model.time - lag)
 
     def _plan(self, model: Model) -> StepPlan:
         p, first = model.parameters, model.step_number == 0
@@ -236,6 +245,9 @@ class SingleStepper:
 
     def __init__(self, model: Model) -> None:
         self._near = Neighbourhood(model)
+
+    def surround(self, model: Model) -> None:
+        """Do nothing: these schemes sample within the step."""
 
     def _partners(self, model: Model, sizes: Sizes) -> Partners:
         c, near = model.constants, self._near
