@@ -98,6 +98,8 @@ ROWS = (
     Row("no rotational water drag", {"drag": {"rotational": False}}),
     Row("long step of 15 min", {"stepping": {"time_step": 900.0, "substeps": 45}}),
     Row("uncentred half kicks", quirk("uncentred_half_kicks")),
+    Row("velocities in bonds not in common axes", quirk("flat_relative_velocity")),
+    Row("contact of pieces damped explicitly", quirk("explicit_contact_damping")),
     Row("lagged forcing (Q5)", quirk("forcing_lag")),
     Row("start of the reference (Q6, Q9)", quirk("zero_start", "inline_break_in_first_step")),
     Row("collision flags stay (Q2)", quirk("sticky_collision_flags")),
