@@ -64,18 +64,18 @@ class Result:
 def uneven_thickness(model: Model) -> None:
     """Give the elements 150 to 250 m of ice at random (seed 1); the mass follows."""
     e = model.elements
-    e.mass /= e.thickness
-    e.thickness[:] = np.random.default_rng(1).uniform(150.0, 250.0, e.mass.size)
-    e.mass *= e.thickness
+    thickness = np.random.default_rng(1).uniform(150.0, 250.0, e.mass.size)
+    e.mass[:] *= thickness / e.thickness
+    e.thickness[:] = thickness
 
 
 def uneven_size(model: Model) -> None:
-    """Make the elements 0 to 10 % smaller at random (seed 1) where they stand; the mass follows."""
+    """Make the elements 0 to 0.2 % smaller at random (seed 1) where they stand; more would break the bonds at once."""
     e = model.elements
-    factor = np.random.default_rng(1).uniform(0.9, 1.0, e.mass.size)
-    e.length *= factor
-    e.width *= factor
-    e.mass *= factor**2
+    factor = np.random.default_rng(1).uniform(0.998, 1.0, e.mass.size)
+    e.length[:] *= factor
+    e.width[:] *= factor
+    e.mass[:] *= factor**2
 
 
 def quirk(*names: str) -> dict[str, dict[str, Any]]:
@@ -156,8 +156,9 @@ def cells(result: Result, results: dict[str, Result]) -> tuple[str, ...]:
     """Return the cells of a row."""
     events = ", ".join(
         f"{area:.0f} km² {when.day}. {when:%H:%M}{' aground' if grounded else ''}"
-        for when, area, grounded in result.events
+        for when, area, grounded in result.events[:4]
     )
+    events += f" and {len(result.events) - 4} more" if len(result.events) > 4 else ""
     events += f" and {result.small} below {SMALL:g}" if result.small else ""
     other = results.get(result.row.against)
     differences = []
