@@ -25,6 +25,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.diagnostics.track import DailyTrack
 from riftberg.experiments import Options, build
 from riftberg.model import Model
+from riftberg.parameters import A68A_2022_KID
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "explanation" / "differences-from-the-reference.md"
@@ -85,9 +86,17 @@ def quirk(*names: str) -> dict[str, dict[str, Any]]:
 
 THICK, SIZE = "uneven thickness", "uneven size"
 OWN_SIZE = {"bonds": {"constant_size": False}}
+REFERENCE = {
+    "drag": {"rotational": False},
+    "grounding": {"implicit": False},
+    "bonds": {"objective_damping": False},
+    "stepping": {"skip_first_long_force": True},
+    "compatibility": A68A_2022_KID.compatibility.model_dump(),
+}
 ROWS = (
     Row("own"),
-    Row("reference", numerics="reference"),
+    Row("reference", REFERENCE),
+    Row("reference, in the ocean fitted to it", numerics="reference"),
     Row("damper of the reference (Q43)", {"bonds": {"objective_damping": False}}),
     Row("no bond damping", {"bonds": {"damping": 0.0}}),
     Row("explicit grounding drag", {"grounding": {"implicit": False}}),

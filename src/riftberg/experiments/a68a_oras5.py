@@ -1,0 +1,100 @@
+"""A68a from its published initial state in the mean currents of December 2020 (ORAS5), with JRA-55 wind.
+
+Monthly means smooth away the eddies that turned and broke the real berg, so only the drift can be compared, and only
+roughly. The sea floor is the artificial shoal of the publication: all water north-east of one corner.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import ForcingError
+from riftberg.experiments import Info, Options
+from riftberg.io.kid.ncfile import opened
+from riftberg.io.kid.restart import read_restart
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import GriddedForcing
+from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.state import Floats
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+
+DATA = "RIFTBERG_DATA"
+"""Environment variable that names the folder of the files."""
+
+FILES = {
+    "berg": "icebergs.res.nc",
+    "grid": "a68_experiment_ll_p125_grid.nc",
+    "currents": "a68_experiment_ocean_surf_and_mean_vel_fixed_oras5_dec2020_ll_p125.nc",
+    "sea level": "a68_experiment_ssh_oras5_dec2020_ll_p125.nc",
+    "wind": "a68_experiment_wind_vel_jra55_dec2020_ll_p125.nc",
+}
+"""Files of the published repository that the experiment reads."""
+
+ZONE = (-37.51, -55.2166)
+"""Corner (degrees) of the publication's grounding zone, all of the water to its north and east."""
+
+
+def data_folder(options: Options) -> Path:
+    """Return the folder of the files: ``--data``, or the environment variable.
+
+    Raises
+    ------
+    ForcingError
+        If neither names a folder that holds all of them.
+    """
+    named = options.data or (Path(os.environ[DATA]) if os.environ.get(DATA) else None)
+    remedy = f"Name the folder of the A68a files with --data or {DATA}; 'riftberg fetch a68a' gets them"
+    if named is None:
+        raise ForcingError("no folder of data", where="a68a-oras5", remedy=remedy)
+    missing = [name for name in FILES.values() if not (named / name).is_file()]
+    if missing:
+        raise ForcingError(f"no {missing[0]}", where=str(named), remedy=remedy)
+    return named
+
+
+def _field(path: Path, name: str) -> Floats:
+    """Read one two-dimensional field; gaps become NaN."""
+    with opened(path) as file:
+        if name not in file.variables:
+            raise ForcingError(f"no variable {name!r}", where=str(path), remedy=f"It holds {', '.join(file.variables)}")
+        values = np.ma.filled(np.ma.asarray(file.variables[name][:], dtype=np.float64), np.nan).squeeze()
+    return np.asarray(values, np.float64)
+
+
+def forcing_of(folder: Path) -> GriddedForcing:
+    """Return the mean forcing on the publication's grid, whose corners carry the currents and the wind."""
+    lon, lat = _field(folder / FILES["grid"], "longitude"), _field(folder / FILES["grid"], "latitude")
+    grid = Grid.from_corners(lon + 360.0, lat)
+    currents, wind = folder / FILES["currents"], folder / FILES["wind"]
+    fields = grid.fields(
+        uo=_field(currents, "uo"),
+        vo=_field(currents, "vo"),
+        ua=_field(wind, "ua"),
+        va=_field(wind, "va"),
+        ssh=_field(folder / FILES["sea level"], "SSH"),
+    )
+    return GriddedForcing(grid, fields, depth_rule="zone", zone=ZONE, source="ORAS5 and JRA-55, means of December 2020")
+
+
+def build(options: Options) -> tuple[Model, Info]:
+    """Build the experiment (see `riftberg.experiments.build`)."""
+    from riftberg.model import Model
+
+    folder = data_folder(options)
+    forcing = forcing_of(folder)
+    assert forcing.grid is not None
+    elements, _ = read_restart(folder / FILES["berg"], forcing.grid)
+    parameters = options.apply(A68A_2022 if options.numerics == "own" else A68A_2022_KID)
+    earth = parameters.earth
+    bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
+    berg = Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": FILES["berg"]})
+    title = "A68a in the mean currents of December 2020 (ORAS5)"
+    return Model(berg, forcing, parameters), Info("a68a-oras5", title, days=18.0, output_every_hours=1.0)
