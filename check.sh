@@ -7,6 +7,8 @@ cd "$(dirname "$0")"
 venv="${RIFTBERG_VENV:-.venv}"
 [ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+# clouddrift still asks for zarr below 3, which today's xarray no longer takes; it uses none of it for what is tested here.
+"$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt clouddrift
 "$venv/bin/ruff" format --check src tests benchmarks
 "$venv/bin/ruff" check src tests benchmarks
 "$venv/bin/mypy"

@@ -81,5 +81,5 @@ def story_model(
 def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
     left_out = "".join(f", without {part}" for part in sorted(options.without))
-    title = f"A68a, December 2020{left_out} ({StoryOcean.title})"
+    title = f"A68a, December 2020{left_out}"
     return story_model(options), Info("a68a", title, days=DAYS, output_every_hours=1.0)
