@@ -7,15 +7,16 @@ are the mean of two records and the sea level is that of the earlier one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from riftberg.errors import ForcingError
+from riftberg.io.kid.hours import HourlyFile
 from riftberg.io.kid.namelist import NamelistGroup
-from riftberg.io.kid.ncfile import opened, shape_of, unpacked
+from riftberg.io.kid.ncfile import opened, unpacked
 from riftberg.ocean.grid import Fields, Grid
 from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.state import Floats
@@ -31,7 +32,8 @@ HALF_HOUR: Final = 1800.0
 UNKNOWN_DEPTH: Final = 1000.0
 """Depth where the driver sets none, m."""
 
-_VARIABLES: Final = {"ua": WIND_FILE, "va": WIND_FILE, "uo": OCEAN_FILE, "vo": OCEAN_FILE, "SSH": SEA_LEVEL_FILE}
+VARIABLES: Final = {WIND_FILE: ("ua", "va"), OCEAN_FILE: ("uo", "vo"), SEA_LEVEL_FILE: ("SSH",)}
+"""Files of the hourly fields and what is read of them."""
 
 
 def data_folder(driver: NamelistGroup, case: Path) -> Path:
@@ -51,7 +53,21 @@ def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
     period : float
         Zonal period, degrees; the domain itself is not cyclic.
     """
-    path = data_folder(driver, case) / GRID_FILE
+    return read_grid(data_folder(driver, case) / GRID_FILE, radius=driver.number("REarth"), period=period)
+
+
+def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
+    """Return the grid of a file with ``longitude`` and ``latitude``, as the driver makes it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Grid file.
+    radius : float
+        Radius of the sphere for the metrics, m.
+    period : float
+        Zonal period, degrees.
+    """
     with opened(path) as dataset:
         lon, lat = unpacked(dataset, path, "longitude"), unpacked(dataset, path, "latitude")
     if lon.ndim != 2 or lon.shape != lat.shape:
@@ -60,41 +76,34 @@ def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
             where=str(path),
             remedy="Give (lat, lon) arrays",
         )
-    radius = driver.number("REarth")
     return Grid.from_corners(
         lon + 360.0, lat, latlon=True, regular=False, period=period, radius_for_metrics=radius, cyclic=False
     )
 
 
-class _Hours:
-    """Records of one variable; only one is held in memory."""
-
-    def __init__(self, path: Path, name: str, grid: Grid) -> None:
-        self.path, self.name = path, name
-        with opened(path) as dataset:
-            found = shape_of(dataset, path, name)
-        expected = (grid.arrays.nj, grid.arrays.ni)
-        if len(found) != 3 or found[0] < 1 or found[1:] != expected:
-            raise ForcingError(
-                f"shape {found} does not fit the grid of {expected[0]} x {expected[1]} cells",
-                where=f"{path}, variable {name}",
-                remedy=f"Give (time, {expected[0]}, {expected[1]})",
-            )
-        self.count = int(found[0])
-        self._constant = self._read(0) if self.count == 1 else None
-
-    def _read(self, record: int) -> Floats:
-        with opened(self.path) as dataset:
-            return unpacked(dataset, self.path, self.name, record)
-
-    def __getitem__(self, record: int) -> Floats:
-        return self._read(record) if self._constant is None else self._constant
+def open_hours(folder: Path, grid: Grid) -> list[HourlyFile]:
+    """Return the files of wind, currents and sea level, with their headers checked."""
+    return [HourlyFile(folder / file, names, grid) for file, names in VARIABLES.items()]
 
 
-def a68_records(
-    driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid, case: Path, dt: float, steps: int
+def last_record(start: int, steps: int) -> int:
+    """Return the last record, counted from 1, that a run of half-hour steps from record ``start`` needs."""
+    return start + steps // 2
+
+
+def hourly_records(
+    files: Sequence[HourlyFile], assemble: Assembler, start: int
 ) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
-    """Return the forcing of the A68 test as `riftberg.ocean.gridded.GriddedForcing` takes it.
+    """Return forcing as `riftberg.ocean.gridded.GriddedForcing` takes it; arguments as `open_hours` gives them.
+
+    Parameters
+    ----------
+    files : sequence of HourlyFile
+        Wind, currents and sea level.
+    assemble : Assembler
+        Makes states of the records of an hour.
+    start : int
+        Record of the start of the run, from 1.
 
     Returns
     -------
@@ -102,6 +111,24 @@ def a68_records(
         The one state of constant forcing, or a function of the number of hours since the start.
     times : ndarray or None
         Times of the hours since the start of the run, s; None for constant forcing.
+    """
+
+    def load(k: int) -> Fields:
+        hour: dict[str, Floats] = {}
+        for file in files:
+            hour.update(file.record(start - 1 + k))
+        return assemble(hour)
+
+    varying = [file.count for file in files if file.count > 1]
+    if not varying:
+        return load(0), None
+    return load, np.arange(min(varying) - start + 1) * np.float64(3600.0)
+
+
+def a68_records(
+    driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid, case: Path, dt: float, steps: int
+) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
+    """Return the forcing of the A68 test as `hourly_records` does.
 
     Raises
     ------
@@ -112,28 +139,24 @@ def a68_records(
     if start < 1:
         raise driver.error(f"transient_a68_data_start_ind = {start} with a68_test", "Give the first record, from 1")
     _check_depth(icebergs)
-    folder = data_folder(driver, case)
-    hours = {name: _Hours(folder / file, name, grid) for name, file in _VARIABLES.items()}
-    as_fields = _Assembler(driver, icebergs, grid)
-    varying = [h for h in hours.values() if h.count > 1]
-    if not varying:
-        return as_fields({name: h[0] for name, h in hours.items()}), None
-    if dt != HALF_HOUR:
+    files = open_hours(data_folder(driver, case), grid)
+    varying = [file for file in files if file.count > 1]
+    if varying and dt != HALF_HOUR:
         remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"
         raise driver.error(f"ibdt = {dt} with hourly A68 data", remedy)
-    last = start + steps // 2
-    short = min(varying, key=lambda h: h.count)
-    if last > short.count:
-        raise ForcingError(
-            f"{short.count} hourly records, but {steps} steps from record {start} need {last}",
-            where=f"{short.path}, variable {short.name}",
-            remedy="Shorten the run (ibhrs, nmax) or start earlier (transient_a68_data_start_ind)",
-        )
-
-    def load(k: int) -> Fields:
-        return as_fields({name: h[start - 1 + k] for name, h in hours.items()})
-
-    return load, np.arange(short.count - start + 1) * np.float64(3600.0)
+    last = last_record(start, steps)
+    for file in varying:
+        if last > file.count:
+            raise ForcingError(
+                f"{file.count} hourly records, but {steps} steps from record {start} need {last}",
+                where=f"{file.path}, variable {file.names[0]}",
+                remedy="Shorten the run (ibhrs, nmax) or start earlier (transient_a68_data_start_ind)",
+            )
+    still = grid.fields(
+        ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
+    )
+    still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
+    return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity")), start)
 
 
 def _check_depth(icebergs: NamelistGroup) -> None:
@@ -144,18 +167,24 @@ def _check_depth(icebergs: NamelistGroup) -> None:
         )
 
 
-class _Assembler:
-    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared."""
+class Assembler:
+    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared.
 
-    def __init__(self, driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> None:
-        self._grid = grid
-        self._is_velocity = icebergs.flag("tau_is_velocity")
-        still = grid.fields(
-            ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
-        )
-        self._still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
+    Parameters
+    ----------
+    grid : Grid
+        Grid of the records.
+    still : Fields
+        State that holds what the records do not.
+    is_velocity : bool
+        ``ua`` and ``va`` are wind, not its stress.
+    """
+
+    def __init__(self, grid: Grid, still: Fields, is_velocity: bool = True) -> None:
+        self._grid, self._still, self._is_velocity = grid, still, is_velocity
 
     def __call__(self, hour: dict[str, Floats]) -> Fields:
+        """Return the state of one hour from its records by name."""
         ua, va = self._wind(hour["ua"], hour["va"])
         extended = self._grid.extended
         return self._still._replace(

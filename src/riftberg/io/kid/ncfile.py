@@ -5,7 +5,7 @@ Source: specification of files, section 6.1.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -81,19 +81,29 @@ def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any =
         raise _unreadable(path, error, name) from error
 
 
-def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> Floats:
-    """Return a variable in double precision, integer x ``scale_factor`` + ``add_offset``; missing values are NaN."""
-    raw = raw_values(dataset, path, name, selection)
-    attributes = {k: dataset.variables[name].getncattr(k) for k in _UNPACK if k in dataset.variables[name].ncattrs()}
+def packing_of(dataset: netCDF4.Dataset, name: str) -> dict[str, Any]:
+    """Return the attributes of a variable that say how its numbers are stored."""
+    variable = dataset.variables[name]
+    return {key: variable.getncattr(key) for key in _UNPACK if key in variable.ncattrs()}
+
+
+def unpack(raw: NDArray[Any], packing: Mapping[str, Any]) -> Floats:
+    """Return stored numbers in double precision, integer x ``scale_factor`` + ``add_offset``; missing ones are NaN."""
     values = raw.astype(np.float64)
-    if "scale_factor" in attributes:
-        values = values * np.float64(attributes["scale_factor"])
-    if "add_offset" in attributes:
-        values = values + np.float64(attributes["add_offset"])
+    if "scale_factor" in packing:
+        values = values * np.float64(packing["scale_factor"])
+    if "add_offset" in packing:
+        values = values + np.float64(packing["add_offset"])
     for key in ("_FillValue", "missing_value"):
-        if key in attributes:
-            values[raw == attributes[key]] = np.nan
+        if key in packing:
+            values[raw == packing[key]] = np.nan
     return values
+
+
+def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> Floats:
+    """Return a variable in double precision, as `unpack` does."""
+    raw = raw_values(dataset, path, name, selection)
+    return unpack(raw, packing_of(dataset, name))
 
 
 def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: float | None = None) -> Floats:
