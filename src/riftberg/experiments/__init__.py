@@ -36,15 +36,23 @@ class Options:
         Folder of data files.
     without : frozenset of str
         Parts of the experiment to leave out.
-    numerics : {"own", "reference"}
-        Numerics of Riftberg, or those of the reference with its quirks.
+    numerics : {"own", "reference"} or None
+        Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment.
+    fetch : bool
+        Fetch missing data files first.
     """
 
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     days: float | None = None
     data: Path | None = None
     without: frozenset[str] = frozenset()
-    numerics: Numerics = "own"
+    numerics: Numerics | None = None
+    fetch: bool = False
+
+    @property
+    def own(self) -> bool:
+        """Riftberg's own numerics, unless the reference's were asked for: what most experiments do."""
+        return self.numerics != "reference"
 
     def apply(self, parameters: Parameters) -> Parameters:
         """Return parameters with the changes made."""
@@ -98,12 +106,15 @@ class Entry:
         What it shows, in one line.
     parts : tuple of str
         Parts that ``--without`` can leave out.
+    fetches : bool
+        It runs from files that ``--fetch`` can get.
     """
 
     name: str
     place: str
     summary: str
     parts: tuple[str, ...] = ()
+    fetches: bool = False
 
     def load(self) -> Builder:
         """Import the builder."""
@@ -115,7 +126,9 @@ class Entry:
 EXPERIMENTS: Final[tuple[Entry, ...]] = (
     Entry("a68a", "a68a:build", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
           ("shoal", "shear")),
-    Entry("a68a-oras5", "a68a_oras5:build", "A68a in the monthly mean currents of ORAS5"),
+    Entry("a68a-paper", "a68a_paper:build", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
+          fetches=True),
+    Entry("a68a-oras5", "a68a_oras5:build", "A68a in the monthly mean currents of ORAS5", fetches=True),
     Entry("supported-beam", "beams:build_supported", "a simply supported beam bends under a load"),
     Entry("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end"),
     Entry("collision", "collision:build", "two small bergs collide"),
@@ -183,4 +196,7 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
             where="--without",
             remedy=f"{nearest(unknown[0], entry.parts)}{name} can go without {parts}",
         )
+    if options.fetch and not entry.fetches:
+        with_files = ", ".join(other.name for other in EXPERIMENTS if other.fetches)
+        raise InputError(f"{name} needs no files", where="--fetch", remedy=f"Leave it out; {with_files} need files")
     return entry.load()(options)

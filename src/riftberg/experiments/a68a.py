@@ -64,7 +64,7 @@ def story_model(
     """
     from riftberg.model import Model
 
-    own = options.numerics == "own"
+    own = options.own
     given = ocean or StoryOcean(
         OWN if own else REFERENCE, shoal="shoal" not in options.without, shear="shear" not in options.without
     )

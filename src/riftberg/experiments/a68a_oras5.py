@@ -6,7 +6,6 @@ roughly. The sea floor is the artificial shoal of the publication: all water nor
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
 from riftberg.experiments import Info, Options
+from riftberg.experiments.a68a_files import BERG, GRID, data_folder
 from riftberg.io.kid.ncfile import opened
 from riftberg.io.kid.restart import read_restart
 from riftberg.ocean.grid import Grid
@@ -26,12 +26,9 @@ from riftberg.state import Floats
 if TYPE_CHECKING:
     from riftberg.model import Model
 
-DATA = "RIFTBERG_DATA"
-"""Environment variable that names the folder of the files."""
-
 FILES = {
-    "berg": "icebergs.res.nc",
-    "grid": "a68_experiment_ll_p125_grid.nc",
+    "berg": BERG,
+    "grid": GRID,
     "currents": "a68_experiment_ocean_surf_and_mean_vel_fixed_oras5_dec2020_ll_p125.nc",
     "sea level": "a68_experiment_ssh_oras5_dec2020_ll_p125.nc",
     "wind": "a68_experiment_wind_vel_jra55_dec2020_ll_p125.nc",
@@ -40,24 +37,6 @@ FILES = {
 
 ZONE = (-37.51, -55.2166)
 """Corner (degrees) of the publication's grounding zone, all of the water to its north and east."""
-
-
-def data_folder(options: Options) -> Path:
-    """Return the folder of the files: ``--data``, or the environment variable.
-
-    Raises
-    ------
-    ForcingError
-        If neither names a folder that holds all of them.
-    """
-    named = options.data or (Path(os.environ[DATA]) if os.environ.get(DATA) else None)
-    remedy = f"Name the folder of the A68a files with --data or {DATA}; 'riftberg fetch a68a' gets them"
-    if named is None:
-        raise ForcingError("no folder of data", where="a68a-oras5", remedy=remedy)
-    missing = [name for name in FILES.values() if not (named / name).is_file()]
-    if missing:
-        raise ForcingError(f"no {missing[0]}", where=str(named), remedy=remedy)
-    return named
 
 
 def _field(path: Path, name: str) -> Floats:
@@ -88,11 +67,11 @@ def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
     from riftberg.model import Model
 
-    folder = data_folder(options)
+    folder = data_folder(options, FILES.values(), "a68a-oras5", hourly=False)
     forcing = forcing_of(folder)
     assert forcing.grid is not None
     elements, _ = read_restart(folder / FILES["berg"], forcing.grid)
-    parameters = options.apply(A68A_2022 if options.numerics == "own" else A68A_2022_KID)
+    parameters = options.apply(A68A_2022 if options.own else A68A_2022_KID)
     earth = parameters.earth
     bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
     berg = Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": FILES["berg"]})

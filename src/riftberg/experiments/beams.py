@@ -152,5 +152,5 @@ def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -
     from riftberg.model import Model
 
     # The sea floor lies above the keel, so that its drag acts everywhere.
-    model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters(options.numerics)))
+    model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))
     return model, Info(name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0)

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.download import Bar, Progress, Resuming, fetch_one, made
+from riftberg.ocean.download import Bar, Progress, Resuming, fetch_one, is_pointer, made
 from riftberg.ocean.services import fetch_product
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
@@ -145,6 +145,8 @@ def fetch_a68a(
 def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resuming, keep_parts: bool) -> Path:
     """Fetch the parts of an hourly field, merge them and check what came out."""
     target = folder / field.merged
+    if target.exists() and is_pointer(target):  # from a copy of the repository without its large files
+        target.unlink()
     if target.exists():
         check_hourly(target, field)
         return target
@@ -241,7 +243,11 @@ def check_hourly(path: Path, field: Hourly) -> None:
         Variables, number of records and largest believable value.
     """
     remedy = "Delete it and fetch again; if it stays wrong, the source has changed"
-    with xr.open_dataset(path, engine="netcdf4", decode_times=False) as ds:
+    try:
+        ds = xr.open_dataset(path, engine="netcdf4", decode_times=False)
+    except (OSError, ValueError) as error:
+        raise ForcingError(f"cannot be read ({error})", where=str(path), remedy=remedy) from error
+    with ds:
         missing = [name for name in field.variables if name not in ds.data_vars]
         if missing:
             raise ForcingError(f"lacks {', '.join(missing)}", where=str(path), remedy=remedy)

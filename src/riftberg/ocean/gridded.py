@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from datetime import datetime, timedelta
 from typing import Literal
 
@@ -68,6 +68,9 @@ class GriddedForcing:
         Drift away from land and random current near land, m s-1.
     mirrored, even_parity : bool
         Quirks Q22 and Q20.
+    sea_level_gaps : bool
+        Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
+        reference (spec 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
     start : datetime, optional
         Date of time 0, named in messages.
     source : str
@@ -78,7 +81,7 @@ class GriddedForcing:
         self, grid: Grid, records: Records, times: ArrayLike | None = None, *, depth_rule: DepthRule = "biquadratic",
         zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
         coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
-        start: datetime | None = None, source: str = "",
+        sea_level_gaps: bool = False, start: datetime | None = None, source: str = "",
     ) -> None:  # fmt: skip
         self.grid: Grid | None = grid
         self._grid = grid
@@ -86,11 +89,12 @@ class GriddedForcing:
         self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
         self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
         self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
+        self.sea_level_gaps = bool(sea_level_gaps)
         self._check_rules(stepwise)
         self._rule = DEPTH_RULES[depth_rule]
         self._zone_lon, self._zone_lat = (float(z) for z in zone) if zone else (0.0, 0.0)
         self._held = frozenset(Fields._fields if interpolation == "previous" else stepwise)
-        self._store = _Records(grid, records)
+        self._store = _Records(grid, records, {"ssh"} if sea_level_gaps else set())
         self._times = _checked_times(times, self._store.count)
         self._buffers = grid.fields()
         self._weights = np.full(len(Fields._fields), -1.0)
@@ -103,6 +107,8 @@ class GriddedForcing:
             raise ForcingError("depth_rule = 'zone' without a zone", remedy="Give zone=(longitude, latitude)")
         if self.interpolation not in ("linear", "previous"):
             raise ForcingError(f"interpolation = {self.interpolation!r}", remedy="Use 'linear' or 'previous'")
+        if self.sea_level_gaps and self.depth_rule != "zone":
+            raise ForcingError("sea_level_gaps with a depth that needs the sea level", remedy="Fill the gaps")
         unknown = sorted(set(stepwise) - set(Fields._fields))
         if unknown:
             raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
@@ -261,6 +267,8 @@ class GriddedForcing:
         lines = ["gridded fields" + (f" from {self.source}" if self.source else ""), time, f"depth: {depth}"]
         if self._held and self.interpolation == "linear":
             lines.append(f"held until the next record: {', '.join(sorted(self._held))}")
+        if self.sea_level_gaps:
+            lines.append("no slope of the sea surface beside gaps in the sea level")
         for name in ("coastal_drift", "tidal_drift"):
             if getattr(self, name) > 0.0:
                 lines.append(f"{name.replace('_', ' ')} {getattr(self, name):g} m/s")
@@ -287,8 +295,8 @@ class _Records:
     from a function are loaded when needed; the last two are kept.
     """
 
-    def __init__(self, grid: Grid, records: Records) -> None:
-        self._mask, self._halo = grid.arrays.mask, grid.arrays.halo
+    def __init__(self, grid: Grid, records: Records, with_gaps: Set[str]) -> None:
+        self._mask, self._halo, self._with_gaps = grid.arrays.mask, grid.arrays.halo, with_gaps
         self._prepared: dict[int, tuple[Floats, Floats, tuple[int, int]]] = {}
         self._kept: dict[int, tuple[Fields, tuple[str, int, int] | None]] = {}
         self._load: Callable[[int], Fields] | None = None
@@ -318,6 +326,8 @@ class _Records:
                 f"{name} has shape {np.shape(raw)}, the grid {self._mask.shape} with its halo",
                 where="forcing", remedy="Use grid.fields(...) or grid.extended(...)",
             )  # fmt: skip
+        if name in self._with_gaps:
+            return np.require(raw, dtype=np.float64, requirements=["C", "W"]), (-1, -1)
         zero_on_land = name in ZERO_ON_LAND
         key = 2 * id(raw) + zero_on_land
         known = self._prepared.get(key)

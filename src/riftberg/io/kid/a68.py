@@ -86,11 +86,6 @@ def open_hours(folder: Path, grid: Grid) -> list[HourlyFile]:
     return [HourlyFile(folder / file, names, grid) for file, names in VARIABLES.items()]
 
 
-def last_record(start: int, steps: int) -> int:
-    """Return the last record, counted from 1, that a run of half-hour steps from record ``start`` needs."""
-    return start + steps // 2
-
-
 def hourly_records(
     files: Sequence[HourlyFile], assemble: Assembler, start: int
 ) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
@@ -144,7 +139,7 @@ def a68_records(
     if varying and dt != HALF_HOUR:
         remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"
         raise driver.error(f"ibdt = {dt} with hourly A68 data", remedy)
-    last = last_record(start, steps)
+    last = start + steps // 2
     for file in varying:
         if last > file.count:
             raise ForcingError(

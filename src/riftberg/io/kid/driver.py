@@ -160,6 +160,7 @@ def _options(icebergs: NamelistGroup) -> dict[str, Any]:
     return {
         "depth_rule": rule,
         "zone": zone,
+        "sea_level_gaps": rule == "zone",
         "coastal_drift": icebergs.number("coastal_drift"),
         "tidal_drift": icebergs.number("tidal_drift"),
         "mirrored": icebergs.flag("old_bug_bilin"),

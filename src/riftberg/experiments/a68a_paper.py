@@ -1,0 +1,166 @@
+"""The published run of A68a (Huth et al. 2022) from its own files, with the reference's numerics by default.
+
+Hourly OSCAR currents, DUACS sea level and NCEP wind of December 2020 on the 1/8 degree grid, the 472 elements of the
+published initial state, and the artificial shoal: all water north-east of one corner. 432 hours from 9 December 13:00.
+Source: specification of the dynamics, section 10.5.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Final
+
+import netCDF4
+import numpy as np
+
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.errors import ForcingError, InputError
+from riftberg.experiments import Info, Options
+from riftberg.experiments.a68a_files import BERG, GRID, REMEDY, data_folder
+from riftberg.io.kid.a68 import (
+    UNKNOWN_DEPTH,
+    VARIABLES,
+    Assembler,
+    hourly_records,
+    open_hours,
+    read_grid,
+)
+from riftberg.io.kid.hours import HourlyFile
+from riftberg.io.kid.restart import read_restart
+from riftberg.model import DEFAULT_START, Model
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import GriddedForcing
+from riftberg.parameters import A68A_2022, A68A_2022_KID
+
+NAME: Final = "a68a-paper"
+DAYS: Final = 18.0
+START_RECORD: Final = 206
+"""Record of the start, 9 December 13:00, counted from 1; record 1 is 1 December 00:00."""
+
+ZONE: Final = (-37.51, -55.2166)
+"""Corner (degrees) of the grounding zone, all of the water to its north and east."""
+
+FILES: Final = (BERG, GRID, *VARIABLES)
+
+LIMITS: Final = {"ua": 80.0, "va": 80.0, "uo": 5.0, "vo": 5.0, "SSH": 10.0}
+"""Largest believable magnitudes, m s-1 and m."""
+
+AWAY: Final = 0.07
+"""Largest distance (degrees) between positions of a file and of the grid: the files give centres, the grid corners."""
+
+
+def forcing_of(
+    folder: Path, days: float = DAYS, *, own: bool = False, zone: tuple[float, float] = ZONE
+) -> GriddedForcing:
+    """Return the hourly forcing, checked for the length of the run.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Folder of the files.
+    days : float
+        Length of the run.
+    own : bool
+        Interpolate the sea level between the hours as all other fields, instead of holding it as the reference does.
+    zone : tuple of float
+        Corner of the grounding zone, degrees.
+
+    Raises
+    ------
+    ForcingError
+        Naming the file that does not serve, what would be right, and how to get it.
+    """
+    try:
+        grid = read_grid(folder / GRID, radius=EARTH_RADIUS_A68)
+        files = open_hours(folder, grid)
+    except InputError as error:
+        raise ForcingError(error.what, where=error.where, remedy=f"{error.remedy}; {REMEDY}") from error
+    last = START_RECORD + math.ceil(days * 24.0)
+    for file in files:
+        _check(file, grid, days, last)
+    still = grid.fields(depth=UNKNOWN_DEPTH)
+    records, times = hourly_records(files, Assembler(grid, still), START_RECORD)
+    return GriddedForcing(
+        grid,
+        records,
+        times,
+        depth_rule="zone",
+        zone=(zone[0] + 360.0, zone[1]),
+        stepwise=() if own else ("ssh",),
+        sea_level_gaps=True,
+        start=DEFAULT_START,
+        source="hourly OSCAR currents, DUACS sea level and NCEP wind of December 2020",
+    )
+
+
+def _check(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
+    """Refuse a file that is too short, of another place, or without believable values."""
+    if file.count < last:
+        raise ForcingError(
+            f"{file.count} hourly records, but {days:g} days from record {START_RECORD} (9 December 13:00) need {last}",
+            where=f"{file.path}, variable {file.names[0]}",
+            remedy=f"The published file has 744 (wind 739): {REMEDY}; or shorten the run with --days",
+        )
+    _check_positions(file.path, grid)
+    for number in (START_RECORD - 1, last - 1):
+        for name, values in file.record(number).items():
+            top = float(np.max(np.abs(values), where=np.isfinite(values), initial=-1.0))
+            if not 0.0 <= top <= LIMITS[name]:
+                met = "no number at all" if top < 0.0 else f"values up to {top:g}"
+                raise ForcingError(
+                    f"{met} in record {number + 1}",
+                    where=f"{file.path}, variable {name}",
+                    remedy=f"Numbers up to {LIMITS[name]:g} (m, m/s) are right; delete the file, {REMEDY} anew",
+                )
+
+
+def _check_positions(path: Path, grid: Grid) -> None:
+    """Compare the positions that a file gives itself, if any, with those of the grid."""
+    rows, columns = grid.domain
+    there = {"lon": grid.arrays.lon[rows, columns][0], "lat": grid.arrays.lat[rows, columns][:, 0]}
+    with netCDF4.Dataset(path) as dataset:
+        for name, right in there.items():
+            if name not in dataset.variables or dataset[name].shape != right.shape:
+                continue
+            given = np.asarray(dataset[name][:], np.float64)
+            away = float(np.abs((given - right + 180.0) % 360.0 - 180.0).max())
+            if not away <= AWAY:
+                raise ForcingError(
+                    f"its {name} runs from {given[0]:g} to {given[-1]:g}, {away:g} degrees away from the grid's",
+                    where=str(path),
+                    remedy=f"It must lie on the grid of {GRID}: {REMEDY}",
+                )
+
+
+def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] = ZONE) -> Model:
+    """Return the model of the published run from the files of a folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Folder of the files.
+    options : Options
+        ``numerics`` "own" for Riftberg's, else the reference's; ``days`` and changes of parameters.
+    zone : tuple of float
+        Corner of the grounding zone, degrees.
+    """
+    own = options.numerics == "own"
+    forcing = forcing_of(folder, DAYS if options.days is None else options.days, own=own, zone=zone)
+    assert forcing.grid is not None
+    elements, _ = read_restart(folder / BERG, forcing.grid)
+    parameters = options.apply(A68A_2022 if own else A68A_2022_KID)
+    earth = parameters.earth
+    bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
+    berg = Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": BERG})
+    return Model(berg, forcing, parameters, DEFAULT_START)
+
+
+def build(options: Options) -> tuple[Model, Info]:
+    """Build the experiment (see `riftberg.experiments.build`)."""
+    folder = data_folder(options, FILES, NAME, hourly=True)
+    whose = "Riftberg's numerics" if options.numerics == "own" else "the reference's numerics"
+    title = f"A68a as published (Huth et al. 2022), {whose}"
+    return paper_model(folder, options), Info(NAME, title, days=DAYS, output_every_hours=1.0)
