@@ -26,8 +26,8 @@ HOURS = {WIND_FILE: 739, OCEAN_FILE: 744, SEA_LEVEL_FILE: 744}
 SIZES = {WIND_FILE: 416_971_208, OCEAN_FILE: 419_792_376, SEA_LEVEL_FILE: 419_795_392}
 """Bytes of the published files."""
 
-PLACE = {OCEAN_FILE: 0.0625, WIND_FILE: 0.0625, SEA_LEVEL_FILE: 0.0625}
-"""What the positions ``lon``, ``lat`` of the monthly files differ by from those of the grid file, degrees."""
+OFFSET = 0.0625
+"""What the positions ``lon``, ``lat`` of the monthly files are more than those of the grid file, degrees."""
 
 Field = NDArray[Any]
 
@@ -54,7 +54,7 @@ def write_hours(
         out.set_fill_off()
         for name, size in (("time", None), ("lat", lat.size), ("lon", lon.size)):
             out.createDimension(name, size)
-        axes = {"lon": (lon + PLACE[path.name], "lon"), "lat": (lat + PLACE[path.name], "lat")}
+        axes = {"lon": (lon + OFFSET, "lon"), "lat": (lat + OFFSET, "lat")}
         if path.name == SEA_LEVEL_FILE:
             axes |= {"actual_lon": (lon, "lon"), "actual_lat": (lat, "lat")}
         for name, (values, dimension) in axes.items():
@@ -69,7 +69,7 @@ def write_hours(
                 variable[number] = values
 
 
-def unpacked_hours(case: Path, file: str, records: Sequence[int]) -> dict[str, dict[int, Field]]:
+def unpacked_hours(case: Path, file: str, records: Sequence[int], box: Any) -> dict[str, dict[int, Field]]:
     """Return records of a reference case in double precision; a single record stands for every hour."""
     found: dict[str, dict[int, Field]] = {}
     with netCDF4.Dataset(case / "data" / file) as dataset:
@@ -78,18 +78,25 @@ def unpacked_hours(case: Path, file: str, records: Sequence[int]) -> dict[str, d
             variable = dataset[name]
             scale = np.float64(getattr(variable, "scale_factor", 1.0))
             raw = variable[:]
-            found[name] = {k: raw[k if len(raw) > 1 else 0] * scale for k in records}
+            found[name] = {k: raw[k if len(raw) > 1 else 0][box] * scale for k in records}
     return found
 
 
-def stand_ins(case: Path, folder: Path, days: float) -> Path:
-    """Make a folder of the paper's files from a reference case: its grid, berg and hours for so many days."""
+def stand_ins(case: Path, folder: Path, days: float, box: Any = np.s_[:, :]) -> Path:
+    """Make a folder of the paper's files from a reference case: its grid, berg and hours for so many days.
+
+    ``box`` cuts rows and columns out of the grid.
+    """
     folder.mkdir(parents=True)
     shutil.copy(case / "INPUT" / "icebergs.res.nc", folder)
-    shutil.copy(case / "data" / GRID_FILE, folder)
-    with netCDF4.Dataset(folder / GRID_FILE) as grid:
-        lon, lat = np.array(grid["longitude"][0]), np.array(grid["latitude"][:, 0])
+    with netCDF4.Dataset(case / "data" / GRID_FILE) as grid:
+        lon, lat = np.array(grid["longitude"][:][box]), np.array(grid["latitude"][:][box])
+    with netCDF4.Dataset(folder / GRID_FILE, "w", format="NETCDF3_64BIT_OFFSET") as out:
+        for name, size in zip(("lat", "lon"), lon.shape, strict=True):
+            out.createDimension(name, size)
+        for name, values in (("longitude", lon), ("latitude", lat)):
+            out.createVariable(name, "f8", ("lat", "lon"))[:] = values
     records = range(205, 206 + int(np.ceil(24 * days)))
     for file, hours in HOURS.items():
-        write_hours(folder / file, unpacked_hours(case, file, records), lon, lat, hours)
+        write_hours(folder / file, unpacked_hours(case, file, records, box), lon[0], lat[:, 0], hours)
     return folder

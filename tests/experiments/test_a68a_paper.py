@@ -12,8 +12,8 @@ from typing import Any
 import netCDF4
 import numpy as np
 import pytest
-from paper_files import HOURS, SIZES, stand_ins, write_hours
 
+from experiments.paper_files import HOURS, SIZES, stand_ins, write_hours
 from parity.records import EARTH, read
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError

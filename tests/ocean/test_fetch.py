@@ -251,6 +251,23 @@ def test_damaged_part_is_removed_and_fetched_again(shelf: Shelf, base: str, tmp_
     assert fetch_a68a(folder, base_url=base, hourly=[SMALL], files={}, progress=False)[0].exists()
 
 
+def test_a_pointer_of_git_lfs_in_the_place_of_a_merged_file_gives_way(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    """As a copy of the repository without its large files leaves it."""
+    stock(shelf, tmp_path)
+    folder = tmp_path / "a"
+    folder.mkdir()
+    (folder / SMALL.merged).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n")
+    (path,) = fetch_a68a(folder, base_url=base, hourly=[SMALL], files={}, progress=False)
+    with netCDF4.Dataset(path) as ds:
+        assert len(ds.dimensions["time"]) == 24
+
+
+def test_a_merged_file_that_cannot_be_read_is_explained(base: str, tmp_path: Path) -> None:
+    (tmp_path / SMALL.merged).write_text("<html>maintenance</html>")
+    with pytest.raises(ForcingError, match=r"cannot be read.*Delete it and fetch again"):
+        fetch_a68a(tmp_path, base_url=base, hourly=[SMALL], files={}, progress=False)
+
+
 def test_full_disk_while_merging_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = []
     for number in range(2):

@@ -166,6 +166,36 @@ def test_times_outside_the_records_are_refused_with_dates(scene):
     forcing.sample(e, 7200.0 + 1e-7)
 
 
+def test_gaps_in_the_sea_level_make_no_slope_where_that_is_asked_for(scene):
+    """Spec 3.2: a slope that needs a missing value is 0; elsewhere nothing changes, and currents are still checked."""
+    grid, states, e = scene
+    g, zone = grid.arrays, {"depth_rule": "zone", "zone": (0.0, 89.0)}
+    GriddedForcing(grid, states[0], **zone).sample(e, 0.0)
+    whole = environment(e)
+    j, i = int(e.cell_j[0]), int(e.cell_i[0])
+    ssh = states[0].ssh.copy()
+    ssh[j, i] = np.nan
+    gappy = states[0]._replace(ssh=ssh)
+    with pytest.raises(ForcingError, match="ssh is NaN over water"):
+        GriddedForcing(grid, gappy, **zone).check(e, 0.0, 0.0)
+    forcing = GriddedForcing(grid, gappy, **zone, sea_level_gaps=True)
+    forcing.check(e, 0.0, 0.0)
+    forcing.sample(e, 0.0)
+    assert e.slope_x[0] == e.slope_y[0] == 0.0
+    far = (np.abs(e.cell_j - j) > 2) | (np.abs(e.cell_i - i) > 2)
+    np.testing.assert_array_equal(environment(e)[:, far], whole[:, far])
+    slopes = [ENVIRONMENT.index("slope_x"), ENVIRONMENT.index("slope_y")]
+    others = np.setdiff1d(np.arange(len(ENVIRONMENT)), slopes)
+    np.testing.assert_array_equal(environment(e)[others], whole[others])
+    assert "no slope of the sea surface beside gaps" in forcing.describe()
+    uo = states[0].uo.copy()
+    uo[g.mask >= 0.5] = np.nan
+    with pytest.raises(ForcingError, match="uo is NaN over water"):
+        GriddedForcing(grid, gappy._replace(uo=uo), **zone, sea_level_gaps=True).check(e, 0.0, 0.0)
+    with pytest.raises(ForcingError, match="a depth that needs the sea level"):
+        GriddedForcing(grid, gappy, sea_level_gaps=True)
+
+
 @pytest.mark.parametrize("lazy", [False, True])
 def test_gaps_over_water_are_refused_with_name_place_and_remedy(scene, lazy):
     """A NaN in water in a needed record is named; on land, or in a record that is not needed, it does no harm."""

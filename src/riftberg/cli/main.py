@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from riftberg import __version__
-from riftberg.cli import animate, bench, doctor, fetch, kid, plot, replay, run, score, why
+from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, why
 
 app = typer.Typer(
     name="riftberg",
@@ -45,6 +45,7 @@ app.command("plot")(plot.plot)
 app.command("animate")(animate.animate)
 app.command("replay")(replay.replay)
 app.command("score")(score.score)
+app.command("compare")(compare.compare)
 app.command("why")(why.why)
 app.command("doctor")(doctor.doctor)
 app.command("fetch")(fetch.fetch)

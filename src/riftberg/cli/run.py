@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
 from riftberg.errors import InputError, RiftbergError, RunError
-from riftberg.experiments import EXPERIMENTS, Info, Options
+from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -35,8 +35,14 @@ Days = Annotated[float | None, typer.Option("--days", help="Length of the run, i
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of data files.")]
 Without = Annotated[list[str] | None, typer.Option("--without", help="Leave out a part of the experiment.")]
 NumericsName = Annotated[
-    str, typer.Option("--numerics", help="'own', or 'reference' for the numerics and quirks of iKID.")
+    str | None,
+    typer.Option(
+        "--numerics",
+        help="'own', 'reference' for the numerics and quirks of iKID, or 'both' for both, side by side.  "
+        "[default: own; reference for a68a-paper]",
+    ),
 ]
+BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 
 @reported
@@ -47,19 +53,54 @@ def run(
     days: Days = None,
     data: Data = None,
     without: Without = None,
-    numerics: NumericsName = "own",
+    numerics: NumericsName = None,
+    fetch: Annotated[
+        bool, typer.Option("--fetch", help="Fetch missing data files first (a68a-paper: 1.3 GB).")
+    ] = False,
     every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
-    options = make_options(settings, days, data, without, numerics)
+    options = make_options(settings, days, data, without, numerics, fetch)
     announce_compilation(quiet)
+    if numerics == "both":
+        if resume is not None:
+            raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
+        _run_both(experiment, options, output, every, map_, quiet)
+        return
     model, info = _built(experiment, options, resume)
     session = Session(model, info, output_folder(output, info.name), experiment)
     session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
     session.report(draw=map_)
+
+
+def _run_both(
+    experiment: str, options: Options, output: Path | None, every: float | None, draw: bool, quiet: bool
+) -> None:
+    """Run an experiment with both numerics and show them side by side."""
+    from riftberg.cli.compare import comparison, joined_maps, show
+    from riftberg.experiments import build
+
+    folders: list[Path] = []
+    folder = output
+    for numerics in BOTH:
+        model, info = build(experiment, replace(options, numerics=numerics))
+        folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
+        folders.append(folder / numerics)
+        folders[-1].mkdir(parents=True, exist_ok=True)
+        session = Session(model, info, folders[-1], f"{experiment} --numerics {numerics}")
+        hours = info.output_every_hours if every is None else every
+        session.run(options.days if options.days is not None else info.days, hours, quiet)
+        session.report(draw=draw)
+    assert folder is not None
+    found = comparison(folders, BOTH)
+    show(found)
+    files = [found.write(folder / "comparison.json")]
+    if draw:
+        files += joined_maps(folders, folder / "comparison.png")
+    typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
 def experiments() -> None:
@@ -75,21 +116,23 @@ def make_options(
     days: float | None,
     data: Path | None,
     without: list[str] | None,
-    numerics: str,
+    numerics: str | None = None,
+    fetch: bool = False,
 ) -> Options:
     """Check what was given on the command line."""
-    if numerics not in ("own", "reference"):
-        raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference")
+    if numerics not in (None, "own", "reference", "both"):
+        raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
     if days is not None and not days > 0.0:
         raise InputError(f"{days:g} days", where="--days", remedy="Give a number above 0")
-    if data is not None and not data.is_dir():
+    if data is not None and not data.is_dir() and not fetch:
         raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
     changes: dict[str, dict[str, Any]] = {}
     if settings:
         from riftberg.experiments.changes import parse_settings
 
         changes = parse_settings(settings)
-    return Options(changes, days, data, frozenset(without or ()), "own" if numerics == "own" else "reference")
+    chosen: Numerics | None = "own" if numerics == "own" else "reference" if numerics == "reference" else None
+    return Options(changes, days, data, frozenset(without or ()), chosen, fetch)
 
 
 def announce_compilation(quiet: bool = False) -> None:
@@ -100,12 +143,12 @@ def announce_compilation(quiet: bool = False) -> None:
         say(f"First run with this version: compiling takes {COMPILE_TIME}, once.")
 
 
-def output_folder(given: Path | None, name: str) -> Path:
+def output_folder(given: Path | None, name: str, holds: str = "run.nc") -> Path:
     """Return the folder of the results; without a wish, one that holds no earlier run."""
     if given is not None:
         return given
     folder, number = Path("riftberg-out") / name, 1
-    while (folder / "run.nc").exists():
+    while (folder / holds).exists():
         number += 1
         folder = Path("riftberg-out") / f"{name}-{number}"
     return folder

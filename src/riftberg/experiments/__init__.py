@@ -186,6 +186,8 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     if name.endswith((".yaml", ".yml")):
         from riftberg.experiments.yaml_file import build_file
 
+        if options.fetch:
+            raise InputError("a YAML experiment names its own files", where="--fetch", remedy="Use riftberg fetch")
         return build_file(Path(name), options)
     entry = find(name)
     unknown = sorted(options.without - set(entry.parts))

@@ -41,3 +41,21 @@ A68A_OBSERVED = (
     Observed(26, -57.0181, -36.0184, 177.0, 2776.0),
 )
 """The observed days; those of 10 and 24 December saw only a part of the berg."""
+
+PARTIAL = (10, 24)
+"""Days of December of which only a part of the berg was seen."""
+
+PUBLISHED = {
+    "break-up 1": "around 17 Dec, aground: the tip (A68D)",
+    "break-up 2": "around 20 Dec, afloat: the finger",
+    "wall time a day": "about 10 s (Xeon E5-2697 v4)",
+}
+"""What Huth et al. (2022) say of their run (text, Fig. 2, "Computational efficiency")."""
+
+SEEN = {
+    "break-up 1": "17 Dec, aground: 134 to 157 km² (A68D)",
+    "break-up 2": "21 to 22 Dec, afloat: 595 to 652 km² (the finger)",
+    "break-up 3": "seen 23 Dec: 222 to 226 km²",
+    "largest piece at the end": "2596 to 2641 km² (23 to 25 Dec)",
+}
+"""What happened: Huth et al. (2022), and areas of the outlines in its repository."""

@@ -19,7 +19,7 @@ from riftberg.io.kid.ncfile import opened, packing_of, raw_values, shape_of, unp
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats
 
-BLOCK_BYTES: Final = 4 * 2**20
+BLOCK_BYTES: Final = 8 * 2**20
 """Stored bytes of one variable in a block, about; a block holds at least one chunk."""
 
 LARGEST_CHUNK: Final = 32 * 2**20

@@ -1,0 +1,128 @@
+"""``riftberg compare``: runs side by side, beside what was published and observed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from riftberg.cli.failures import reported, say
+from riftberg.errors import InputError
+
+if TYPE_CHECKING:
+    from riftberg.diagnostics.compare import Comparison, Known
+
+
+@reported
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN ...", help="Folders that 'riftberg run' made.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json and comparison.png.")
+    ] = None,
+    observed: Annotated[
+        Path | None,
+        typer.Option("--observed", help="Positions (CSV) to compare with.  [default: those of A68a, for its runs]"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+) -> None:
+    """Show runs side by side: break-ups, bonds, and the distance from the observed positions by day."""
+    import json
+
+    found = comparison(runs, names_of(runs), observed)
+    if as_json:
+        typer.echo(json.dumps(found.as_dict(), indent=1))
+    else:
+        show(found)
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+        written = [found.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
+        say("Written: " + ", ".join(str(path) for path in written))
+
+
+def names_of(runs: Sequence[Path]) -> list[str]:
+    """Return short names that differ: of the folders, or the paths where these are the same."""
+    short = [folder_of(run).name for run in runs]
+    return short if all(short) and len(set(short)) == len(short) else [str(run) for run in runs]
+
+
+def folder_of(run: Path) -> Path:
+    """Return the folder of a run, which may be named by its run file."""
+    return run if run.is_dir() or run.suffix != ".nc" else run.parent
+
+
+def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
+    """Read runs and put them side by side."""
+    from riftberg.diagnostics.compare import compare, read_told
+
+    folders = [folder_of(run) for run in runs]
+    for folder in folders:
+        if not (folder / "run.nc").is_file():
+            raise InputError("no run.nc", where=str(folder), remedy="Name folders that 'riftberg run' made")
+    known = _known(folders[0], observed)
+    return compare([read_told(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
+
+
+def _known(folder: Path, observed: Path | None) -> Known:
+    """Return what is known of the event that the first run is about."""
+    from riftberg.diagnostics.compare import Known, dated
+    from riftberg.diagnostics.observed import Fix, read_observed
+    from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
+    from riftberg.io.run_file import open_run
+
+    with open_run(folder) as dataset:
+        experiment = str(dataset.attrs.get("experiment", ""))
+        start = datetime.fromisoformat(str(dataset.attrs["start"]))
+    fixes: list[Fix] = []
+    if observed is not None:
+        fixes = dated(read_observed(observed).fixes, start.hour + start.minute / 60.0)
+        if not fixes:
+            raise InputError("no positions", where=f"--observed {observed}", remedy="Outlines: see riftberg score")
+    elif experiment.startswith("a68a"):
+        fixes = [
+            Fix("A68A", datetime(2020, 12, o.day, 13), False, o.lon, o.lat, o.azimuth, o.area * 1e6)
+            for o in A68A_OBSERVED
+            if o.day not in PARTIAL
+        ]
+    if not experiment.startswith("a68a"):
+        return Known(fixes=fixes)
+    return Known(dict(PUBLISHED), dict(SEEN), fixes)
+
+
+def show(found: Comparison) -> None:
+    """Print the table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(show_lines=False)
+    for k, name in enumerate(found.columns):
+        table.add_column(name, overflow="fold", no_wrap=k == 0)
+    for label, cells in found.rows:
+        table.add_row(label, *cells)
+    console = Console()
+    # A file or a pipe has no width of its own.
+    if not console.is_terminal:
+        console = Console(width=40 + 34 * (len(found.columns) - 1))
+    console.print(table, highlight=False)
+
+
+def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
+    """Put the maps of runs below each other; nothing where a run has none.
+
+    Returns
+    -------
+    list of Path
+        The picture, if there is one.
+    """
+    import numpy as np
+    from matplotlib.image import imread, imsave
+
+    maps = [folder_of(run) / "map.png" for run in runs]
+    if not all(one.is_file() for one in maps):
+        return []
+    pictures = [imread(one)[..., :3] for one in maps]
+    width = min(picture.shape[1] for picture in pictures)
+    imsave(path, np.concatenate([picture[:, :width] for picture in pictures]))
+    return [path]

@@ -1,0 +1,277 @@
+"""Runs side by side: what broke off when and where, and how far each was from what was observed, day by day.
+
+Each run is read from its folder (``summary.json`` and ``run.nc``). The berg at an observed day is the largest fragment,
+together with further ones, largest first, as long as they bring its area closer to the observed area: so a finger that
+is off but still in the observed outline counts to the berg, and a tip that was left behind does not.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from riftberg.diagnostics.observed import Fix
+from riftberg.diagnostics.overlap import axis_difference, distance
+from riftberg.diagnostics.track import Position, berg_position
+from riftberg.errors import InputError
+from riftberg.viz.scene import Scene
+
+SMALL: Final = 50.0
+"""Pieces below this area (km2) are counted, not listed."""
+
+MOST_EVENTS: Final = 6
+"""Break-ups listed; further ones are counted."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of the real event, for columns beside the runs.
+
+    Attributes
+    ----------
+    published, observed : dict
+        Texts by the label of a row, of the published run and of the real berg.
+    fixes : sequence of Fix
+        Where the berg was.
+    """
+
+    published: dict[str, str] = field(default_factory=dict)
+    observed: dict[str, str] = field(default_factory=dict)
+    fixes: Sequence[Fix] = ()
+
+
+@dataclass(frozen=True)
+class Day:
+    """One run at one observed time.
+
+    Attributes
+    ----------
+    time : str
+        ISO 8601, of the observation.
+    distance_km : float
+        Between the centroids.
+    azimuth_difference : float or None
+        Long axes, model minus observed, degrees in [-90, 90).
+    area_km2 : float
+        Of the fragments that were compared.
+    """
+
+    time: str
+    distance_km: float
+    azimuth_difference: float | None
+    area_km2: float
+
+
+@dataclass(frozen=True)
+class Told:
+    """One run: its name, its summary, and its days."""
+
+    name: str
+    summary: dict[str, Any]
+    days: list[Day]
+
+    def rms(self) -> tuple[float, float] | None:
+        """Return root mean squares of distance (km) and of the difference of the axes (degrees); None without days."""
+        turns = [d.azimuth_difference for d in self.days if d.azimuth_difference is not None]
+        if not self.days:
+            return None
+        return _rms([d.distance_km for d in self.days]), _rms(turns)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs side by side.
+
+    Attributes
+    ----------
+    columns : list of str
+        Headings; the first column holds the labels of the rows.
+    rows : list of (label, cells)
+    runs : list of Told
+    """
+
+    columns: list[str]
+    rows: list[tuple[str, list[str]]]
+    runs: list[Told]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers, texts, lists and dicts."""
+        runs = [
+            {
+                "name": run.name,
+                "breakups": run.summary["breakups"],
+                "bonds_broken": run.summary["bonds_broken"],
+                "bonds_total": run.summary["bonds_total"],
+                "largest_km2": run.summary["largest_km2"],
+                "seconds_per_day": run.summary["seconds_per_day"],
+                "days": [asdict(day) for day in run.days],
+            }
+            for run in self.runs
+        ]
+        return {"columns": self.columns, "rows": [[label, *cells] for label, cells in self.rows], "runs": runs}
+
+    def write(self, path: str | Path) -> Path:
+        """Write as JSON."""
+        path = Path(path)
+        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        return path
+
+
+def read_told(folder: Path, name: str, fixes: Sequence[Fix]) -> Told:
+    """Read a run from its folder and compare it with the observed positions.
+
+    Raises
+    ------
+    InputError
+        If the folder lacks ``summary.json``; the run file is checked when it is opened.
+    """
+    from riftberg.io.run_file import open_run
+
+    path = folder / "summary.json"
+    if not path.is_file():
+        raise InputError("no summary.json", where=str(folder), remedy="Name folders that 'riftberg run' made")
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    with open_run(folder) as dataset:
+        scene = Scene(dataset)
+        days = [day for fix in fixes if (day := _day(scene, fix)) is not None] if scene.latlon else []
+    return Told(name, summary, days)
+
+
+def _day(scene: Scene, fix: Fix) -> Day | None:
+    apart = np.abs(scene.times - np.datetime64(fix.when)) / np.timedelta64(1, "h")
+    record = int(np.argmin(apart))
+    if apart[record] > 1.0:
+        return None
+    made = observed_part(scene, record, fix.area)
+    turned = axis_difference(made.azimuth, fix.azimuth)
+    return Day(
+        fix.when.isoformat(),
+        distance(made.lon, made.lat, fix.lon, fix.lat, scene.radius) / 1e3,
+        None if math.isnan(turned) else turned,
+        made.area / 1e6,
+    )
+
+
+def observed_part(scene: Scene, record: int, area: float) -> Position:
+    """Return place and heading of the fragments that make up the berg as it was seen.
+
+    Parameters
+    ----------
+    scene : Scene
+        The run.
+    record : int
+        Its record.
+    area : float
+        Observed area, m2; NaN takes the largest fragment alone.
+    """
+    _, index = np.unique(scene.berg[record], return_inverse=True)
+    sizes = np.bincount(index, weights=scene.area)
+    order = np.argsort(-sizes, kind="stable")
+    chosen, total = [order[0]], sizes[order[0]]
+    for k in order[1:]:
+        if abs(total + sizes[k] - area) < abs(total - area):
+            chosen.append(k)
+            total += sizes[k]
+    rows = np.isin(index, chosen)
+    return berg_position(scene.x[record][rows], scene.y[record][rows], scene.area[rows], radius=scene.radius)
+
+
+def compare(runs: Sequence[Told], known: Known | None = None) -> Comparison:
+    """Return runs side by side.
+
+    Parameters
+    ----------
+    runs : sequence of Told
+        From `read_told`.
+    known : Known, optional
+        Columns of the published run and of the observations.
+    """
+    known = known or Known()
+    seen = {_stamp(fix.when.isoformat()): _place(fix) for fix in known.fixes}
+    beside = {name: texts for name, texts in (("published", known.published), ("observed", known.observed)) if texts}
+    if seen:
+        beside["observed"] = {**known.observed, **seen}
+    cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*known.published, *known.observed)}
+    for k, run in enumerate(runs):
+        for label, text in _cells(run).items():
+            cells.setdefault(label, [""] * len(runs))[k] = text
+    order = sorted(cells, key=lambda label: (_RANK.get(label, 1 if label.startswith(_BREAK_UP) else 7), label))
+    rows = [(label, [*(texts.get(label, "") for texts in beside.values()), *cells[label]]) for label in order]
+    return Comparison(["", *beside, *(run.name for run in runs)], rows, list(runs))
+
+
+_BREAK_UP: Final = "break-up"
+_RANK: Final = {
+    "further break-ups": 2,
+    "smaller pieces": 3,
+    "largest piece at the end": 4,
+    "bonds broken": 5,
+    "wall time a day": 6,
+    "rms of the days": 8,
+}
+
+
+def _cells(run: Told) -> dict[str, str]:
+    s = run.summary
+    events = [event for event in s["breakups"] if event["area_km2"] >= SMALL]
+    rows = {f"{_BREAK_UP} {k}": _event(event) for k, event in enumerate(events[:MOST_EVENTS], 1)}
+    if len(events) > MOST_EVENTS:
+        rows["further break-ups"] = str(len(events) - MOST_EVENTS)
+    rows["smaller pieces"] = f"{len(s['breakups']) - len(events)} below {SMALL:g} km²"
+    rows["largest piece at the end"] = f"{s['largest_km2']:.0f} km²"
+    share = 100.0 * s["bonds_broken"] / max(1, s["bonds_total"])
+    rows["bonds broken"] = f"{s['bonds_broken']} of {s['bonds_total']} = {share:.1f} %"
+    if s["seconds_per_day"] is not None:
+        rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
+    rows |= {_stamp(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
+    means = run.rms()
+    if means is not None:
+        rows["rms of the days"] = f"{means[0]:.1f} km, {means[1]:.0f}°"
+    return rows
+
+
+def _event(event: dict[str, Any]) -> str:
+    when = datetime.fromisoformat(event["time"])
+    ground = "aground" if event["grounded"] else "afloat"
+    return (
+        f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, "
+        f"at {_degrees(event['lat'], 'NS')} {_degrees(event['lon'], 'EW')}"
+    )
+
+
+def _degrees(value: float, letters: str) -> str:
+    value = (value + 180.0) % 360.0 - 180.0
+    return f"{abs(value):.2f} {letters[value < 0.0]}"
+
+
+def _place(fix: Fix) -> str:
+    turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
+    return f"{_degrees(fix.lat, 'NS')} {_degrees(fix.lon, 'EW')}{turned}"
+
+
+def _stamp(time: str) -> str:
+    return f"{datetime.fromisoformat(time):%Y-%m-%d %H:%M}"
+
+
+def _apart(kilometres: float, turned: float | None) -> str:
+    return f"{kilometres:.1f} km off" + ("" if turned is None else f", {turned:+.0f}°")
+
+
+def _rms(values: Sequence[float]) -> float:
+    return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
+
+
+def dated(fixes: Sequence[Fix], hour: float) -> list[Fix]:
+    """Return observations with an hour (UTC) for those that know only their day, and without interpolated ones."""
+    return [
+        Fix(f.name, f.when + timedelta(hours=hour), False, f.lon, f.lat, f.azimuth, f.area) if f.day_only else f
+        for f in fixes
+        if not f.interpolated
+    ]

@@ -1,0 +1,114 @@
+"""Runs side by side: events, distances by day, and which fragments count to the berg that was seen."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from fakes import FakeModel
+from riftberg.diagnostics.compare import Known, compare, dated, observed_part, read_told
+from riftberg.diagnostics.observed import Fix
+from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.errors import InputError
+from riftberg.io.run_file import RunWriter, open_run
+from riftberg.viz.scene import Scene
+
+METRES = math.radians(1.0) * 6_363_827.0
+WHOLE, REST, END = 216.0, 162.0, 54.0
+"""Areas of the fake berg, of what is left of it, and of its end, which breaks off after a day, km2."""
+
+
+def make_run(folder: Path, **changes: float) -> Path:
+    """Write a run of four days."""
+    model = FakeModel(**changes)  # type: ignore[arg-type]
+    folder.mkdir(parents=True)
+    model.advance(4, recorders=[RunWriter(folder / "run.nc", every_hours=3, experiment="fake")])
+    write_summary(summarize(model, experiment="fake"), folder / "summary.json")  # type: ignore[arg-type]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_run(tmp_path_factory.mktemp("compare") / "one")
+
+
+def fix(folder: Path, day: int, area: float, *, north: float = 0.0, turn: float = 0.0) -> Fix:
+    """Return the place of the run's own berg after some days, moved north (m) and turned (degrees)."""
+    with open_run(folder) as dataset:
+        place = observed_part(Scene(dataset), 8 * day, area * 1e6)
+    when = datetime(2020, 12, 9 + day, 13)
+    return Fix("X", when, False, place.lon, place.lat + north / METRES, (place.azimuth + turn) % 180.0, area * 1e6)
+
+
+def test_distance_and_turn_are_those_that_were_put_in(folder: Path) -> None:
+    seen = [fix(folder, 0, WHOLE, north=3000.0, turn=20.0), fix(folder, 1, WHOLE, north=-4000.0, turn=-10.0)]
+    told = read_told(folder, "one", seen)
+    assert [day.distance_km for day in told.days] == pytest.approx([3.0, 4.0], rel=1e-6)
+    assert [day.azimuth_difference for day in told.days] == pytest.approx([-20.0, 10.0], abs=1e-6)
+    assert told.rms() == pytest.approx((math.sqrt(12.5), math.sqrt(250.0)), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("area", "counted"), [(WHOLE, WHOLE), (190.0, WHOLE), (188.0, REST), (REST, REST), (50.0, REST), (math.nan, REST)]
+)
+def test_fragments_count_as_long_as_they_bring_the_area_closer(folder: Path, area: float, counted: float) -> None:
+    """162 or 216 km2: the end counts to an outline above their mean of 189."""
+    with open_run(folder) as dataset:
+        made = observed_part(Scene(dataset), 16, area * 1e6)
+    assert made.area == pytest.approx(counted * 1e6)
+
+
+def test_days_outside_of_the_run_are_left_out(folder: Path) -> None:
+    late = replace(fix(folder, 4, REST), when=datetime(2020, 12, 20, 13))
+    assert [day.time for day in read_told(folder, "one", [late, fix(folder, 4, REST)]).days] == ["2020-12-13T13:00:00"]
+    assert read_told(folder, "one", [late]).rms() is None
+
+
+def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> None:
+    other = make_run(tmp_path / "two", break_time=math.inf)
+    seen = [fix(folder, 0, WHOLE, north=1000.0)]
+    known = Known({"break-up 1": "about then"}, {"break-up 2": "nobody's"}, seen)
+    runs = [read_told(folder, "one", seen), read_told(other, "two", seen)]
+    found = compare(runs, known)
+    assert found.columns == ["", "published", "observed", "one", "two"]
+    rows = dict(found.rows)
+    assert rows["break-up 1"][0] == "about then"
+    assert rows["break-up 1"][2].startswith("10 Dec 13:00 aground: 54 km², 3 bonds, at 55.0")
+    assert rows["break-up 1"][2].endswith(" W")
+    assert rows["break-up 1"][3] == ""
+    assert rows["break-up 2"] == ["", "nobody's", "", ""]
+    assert rows["bonds broken"][2:] == ["3 of 37 = 8.1 %", "0 of 37 = 0.0 %"]
+    assert rows["largest piece at the end"][2:] == ["162 km²", "216 km²"]
+    assert rows["2020-12-09 13:00"][2:] == ["1.0 km off, +0°", "1.0 km off, +0°"]
+    assert "S" in rows["2020-12-09 13:00"][1]
+    assert [label for label, _ in found.rows][-2:] == ["2020-12-09 13:00", "rms of the days"]
+    told = json.loads(found.write(tmp_path / "c.json").read_text())
+    assert told["runs"][0]["breakups"][0]["area_km2"] == 54.0
+    assert told["runs"][1]["days"][0]["distance_km"] == pytest.approx(1.0, rel=1e-6)
+
+
+def test_small_and_many_pieces_are_counted(folder: Path) -> None:
+    told = read_told(folder, "one", [])
+    event = told.summary["breakups"][0]
+    told.summary["breakups"] = [{**event, "area_km2": 9.0}] * 3 + [event] * 8
+    rows = dict(compare([told]).rows)
+    assert rows["smaller pieces"] == ["3 below 50 km²"]
+    assert "break-up 6" in rows
+    assert "break-up 7" not in rows
+    assert rows["further break-ups"] == ["2"]
+
+
+def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> None:
+    noon = Fix("X", datetime(2020, 12, 9), True, -39.0, -55.0)
+    found = dated([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)
+    assert [f.when for f in found] == [datetime(2020, 12, 9, 13, 30), datetime(2020, 12, 9)]
+
+
+def test_a_folder_without_a_summary_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no summary.json.*riftberg run"):
+        read_told(tmp_path, "x", [])
