@@ -121,6 +121,16 @@ def test_a_failure_saves_the_state_and_says_how_to_go_on(invoke: Any) -> None:
     assert xr.open_dataset("riftberg-out/fake/run.nc").sizes["time"] == 5
 
 
+def test_going_on_names_the_options_that_the_forcing_depends_on(invoke: Any) -> None:
+    invoke.model.fail_at = 3600.0
+    Path("my data").mkdir()
+    result = invoke("run", "fake", "--without", "shoal", "--numerics", "own", "--data", "my data", "--no-map")
+    asked = (
+        "riftberg run fake --without shoal --data 'my data' --numerics own --resume riftberg-out/fake/failed.restart.nc"
+    )
+    assert asked in result.stderr
+
+
 def test_an_unexpected_failure_saves_the_state_too(invoke: Any) -> None:
     invoke.model.fail_at, invoke.model.failure = 3600.0, ZeroDivisionError("oops")
     result = invoke("run", "fake")

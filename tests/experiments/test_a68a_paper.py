@@ -245,7 +245,9 @@ def refused(folder: Path, *words: str, days: float | None = 1.0) -> None:
 
 
 def test_missing_files_are_named_with_the_command_that_gets_them(tmp_path: Path, small: Path) -> None:
-    refused(tmp_path, "no icebergs.res.nc (5 of 5 files are missing)", "riftberg run a68a-paper --fetch", "--data")
+    refused(
+        tmp_path, "no icebergs.res.nc (5 of 5 files are missing)", f"riftberg run a68a-paper --data {tmp_path} --fetch"
+    )
     (small / WIND_FILE).unlink()
     refused(small, f"no {WIND_FILE}", str(small))
 

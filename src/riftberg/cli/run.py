@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -55,7 +56,7 @@ def run(
     without: Without = None,
     numerics: NumericsName = None,
     fetch: Annotated[
-        bool, typer.Option("--fetch", help="Fetch missing data files first (a68a-paper: 1.3 GB).")
+        bool, typer.Option("--fetch", help="Fetch missing data files first (a68a-paper: 1.3 GB, a68a-oras5: 8 MB).")
     ] = False,
     every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
@@ -71,7 +72,7 @@ def run(
         _run_both(experiment, options, output, every, map_, quiet)
         return
     model, info = _built(experiment, options, resume)
-    session = Session(model, info, output_folder(output, info.name), experiment)
+    session = Session(model, info, output_folder(output, info.name), _as_given(experiment, options))
     session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
     session.report(draw=map_)
 
@@ -86,11 +87,12 @@ def _run_both(
     folders: list[Path] = []
     folder = output
     for numerics in BOTH:
-        model, info = build(experiment, replace(options, numerics=numerics))
+        chosen = replace(options, numerics=numerics)
+        model, info = build(experiment, chosen)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         folders[-1].mkdir(parents=True, exist_ok=True)
-        session = Session(model, info, folders[-1], f"{experiment} --numerics {numerics}")
+        session = Session(model, info, folders[-1], _as_given(experiment, chosen))
         hours = info.output_every_hours if every is None else every
         session.run(options.days if options.days is not None else info.days, hours, quiet)
         session.report(draw=draw)
@@ -101,6 +103,16 @@ def _run_both(
     if draw:
         files += joined_maps(folders, folder / "comparison.png")
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
+
+
+def _as_given(experiment: str, options: Options) -> str:
+    """Return the experiment with the options that its forcing depends on, for going on with a run."""
+    words = [experiment, *(word for part in sorted(options.without) for word in ("--without", part))]
+    if options.data is not None:
+        words += ["--data", str(options.data)]
+    if options.numerics is not None:
+        words += ["--numerics", options.numerics]
+    return shlex.join(words)
 
 
 def experiments() -> None:
@@ -182,7 +194,7 @@ class Session:
     folder : pathlib.Path
         Where the results go.
     experiment : str
-        As it was given on the command line.
+        As it was given on the command line, with the options that a run that goes on needs again.
     """
 
     model: Model

@@ -20,7 +20,7 @@ FETCHED: Final = Path("riftberg-data") / "a68a"
 BERG: Final = "icebergs.res.nc"
 GRID: Final = "a68_experiment_ll_p125_grid.nc"
 
-REMEDY: Final = "'riftberg fetch a68a' gets it"
+REMEDY: Final = "delete it, and 'riftberg fetch a68a' gets the right one"
 
 
 def named_folder(options: Options) -> Path:
@@ -73,8 +73,8 @@ def _fault(path: Path) -> str:
 
 
 def _remedy(options: Options, folder: Path, experiment: str) -> str:
-    place = "" if folder == FETCHED else f" -o {folder}"
+    place, data = ("", "") if folder == FETCHED else (f" -o {folder}", f" --data {folder}")
     return (
-        f"'riftberg fetch a68a{place}' gets the files, 'riftberg run {experiment} --fetch' gets them and runs; "
+        f"'riftberg fetch a68a{place}' gets the files, 'riftberg run {experiment}{data} --fetch' gets them and runs; "
         f"or name their folder with --data or {DATA}"
     )

@@ -102,7 +102,7 @@ def _check(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
         raise ForcingError(
             f"{file.count} hourly records, but {days:g} days from record {START_RECORD} (9 December 13:00) need {last}",
             where=f"{file.path}, variable {file.names[0]}",
-            remedy=f"The published file has 744 (wind 739): {REMEDY}; or shorten the run with --days",
+            remedy=f"The published file has 744 (wind 739); {REMEDY}; or shorten the run with --days",
         )
     _check_positions(file.path, grid)
     for number in (START_RECORD - 1, last - 1):
@@ -113,7 +113,7 @@ def _check(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
                 raise ForcingError(
                     f"{met} in record {number + 1}",
                     where=f"{file.path}, variable {name}",
-                    remedy=f"Numbers up to {LIMITS[name]:g} (m, m/s) are right; delete the file, {REMEDY} anew",
+                    remedy=f"Numbers up to {LIMITS[name]:g} (m, m/s) are right; {REMEDY}",
                 )
 
 
@@ -131,7 +131,7 @@ def _check_positions(path: Path, grid: Grid) -> None:
                 raise ForcingError(
                     f"its {name} runs from {given[0]:g} to {given[-1]:g}, {away:g} degrees away from the grid's",
                     where=str(path),
-                    remedy=f"It must lie on the grid of {GRID}: {REMEDY}",
+                    remedy=f"It must lie on the grid of {GRID}; {REMEDY}",
                 )
 
 
