@@ -60,6 +60,14 @@ def test_a_run_writes_its_files_and_says_what_happened(invoke: Any) -> None:
     assert "2 fragments at the end: 162, 54 km2" in result.output
 
 
+def test_places_are_told_between_180_west_and_east(invoke: Any) -> None:
+    """Grids of the reference count longitudes to 360."""
+    invoke.model.__init__(lon=321.0)
+    assert re.search(
+        r"broke off aground \(3 bonds\) at -55\.0\d+, -38\.\d+\n", invoke("run", "fake", "--no-map").output
+    )
+
+
 def test_options_reach_the_experiment(invoke: Any) -> None:
     result = invoke("run", "fake", "--days", "0.5", "--every", "1", "--set", "stepping.time_step=15 min",
                     "--without", "shoal", "--numerics", "reference", "-o", "here", "--no-map", "-q")  # fmt: skip

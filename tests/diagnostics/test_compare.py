@@ -103,6 +103,14 @@ def test_small_and_many_pieces_are_counted(folder: Path) -> None:
     assert rows["further break-ups"] == ["2"]
 
 
+def test_places_are_west_of_greenwich_or_in_kilometres(tmp_path: Path) -> None:
+    """Grids of the reference count longitudes to 360."""
+    told = read_told(make_run(tmp_path / "east", lon=321.0), "east", [])
+    assert dict(compare([told]).rows)["break-up 1"][0].endswith("38.60 W")  # 16.9 + 8.8 km east of 39 W
+    plane = read_told(make_run(tmp_path / "plane", latlon=False), "plane", [])
+    assert dict(compare([plane]).rows)["break-up 1"][0].endswith("at 25.7, -3.5 km")
+
+
 def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> None:
     noon = Fix("X", datetime(2020, 12, 9), True, -39.0, -55.0)
     found = dated([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)

@@ -220,8 +220,9 @@ _RANK: Final = {
 
 def _cells(run: Told) -> dict[str, str]:
     s = run.summary
+    latlon = s["numerics"]["earth"]["latlon"]
     events = [event for event in s["breakups"] if event["area_km2"] >= SMALL]
-    rows = {f"{_BREAK_UP} {k}": _event(event) for k, event in enumerate(events[:MOST_EVENTS], 1)}
+    rows = {f"{_BREAK_UP} {k}": _event(event, latlon) for k, event in enumerate(events[:MOST_EVENTS], 1)}
     if len(events) > MOST_EVENTS:
         rows["further break-ups"] = str(len(events) - MOST_EVENTS)
     rows["smaller pieces"] = f"{len(s['breakups']) - len(events)} below {SMALL:g} km²"
@@ -237,13 +238,13 @@ def _cells(run: Told) -> dict[str, str]:
     return rows
 
 
-def _event(event: dict[str, Any]) -> str:
+def _event(event: dict[str, Any], latlon: bool) -> str:
     when = datetime.fromisoformat(event["time"])
     ground = "aground" if event["grounded"] else "afloat"
-    return (
-        f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, "
-        f"at {_degrees(event['lat'], 'NS')} {_degrees(event['lon'], 'EW')}"
-    )
+    place = f"{_degrees(event['lat'], 'NS')} {_degrees(event['lon'], 'EW')}"
+    if not latlon:
+        place = f"{event['lon'] / 1e3:.1f}, {event['lat'] / 1e3:.1f} km"
+    return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {place}"
 
 
 def _degrees(value: float, letters: str) -> str:
