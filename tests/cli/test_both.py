@@ -18,7 +18,9 @@ from typer.testing import CliRunner
 
 from experiments.paper_files import stand_ins
 from ocean.serving import Shelf, serving
+from riftberg import experiments
 from riftberg.cli.main import app
+from riftberg.experiments import Options
 from riftberg.experiments.a68a_files import BERG, GRID
 from riftberg.ocean import download, fetch
 
@@ -80,6 +82,30 @@ def test_runs_that_are_there_are_compared(files: Path, tmp_path: Path, monkeypat
     nothing = call("compare", "a", "nowhere")
     assert nothing.exit_code == 2
     assert "no run.nc" in nothing.stderr
+
+
+def test_controls_keep_the_numerics_and_the_files_of_the_run(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sea level of a control must be read as that of the run was."""
+    monkeypatch.chdir(tmp_path)
+    asked: list[Options] = []
+    true_build = experiments.build
+
+    def build(name: str, options: Options) -> Any:
+        asked.append(options)
+        return true_build(name, options)
+
+    common = ("run", "a68a-paper", "--data", str(files), "--days", "0.1", "-q", "--no-map")
+    for numerics in ("reference", "own"):
+        assert call(*common, "--numerics", numerics, "-o", numerics).exit_code == 0
+        monkeypatch.setattr(experiments, "build", build)
+        result = call("why", numerics, "--controls", "--data", str(files), "-q", "--no-figure")
+        assert result.exit_code == 0, result.output + result.stderr
+        monkeypatch.undo()
+        monkeypatch.chdir(tmp_path)
+    assert [options.numerics for options in asked] == ["reference"] * 2 + ["own"] * 2
+    assert [options.without for options in asked] == [frozenset({"shoal"}), frozenset()] * 2
 
 
 # ---- fetched first ---------------------------------------------------------------------------------------------------

@@ -214,6 +214,15 @@ def test_the_numerics_are_the_references_unless_riftbergs_are_asked_for(small: P
     assert changed.fracture.normal_strength == 2e4
 
 
+def test_the_shoal_can_be_left_out(small: Path) -> None:
+    model, info = build("a68a-paper", Options(data=small, days=1.0, without=frozenset({"shoal"})))
+    lon, lat = np.meshgrid(np.linspace(-41.0, -34.0, 9) + 360.0, np.linspace(-58.0, -54.0, 7))
+    depth = model.forcing.depth(lon, lat)
+    assert (depth[np.isfinite(depth)] == 1000.0).all()
+    assert np.isfinite(depth).sum() > 40
+    assert info.title.endswith("without shoal")
+
+
 def test_gaps_in_the_sea_level_make_no_slope_beside_them(small: Path) -> None:
     """As in the reference: what stands on land or in gaps must not push the berg away from them."""
     model, _ = build("a68a-paper", Options(data=small, days=1.0))

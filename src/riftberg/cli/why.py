@@ -29,6 +29,7 @@ def why(
             "--controls", help="Run the experiment again without each of its parts, and with half the long step."
         ),
     ] = False,
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of data files, for the controls.")] = None,
     everything: Annotated[bool, typer.Option("--all", help="Tell of every piece, however small.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw why.png.")] = True,
@@ -44,7 +45,7 @@ def why(
     with open_run(run) as dataset:
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
         if controls:
-            add_controls(dataset, reasons, quiet=quiet)
+            add_controls(dataset, reasons, quiet=quiet, data=data)
     if as_json:
         typer.echo(json.dumps(reasons.as_dict(), indent=1))
     else:
@@ -60,7 +61,7 @@ def why(
     say("Written: " + ", ".join(str(path) for path in written))
 
 
-def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False) -> None:
+def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False, data: Path | None = None) -> None:
     """Run the experiment again without each of its parts, and with half the long step; note what became of each break-up.
 
     Parameters
@@ -71,6 +72,8 @@ def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False) -> N
         Its break-ups; ``controls`` of each is filled.
     quiet : bool, optional
         Show no progress.
+    data : pathlib.Path, optional
+        Folder of data files, for experiments that need one.
     """
     from riftberg.diagnostics.why import removed_by
     from riftberg.experiments import find
@@ -81,18 +84,20 @@ def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False) -> N
         for number, (name, (parts, split)) in enumerate(changes.items()):
             if not quiet:
                 say(f"Control {name}:")
-            control = _control(run, entry.name, parts, split, Path(folder) / f"{number}.nc", quiet)
+            control = _control(run, entry.name, parts, split, Path(folder) / f"{number}.nc", quiet, data)
             for breakup in reasons.breakups:
                 breakup.controls[name] = removed_by(breakup, control)
             control.close()
 
 
-def _control(run: xr.Dataset, name: str, parts: set[str], split: int, path: Path, quiet: bool) -> xr.Dataset:
+def _control(
+    run: xr.Dataset, name: str, parts: set[str], split: int, path: Path, quiet: bool, data: Path | None
+) -> xr.Dataset:
     """Run a control; ``split`` shortens the long step, the sub-step stays."""
     import numpy as np
 
     from riftberg.cli.progress import ProgressRecorder
-    from riftberg.experiments import Options, build
+    from riftberg.experiments import Numerics, Options, build
     from riftberg.io.run_file import RunWriter, open_run
     from riftberg.parameters import Parameters
 
@@ -104,7 +109,9 @@ def _control(run: xr.Dataset, name: str, parts: set[str], split: int, path: Path
     stepping["time_step"] /= split
     if stepping["substeps"] is not None:
         stepping["substeps"] = max(1, round(stepping["substeps"] / split))
-    model, _ = build(name, Options(changes=same, days=days, without=frozenset(parts)))
+    # Some experiments have another ocean, or read it in another way, with the reference's numerics.
+    numerics: Numerics = "reference" if same["compatibility"]["zero_start"] else "own"
+    model, _ = build(name, Options(same, days=days, data=data, without=frozenset(parts), numerics=numerics))
     if len(model.elements.id) != run.sizes["trajectory"]:
         raise InputError(
             f"{name} builds {len(model.elements.id)} elements, the run has {run.sizes['trajectory']}", where="--controls",

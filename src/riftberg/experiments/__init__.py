@@ -127,7 +127,7 @@ EXPERIMENTS: Final[tuple[Entry, ...]] = (
     Entry("a68a", "a68a:build", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
           ("shoal", "shear")),
     Entry("a68a-paper", "a68a_paper:build", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
-          fetches=True),
+          ("shoal",), fetches=True),
     Entry("a68a-oras5", "a68a_oras5:build", "A68a in the monthly mean currents of ORAS5", fetches=True),
     Entry("supported-beam", "beams:build_supported", "a simply supported beam bends under a load"),
     Entry("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end"),

@@ -53,7 +53,7 @@ AWAY: Final = 0.07
 
 
 def forcing_of(
-    folder: Path, days: float = DAYS, *, own: bool = False, zone: tuple[float, float] = ZONE
+    folder: Path, days: float = DAYS, *, own: bool = False, zone: tuple[float, float] | None = ZONE
 ) -> GriddedForcing:
     """Return the hourly forcing, checked for the length of the run.
 
@@ -65,8 +65,8 @@ def forcing_of(
         Length of the run.
     own : bool
         Interpolate the sea level between the hours as all other fields, instead of holding it as the reference does.
-    zone : tuple of float
-        Corner of the grounding zone, degrees.
+    zone : tuple of float or None
+        Corner of the grounding zone, degrees; None leaves it out.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def forcing_of(
         records,
         times,
         depth_rule="zone",
-        zone=(zone[0] + 360.0, zone[1]),
+        zone=(0.0, 90.0) if zone is None else (zone[0] + 360.0, zone[1]),  # nothing lies north of the pole
         stepwise=() if own else ("ssh",),
         sea_level_gaps=True,
         start=DEFAULT_START,
@@ -135,7 +135,7 @@ def _check_positions(path: Path, grid: Grid) -> None:
                 )
 
 
-def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] = ZONE) -> Model:
+def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | None = ZONE) -> Model:
     """Return the model of the published run from the files of a folder.
 
     Parameters
@@ -144,8 +144,8 @@ def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] = Z
         Folder of the files.
     options : Options
         ``numerics`` "own" for Riftberg's, else the reference's; ``days`` and changes of parameters.
-    zone : tuple of float
-        Corner of the grounding zone, degrees.
+    zone : tuple of float or None
+        Corner of the grounding zone, degrees; None leaves it out.
     """
     own = options.numerics == "own"
     forcing = forcing_of(folder, DAYS if options.days is None else options.days, own=own, zone=zone)
@@ -162,5 +162,7 @@ def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
     folder = data_folder(options, FILES, NAME, hourly=True)
     whose = "Riftberg's numerics" if options.numerics == "own" else "the reference's numerics"
-    title = f"A68a as published (Huth et al. 2022), {whose}"
-    return paper_model(folder, options), Info(NAME, title, days=DAYS, output_every_hours=1.0)
+    left_out = "".join(f", without {part}" for part in sorted(options.without))
+    title = f"A68a as published (Huth et al. 2022), {whose}{left_out}"
+    zone = None if "shoal" in options.without else ZONE
+    return paper_model(folder, options, zone=zone), Info(NAME, title, days=DAYS, output_every_hours=1.0)
