@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.image import imread
 from PIL import Image
 from typer.testing import CliRunner
@@ -111,6 +112,34 @@ def test_score_prints_json_of_a_track_between_dates(folder: Path, tmp_path: Path
     assert json.loads(result.stdout)["days"][0]["matches"][0]["fragments"] == [1, 2]
     assert call("score", folder, folder / "track.csv", "--between", "2020-12-11,2020-12-12").exit_code == 2
     assert call("score", folder, folder / "track.csv", "--together", "all").exit_code == 2
+
+
+def test_score_takes_kml_and_masks_and_is_told_their_date(folder: Path, tmp_path: Path) -> None:
+    points = " ".join(f"{lon},{lat}" for lon, lat in RING)
+    (tmp_path / "seen.kml").write_text(
+        "<kml><Placemark><name>A</name><Polygon><outerBoundaryIs><LinearRing><coordinates>"
+        f"{points}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></kml>"
+    )
+    lon, lat = np.arange(-39.3, -38.3, 0.01), np.arange(-55.1, -54.9, 0.005)
+    ice = (abs(lon + 38.85) < 0.25)[None, :] & (abs(lat + 55.0) < 0.05)[:, None]
+    coords = {"lat": lat, "lon": lon}
+    grids = {name: xr.DataArray(ice.astype(float), coords) for name in ("seen", "sure")}
+    xr.Dataset(grids).to_netcdf(tmp_path / "seen.nc")
+    overlaps = []
+    for options in (
+        ("seen.geojson",),
+        ("seen.kml", "--date", "2020-12-10"),
+        ("seen.nc", "-d", "20201210", "--variable", "sure"),
+    ):
+        place = folder if options[0] == "seen.geojson" else tmp_path
+        result = call("score", folder, place / options[0], *options[1:], "-o", tmp_path, "--no-figure")
+        assert result.exit_code == 0, result.output
+        content = json.loads((tmp_path / "score.json").read_text())
+        overlaps.append(content["days"][0]["matches"][0]["iou"])
+    assert overlaps == pytest.approx([overlaps[0]] * 3, abs=0.02)
+    refused = call("score", folder, tmp_path / "seen.kml")
+    assert refused.exit_code == 2
+    assert "no date. Looked for an attribute date" in refused.stderr
 
 
 def test_why_tells_words_and_a_table(folder: Path) -> None:

@@ -24,7 +24,11 @@ LON_NAMES = ("lon", "longitude", "long", "x", "easting")
 LAT_NAMES = ("lat", "latitude", "y", "northing")
 FEATURE_COLUMNS = ("date", "time", "id", "name", "feature", "fragment", "variable")
 RING_COLUMNS = ("ring", "part", "polygon")
-DATE_KEYS = ("date", "time", "datetime", "when", "timestamp", "begin", "acquired")
+DATE_KEYS = (
+    "date", "datetime", "date_time", "when", "timestamp", "begin", "acquired", "acq_date", "acqdate", "img_date",
+    "image_date", "obs_date", "sensing", "time_coverage_start", "time",
+)  # fmt: skip
+"""Attributes that hold the date of an outline, best first; small and capital letters are alike."""
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "OGC:CRS84")
 
 
@@ -147,8 +151,7 @@ def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
 
 def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
     shape = needed("shapely.geometry").shape
-    prj = path.with_suffix(".prj")
-    crs = prj.read_text() if prj.exists() else None
+    crs = _projection(path)
     with needed("shapefile").Reader(str(path)) as reader:
         features = [
             Feature(shape(item.shape.__geo_interface__), dict(item.record.as_dict()))
@@ -157,6 +160,16 @@ def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
         ]
     geographic = crs is not None and crs.lstrip().upper().startswith(("GEOGCS", "GEOGCRS"))
     return features, None if geographic else crs
+
+
+def _projection(path: Path) -> str | None:
+    """Return the content of the .prj file beside a shapefile, or in its zip archive."""
+    if path.suffix.lower() == ".zip":
+        with zipfile.ZipFile(path) as archive:
+            name = next((n for n in archive.namelist() if n.lower().endswith(".prj")), None)
+            return archive.read(name).decode() if name else None
+    beside = path.with_suffix(".prj")
+    return beside.read_text() if beside.exists() else None
 
 
 def _from_csv(path: Path) -> tuple[list[Feature], str | None]:
@@ -211,16 +224,47 @@ def _from_kml(path: Path) -> tuple[list[Feature], str | None]:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, zipfile.BadZipFile, StopIteration) as error:
         raise BergError(f"not KML ({error})", where=str(path), remedy="Export the outline again as KML") from error
-    return [f for mark in root.iter() if _tag(mark) == "Placemark" for f in _placemark(mark, str(path))], None
+    return list(_placemarks(root, {}, str(path))), None
 
 
 def _tag(node: ElementTree.Element) -> str:
     return node.tag.rpartition("}")[2]
 
 
-def _placemark(mark: ElementTree.Element, where: str) -> Iterator[Feature]:
+def _placemarks(node: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
+    """Yield the placemarks below a node; the name and the time of a folder hold for what lies in it."""
+    for child in node:
+        if _tag(child) == "Placemark":
+            yield from _placemark(child, above, where)
+        elif _tag(child) in ("Folder", "Document"):
+            own = [n for n in child if _tag(n) in ("name", "TimeStamp", "TimeSpan")]
+            told = {_tag(n): (n.text or "").strip() for part in own for n in part.iter() if _tag(n) in _KML_TOLD}
+            if _tag(child) == "Folder" and told.get("name"):
+                told["folder"] = told["name"]
+            told.pop("name", None)
+            yield from _placemarks(child, {**above, **told}, where)
+
+
+_KML_TOLD = ("name", "when", "begin")
+
+
+def _kml_properties(mark: ElementTree.Element) -> dict[str, Any]:
+    """Return name, time and the attributes that other programs keep as extended data."""
+    told: dict[str, Any] = {}
+    for node in mark.iter():
+        text = (node.text or "").strip()
+        if _tag(node) in _KML_TOLD or (node in list(mark) and _tag(node) == "description"):
+            told[_tag(node)] = text
+        elif _tag(node) == "SimpleData":
+            told[node.get("name", "")] = text
+        elif _tag(node) == "Data":
+            told[node.get("name", "")] = next(((n.text or "").strip() for n in node if _tag(n) == "value"), "")
+    return told
+
+
+def _placemark(mark: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
     shapely = needed("shapely")
-    properties = {_tag(n): (n.text or "").strip() for n in mark.iter() if _tag(n) in ("name", "when", "begin")}
+    properties = {**above, **_kml_properties(mark)}
     polygons, lines = [], []
     for node in mark.iter():
         if _tag(node) == "Polygon":

@@ -59,7 +59,7 @@ def dates(text: str | None, where: str = "--time") -> tuple[str, str] | None:
     """Read two dates with a comma between them."""
     if text is None:
         return None
-    from riftberg.diagnostics.observed import parse_date
+    from riftberg.diagnostics.dates import parse_date
 
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != 2:

@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
 ObservedFile = Annotated[
-    Path | None, typer.Option("--observed", help="Observed outlines: GeoJSON, or CSV with date, vertex, lat, lon.")
+    Path | None,
+    typer.Option(
+        "--observed",
+        help="Observed outlines: GeoJSON, KML, shapefile, mask in NetCDF, or CSV with date, vertex, lat, lon.",
+    ),
 ]
 Dates = Annotated[
     list[str] | None,
@@ -46,7 +50,7 @@ def moments(dates: list[str] | None) -> list[np.datetime64]:
     """Return dates from the command line; a day alone means its noon."""
     import numpy as np
 
-    from riftberg.diagnostics.observed import parse_date
+    from riftberg.diagnostics.dates import parse_date
 
     found = []
     for text in dates or ():

@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 def score(
     run: Run,
     observed: Annotated[
-        Path, typer.Argument(metavar="OBSERVED", help="Outlines (GeoJSON, CSV) or tracks (BYU/NIC and other CSV).")
+        Path,
+        typer.Argument(
+            metavar="OBSERVED",
+            help="Outlines (GeoJSON, KML, shapefile, CSV, masks in NetCDF) or tracks (BYU/NIC and other CSV).",
+        ),
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")] = None,
     hour: Annotated[
@@ -30,6 +34,12 @@ def score(
         typer.Option(
             "--hour", min=0.0, max=24.0, help="Hour (UTC) for days without a time.  [default: that of the start]"
         ),
+    ] = None,
+    date: Annotated[
+        str | None, typer.Option("--date", "-d", help="Date of outlines that tell none (KML, shapefile, NetCDF).")
+    ] = None,
+    variable: Annotated[
+        str | None, typer.Option("--variable", help="Variable that is the mask, in a NetCDF file that has several.")
     ] = None,
     between: Annotated[str | None, typer.Option("--between", metavar="FIRST,LAST", help="Dates to compare.")] = None,
     together: Annotated[
@@ -51,10 +61,10 @@ def score(
     folder = output or (run if run.is_dir() else run.parent)
     folder.mkdir(parents=True, exist_ok=True)
     with open_run(run) as dataset:
+        seen = read_observed(observed, date=date, variable=variable)
         found = score_run(
-            dataset, read_observed(observed), hour=hour, between=_between(between), together=_numbers(together),
-            interpolated=interpolated,
-        )  # fmt: skip
+            dataset, seen, hour=hour, between=_between(between), together=_numbers(together), interpolated=interpolated
+        )
         title = heading(dataset, f"run against {observed.name}")
     if as_json:
         typer.echo(json.dumps(found.as_dict(), indent=1))

@@ -1,10 +1,10 @@
 """What was observed of a berg: outlines from images, or positions from tracks; columns are known by their names.
 
-Outlines come as GeoJSON (polygons with a property ``date``) or as CSV with one vertex per row (``date``, ``vertex``,
-``lat``, ``lon``, optionally ``berg``). Positions come as CSV: the tracks of BYU and NIC (``<sensor>_1`` latitude,
-``<sensor>_2`` longitude, ``<sensor>_3`` 1 where observed, date as YYYYDDD; or ``<sensor>_lat``, ``<sensor>_lon``,
-``<sensor>_observed``), or any table with ``lat`` and ``lon`` or ``centroid_lat`` and ``centroid_lon``. The order of the
-columns does not matter, and those not known are left alone.
+Outlines come as GeoJSON (polygons with a property ``date``), as CSV with one vertex per row (``date``, ``vertex``,
+``lat``, ``lon``, optionally ``berg``), as KML or shapefile, or as gridded masks in NetCDF. Positions come as CSV: the
+tracks of BYU and NIC (``<sensor>_1`` latitude, ``<sensor>_2`` longitude, ``<sensor>_3`` 1 where observed, date as
+YYYYDDD; or ``<sensor>_lat``, ``<sensor>_lon``, ``<sensor>_observed``), or any table with ``lat`` and ``lon`` or
+``centroid_lat`` and ``centroid_lon``. The order of the columns does not matter, and those not known are left alone.
 """
 
 from __future__ import annotations
@@ -14,43 +14,29 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from riftberg.diagnostics.dates import parse_date
+from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError
 from riftberg.state import Floats
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""
 
-_NAMES: Final = ("berg", "iceberg", "name", "variable", "outline")
+_DRAWINGS: Final = (".kml", ".kmz", ".shp", ".zip")
+_GRIDS: Final = (".nc", ".nc4", ".cdf")
+_TABLES: Final = (".csv", ".txt", "")
+
+KINDS: Final = (".geojson", ".json", *_DRAWINGS, *_GRIDS, ".csv")
+"""Endings of the files that can be read."""
+
 _VERTEX: Final = ("vertex", "vertex_index", "point", "order")
 _PLAIN: Final = (("centroid_lat", "centroid_lon"), ("lat", "lon"), ("latitude", "longitude"))
-
-
-@dataclass(frozen=True)
-class Outline:
-    """One closed outline.
-
-    Attributes
-    ----------
-    name : str
-        Berg, or source where the file names none.
-    when : datetime.datetime
-        UTC; midnight where only a day is given.
-    day_only : bool
-        No time of day was given.
-    ring : array, shape (n, 2)
-        Longitude and latitude, first point not repeated.
-    """
-
-    name: str
-    when: datetime
-    day_only: bool
-    ring: Floats
 
 
 @dataclass(frozen=True)
@@ -97,24 +83,39 @@ class Observed:
         return days
 
 
-def read_observed(path: str | Path) -> Observed:
+def read_observed(path: str | Path, *, date: str | None = None, variable: str | None = None) -> Observed:
     """Read outlines or positions.
 
     Parameters
     ----------
     path : path
-        ``.geojson``, ``.json`` or ``.csv``.
+        ``.geojson``, ``.json``, ``.kml``, ``.kmz``, ``.shp``, ``.zip`` (a zipped shapefile), ``.nc`` or ``.csv``.
+    date : str, optional
+        Date of outlines in KML, shapefile or NetCDF that tell none.
+    variable : str, optional
+        Variable of a NetCDF file that is the mask.
 
     Raises
     ------
     InputError
-        If the file is of no known kind, or a row cannot be read; names the row.
+        If the file is of no known kind, or something in it cannot be read; names the row or the outline.
     """
     path = Path(path)
     if not path.exists():
-        raise InputError("no such file", where=str(path), remedy="Name a GeoJSON or CSV file")
-    if path.suffix.lower() in (".geojson", ".json"):
+        raise InputError("no such file", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
+    kind = path.suffix.lower()
+    if kind in _DRAWINGS:
+        return Observed(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
+    if kind in _GRIDS:
+        return Observed(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
+    if kind in (".geojson", ".json"):
         return Observed(path.name, outlines=_without_twins(_geojson(path)))
+    if kind not in _TABLES:
+        raise InputError(f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
+    return _table(path)
+
+
+def _table(path: Path) -> Observed:
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = [{str(k).strip().lower(): (v or "").strip() for k, v in row.items()} for row in csv.DictReader(file)]
     if not rows:
@@ -135,29 +136,6 @@ def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
     )
 
 
-def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
-    """Read ISO dates with or without time, YYYYMMDD and YYYYDDD.
-
-    Returns
-    -------
-    when : datetime
-        UTC without zone.
-    day_only : bool
-    """
-    try:
-        if text.isdigit() and len(text) == 7:
-            return datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1), True
-        if text.isdigit() and len(text) == 8:
-            return datetime.strptime(text, "%Y%m%d"), True
-        when = datetime.fromisoformat(text.replace("Z", "+00:00"))
-    except ValueError as error:
-        raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
-    if when.tzinfo is not None:
-        offset = when.utcoffset() or timedelta(0)
-        when = when.replace(tzinfo=None) - offset
-    return when, len(text) <= 10
-
-
 def _geojson(path: Path) -> Iterator[Outline]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -173,9 +151,9 @@ def _geojson(path: Path) -> Iterator[Outline]:
         if date is None:
             raise InputError("no date", where=where, remedy="Give every feature a property 'date'")
         when, day_only = parse_date(date, where=where)
-        name = next((str(properties[n]) for n in _NAMES if properties.get(n)), "")
+        name = next((str(properties[n]) for n in NAMES if properties.get(n)), "")
         for ring in _rings(feature.get("geometry") or {}):
-            yield Outline(name, when, day_only, _ring(ring, where))
+            yield Outline(name, when, day_only, checked_ring(ring, where))
 
 
 def _rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
@@ -190,20 +168,6 @@ def _rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
             yield from _rings(part)
 
 
-def _ring(points: Any, where: str) -> Floats:
-    ring = np.asarray(points, np.float64)
-    if ring.ndim != 2 or ring.shape[1] < 2 or not np.isfinite(ring[:, :2]).all():
-        raise InputError("an outline needs pairs of longitude and latitude", where=where)
-    ring = ring[:, :2]
-    if len(ring) > 1 and (ring[0] == ring[-1]).all():
-        ring = ring[:-1]
-    if len(ring) < 3:
-        raise InputError(f"an outline of {len(ring)} points", where=where, remedy="At least three are needed")
-    if (np.abs(ring[:, 1]) > 90.0).any():
-        raise InputError("a latitude beyond 90 degrees", where=where, remedy="GeoJSON has longitude first")
-    return ring
-
-
 def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
     """Leave out an outline that is given twice on its day."""
     kept: list[Outline] = []
@@ -215,14 +179,14 @@ def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
 
 def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline]:
     lat, lon = _plain_columns(path, rows[0])
-    name = next((n for n in _NAMES if n in rows[0]), "")
+    name = next((n for n in NAMES if n in rows[0]), "")
     groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for number, row in enumerate(rows):
         key = row[date], row.get(name, "")
         groups.setdefault(key, []).append((_number(row, lon, path, number), _number(row, lat, path, number)))
     for (day, berg), points in groups.items():
         when, day_only = parse_date(day, where=str(path))
-        yield Outline(berg, when, day_only, _ring(points, f"{path}, {day}"))
+        yield Outline(berg, when, day_only, checked_ring(points, f"{path}, {day}"))
 
 
 def _plain_columns(path: Path, row: Mapping[str, str]) -> tuple[str, str]:
@@ -243,7 +207,7 @@ def _number(row: Mapping[str, str], column: str, path: Path, number: int) -> flo
 def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
     sensors = _sensor_columns(rows[0])
     plain = None if sensors else _plain_columns(path, rows[0])
-    name = next((n for n in _NAMES if n in rows[0]), "")
+    name = next((n for n in NAMES if n in rows[0]), "")
     azimuth = next((c for c in rows[0] if "azimuth" in c), "")
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"

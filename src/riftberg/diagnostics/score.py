@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg.diagnostics.observed import Fix, Observed, Outline
+from riftberg.diagnostics.observed import Fix, Observed
+from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
     axis_difference,
     distance,

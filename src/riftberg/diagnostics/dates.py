@@ -1,0 +1,139 @@
+"""Dates of observations: how they are written, and where a file keeps them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from datetime import datetime, timedelta
+from typing import Any, Final
+
+from riftberg.bergs.outline import DATE_KEYS
+from riftberg.errors import InputError
+
+NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")
+"""Attributes in whose text a date may stand, such as ``A68A 2020-12-17``."""
+
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NUMBERS: Final = re.compile(
+    r"(?<!\d)((?:19|20)\d\d)([-_./]?)(0[1-9]|1[0-2])\2(0[1-9]|[12]\d|3[01])"
+    r"(?:T(\d\d):?(\d\d)(?::?(\d\d))?Z?|[ _](\d\d):(\d\d)(?::(\d\d))?)?(?!\d)",
+    re.IGNORECASE,
+)
+_WORDS: Final = re.compile(
+    rf"(?<!\d)(\d?\d)[-_. ]?({'|'.join(_MONTHS)})[a-z]*[-_., ]*((?:19|20)\d\d)(?!\d)", re.IGNORECASE
+)
+
+
+def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
+    """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD.
+
+    Returns
+    -------
+    when : datetime
+        UTC without zone.
+    day_only : bool
+    """
+    try:
+        if text.isdigit() and len(text) == 7:
+            return datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1), True
+        if text.isdigit() and len(text) == 8:
+            return datetime.strptime(text, "%Y%m%d"), True
+        if re.match(r"\d{4}/\d\d/\d\d", text):
+            text = text.replace("/", "-")
+        when = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    except ValueError as error:
+        raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
+    if when.tzinfo is not None:
+        offset = when.utcoffset() or timedelta(0)
+        when = when.replace(tzinfo=None) - offset
+    return when, len(text) <= 10
+
+
+def date_in_text(text: str) -> tuple[datetime, bool] | None:
+    """Find the date in a name, such as ``a68a_2020-12-17``, ``S1A_EW_20201217T081533`` or ``17 Dec 2020``.
+
+    Returns
+    -------
+    when : datetime
+    day_only : bool
+        None for both where there is no date, or more than one.
+    """
+    found: set[tuple[datetime, bool]] = set()
+    for match in _NUMBERS.finditer(text):
+        year, _, month, day, *clock = match.groups()
+        hour, minute, second = clock[:3] if clock[0] else clock[3:]
+        found |= _moment(year, month, day, hour, minute, second)
+    for match in _WORDS.finditer(text):
+        found |= _moment(match[3], str(_MONTHS.index(match[2].lower()) + 1), match[1], None, None, None)
+    return found.pop() if len(found) == 1 else None
+
+
+def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
+    """Return a moment as a set of one; an impossible one gives an empty set."""
+    year, month, day, hour, minute, second = (int(part or 0) for part in parts)
+    try:
+        return {(datetime(year, month, day, hour, minute, second), parts[3] is None)}
+    except ValueError:
+        return set()
+
+
+def find_date(
+    properties: Mapping[str, Any], names: Iterable[str], *, where: str, given: str | None = None
+) -> tuple[datetime, bool]:
+    """Find the date of an outline: in its attributes, in its names, in the name of its file.
+
+    Parameters
+    ----------
+    properties : mapping
+        Attributes of the outline.
+    names : iterable of str
+        Further names in which a date may stand, the nearest first; the last one is that of the file.
+    where : str
+        File and outline, for messages.
+    given : str, optional
+        Date to take where the file has none.
+
+    Raises
+    ------
+    InputError
+        If an attribute is no date, or if there is none anywhere; names all that was looked for.
+    """
+    small = {str(key).lower(): value for key, value in properties.items()}
+    for key in DATE_KEYS:
+        if small.get(key) not in (None, ""):
+            return _with_clock(
+                *parse_date(_text(small[key]), where=f"{where}, {key}"), _text(small.get(_clock(key), ""))
+            )
+    for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
+        found = date_in_text(text)
+        if found is not None:
+            return found
+    if given:
+        return parse_date(given, where="--date")
+    has = f"it has {', '.join(map(str, properties))}" if properties else "it has none"
+    raise InputError(
+        "no date",
+        where=where,
+        remedy=f"Looked for an attribute {', '.join(DATE_KEYS)} ({has}), and for one date such as 2020-12-17 in its "
+        "name and in the name of the file. Add one there, or give --date",
+    )
+
+
+def _clock(key: str) -> str:
+    """Return the attribute that may hold the time of day beside a date: ``acq_time`` beside ``acq_date``."""
+    return key.replace("date", "time")
+
+
+def _with_clock(when: datetime, day_only: bool, clock: str) -> tuple[datetime, bool]:
+    match = re.fullmatch(r"(\d\d?):(\d\d)(?::(\d\d))?(?: ?UTC| ?Z)?", clock, re.IGNORECASE)
+    if not (day_only and match):
+        return when, day_only
+    hour, minute, second = (int(part or 0) for part in match.groups())
+    return when + timedelta(hours=hour, minutes=minute, seconds=second), False
+
+
+def _text(value: Any) -> str:
+    """Return a value of a table as text; numbers without the point that tables give them."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return str(value).strip()

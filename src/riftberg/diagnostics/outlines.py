@@ -1,0 +1,248 @@
+"""Observed outlines from drawings and grids: KML and shapefiles, gridded masks, tables of corners in NetCDF.
+
+Drawings are read by the readers that also make bergs (`riftberg.bergs.outline`), masks by that of
+`riftberg.bergs.raster`. Only outer rings count: a pool of water within the berg belongs to it. Lines (rifts) and points
+are left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg.bergs.outline import read_features
+from riftberg.bergs.raster import Raster, read_raster
+from riftberg.diagnostics.dates import date_in_text, find_date
+from riftberg.errors import BergError, InputError
+from riftberg.state import Floats
+
+NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
+"""Attributes that name an outline, best first."""
+
+SMALLEST: Final = 0.005
+"""Pieces of a mask below this part of all ice of their date are left out: single cells are no bergs."""
+
+_MOST: Final = 500
+"""Most pieces that whole numbers may tell apart; with more of them it is no mask but a depth or a height."""
+
+_MASKS: Final = ("mask", "berg", "b_id", "iceberg", "berg_mask", "iceberg_mask", "label", "labels", "fraction")
+_LINES: Final = ("crack", "rift", "line")
+
+
+@dataclass(frozen=True)
+class Outline:
+    """One closed outline.
+
+    Attributes
+    ----------
+    name : str
+        Berg, or source where the file names none.
+    when : datetime.datetime
+        UTC; midnight where only a day is given.
+    day_only : bool
+        No time of day was given.
+    ring : array, shape (n, 2)
+        Longitude and latitude, first point not repeated.
+    """
+
+    name: str
+    when: datetime
+    day_only: bool
+    ring: Floats
+
+
+def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude first") -> Floats:
+    """Return an outer ring without the repeated point, or say what is wrong with it."""
+    ring = np.asarray(points, np.float64)
+    if ring.ndim != 2 or ring.shape[1] < 2 or not np.isfinite(ring[:, :2]).all():
+        raise InputError("an outline needs pairs of longitude and latitude", where=where)
+    ring = ring[:, :2]
+    if len(ring) > 1 and (ring[0] == ring[-1]).all():
+        ring = ring[:-1]
+    if len(ring) < 3:
+        raise InputError(f"an outline of {len(ring)} points", where=where, remedy="At least three are needed")
+    if (np.abs(ring[:, 1]) > 90.0).any():
+        raise InputError("a latitude beyond 90 degrees", where=where, remedy=remedy)
+    return ring
+
+
+# --- drawings ----------------------------------------------------------------------------------------------------------
+
+
+def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline]:
+    """Read the polygons of a KML file or a shapefile.
+
+    Parameters
+    ----------
+    path : Path
+        ``.kml``, ``.kmz``, ``.shp`` or ``.zip``.
+    date : str, optional
+        Date of outlines that tell none.
+
+    Raises
+    ------
+    InputError
+        If there is no polygon, or no date.
+    """
+    polygons = [f for f in read_features(path) if f.geometry.geom_type in ("Polygon", "MultiPolygon")]
+    if not polygons:
+        raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
+    for number, feature in enumerate(polygons):
+        where = f"{path}, outline {number}"
+        when, day_only = find_date(feature.properties, [path.stem], where=where, given=date)
+        for part in getattr(feature.geometry, "geoms", [feature.geometry]):
+            ring = checked_ring(part.exterior.coords, where, "Add the .prj file that tells its coordinate system")
+            yield Outline(_name(feature.properties), when, day_only, ring)
+
+
+def _name(properties: Mapping[str, Any]) -> str:
+    """Return what an outline is called; a name that is only its date is none."""
+    small = {str(key).lower(): str(value).strip() for key, value in properties.items() if value not in (None, "")}
+    name = next((small[key] for key in NAMES if key in small), "")
+    return "" if len(name) <= 10 and date_in_text(name) else name
+
+
+# --- grids -------------------------------------------------------------------------------------------------------------
+
+
+def outlines_of_grid(path: Path, date: str | None = None, variable: str | None = None) -> Iterator[Outline]:
+    """Read the outlines of a gridded mask, or of tables of corners, from NetCDF.
+
+    A mask of 0 and 1, or the fraction of ice in a cell, is outlined where its bilinear value is one half, as
+    `Iceberg.from_mask` fills it. A mask of whole numbers numbers the pieces: each is outlined by itself and has its
+    number for a name. A table has longitudes in one row (or column) and latitudes in the next, and NaN in the others.
+
+    Parameters
+    ----------
+    path : Path
+        NetCDF file.
+    date : str, optional
+        Date of outlines that tell none.
+    variable : str, optional
+        Needed where several variables could be the mask.
+
+    Raises
+    ------
+    InputError
+        If the values are no mask, if there is no ice, or no date.
+    """
+    try:
+        with xr.open_dataset(path) as opened:
+            data = opened.load()
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read ({error})", where=str(path), remedy="Name a NetCDF file") from error
+    tables = {str(n): t for n, v in data.data_vars.items() if (t := _corners(v)) is not None}
+    if tables and variable is None:
+        for name, table in tables.items():
+            when, day_only = find_date({**data.attrs, **data[name].attrs}, [path.stem], where=str(path), given=date)
+            if not name.lower().startswith(_LINES):
+                yield Outline(name, when, day_only, checked_ring(table, f"{path}, {name}"))
+        return
+    name = variable or _mask_variable(data, path)
+    if name not in data:
+        raise InputError(f"no variable {name!r}", where=str(path), remedy=f"It holds {', '.join(map(str, data))}")
+    yield from _dated_pieces(data[name], data.attrs, path, date)
+
+
+def _corners(table: xr.DataArray) -> Floats | None:
+    """Return the corners of a table of longitudes and latitudes, None if it is something else."""
+    if table.ndim != 2 or table.coords or not np.issubdtype(table.dtype, np.number):
+        return None
+    values = np.asarray(table.values, np.float64)
+    values = np.where(
+        np.abs(values) > 1e30, np.nan, values
+    )  # the fill value of NetCDF, which such files do not declare
+    for rows in (values, values.T):
+        full = np.isfinite(rows)
+        count = int(full[0].sum()) if len(rows) > 1 else 0
+        if count >= 3 and (full[:2] == (np.arange(rows.shape[1]) < count)).all() and not full[2:].any():
+            return np.asarray(rows[:2, :count].T)
+    return None
+
+
+def _mask_variable(data: xr.Dataset, path: Path) -> str:
+    names = [str(name) for name, values in data.data_vars.items() if values.ndim >= 2]
+    known = [name for name in names if name.lower() in _MASKS]
+    if len(names) == 1 or len(known) == 1:
+        return (known or names)[0]
+    raise InputError(
+        f"{len(names)} gridded variables", where=str(path),
+        remedy=f"Name the mask with --variable: {', '.join(names) or 'there is none'}",
+    )  # fmt: skip
+
+
+def _dated_pieces(mask: xr.DataArray, attributes: Mapping[str, Any], path: Path, date: str | None) -> Iterator[Outline]:
+    """Yield the pieces of every date of a mask."""
+    where = f"{path}, {mask.name}"
+    fields = [mask.isel(time=k) for k in range(mask.sizes["time"])] if "time" in mask.dims else [mask]
+    times = [str(f["time"].values)[:19] if "time" in f.coords else "" for f in fields]
+    # A day is written as its midnight, which is no time of day.
+    midnight = all(time.endswith("00:00:00") for time in times)
+    for field, time in zip(fields, times, strict=True):
+        told = {"time": time[:10] if midnight else time} if time else {**attributes, **mask.attrs}
+        when, day_only = find_date(told, [path.stem], where=where, given=date)
+        for name, ring in pieces_of(read_raster(field.drop_vars("time", errors="ignore")), mask.attrs, where):
+            yield Outline(name, when, day_only, ring)
+
+
+def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[tuple[str, Floats]]:
+    """Return names and outer rings of the pieces of a mask, those too small left out.
+
+    Parameters
+    ----------
+    mask : Raster
+    attributes : mapping
+        Of the variable; its ``units`` may be per cent.
+    where : str
+        File and variable, for messages.
+    """
+    values = np.nan_to_num(mask.values)
+    if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):
+        values = values / 100.0
+    _check_seam(mask, values, where)
+    if values.min() >= -1e-9 and values.max() <= 1.0 + 1e-9:
+        pieces = [("", ring) for ring in _rings_at_half(mask, values)]
+    elif len(numbers := np.unique(values[values > 0.0])) <= _MOST and (values == np.round(np.abs(values))).all():
+        pieces = [(f"{n:g}", ring) for n in numbers for ring in _rings_at_half(mask, (values == n).astype(np.float64))]
+    else:
+        raise InputError(
+            f"values from {values.min():g} to {values.max():g} are no mask", where=where,
+            remedy="A mask has 0 and 1, fractions between, per cent (with units), or whole numbers that number the pieces",
+        )  # fmt: skip
+    areas = [_area(ring) for _, ring in pieces]
+    if not pieces:
+        raise BergError("no ice in the mask", where=where, remedy="Cells of ice have values above one half")
+    return [piece for piece, area in zip(pieces, areas, strict=True) if area >= SMALLEST * sum(areas)]
+
+
+def _check_seam(mask: Raster, values: Floats, where: str) -> None:
+    whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
+    if whole and (values[:, 0] > 0.5).any() and (values[:, -1] > 0.5).any():
+        raise InputError(
+            "the ice crosses the seam of the grid", where=where,
+            remedy="Roll the longitudes, so that they begin in open water",
+        )  # fmt: skip
+
+
+def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:
+    """Return the outer rings of where the values exceed one half; a frame of water closes them at the edge."""
+    from contourpy import FillType, contour_generator
+
+    lon, lat = (np.concatenate([[2 * a[0] - a[1]], a, [2 * a[-1] - a[-2]]]) for a in (mask.lon, mask.lat))
+    framed = np.pad(values, 1)
+    contours = contour_generator(lon, lat, framed, name="serial", fill_type=FillType.OuterOffset)
+    points, offsets = contours.filled(0.5, np.inf)[:2]
+    rings = [p[o[0] : o[1] - 1] for p, o in zip(points, offsets, strict=True) if p is not None and o is not None]
+    return [np.asarray(ring, np.float64) for ring in rings if len(ring) >= 3]
+
+
+def _area(ring: Floats) -> float:
+    """Return the area of a ring, in squares of a degree of latitude."""
+    x, y = ring[:, 0] * np.cos(np.radians(ring[:, 1].mean())), ring[:, 1]
+    return 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
