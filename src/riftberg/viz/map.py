@@ -11,6 +11,7 @@ import xarray as xr
 
 from riftberg.state import Floats
 from riftberg.viz import style
+from riftberg.viz.coast import draw_coast
 from riftberg.viz.scene import Box, Scene
 
 if TYPE_CHECKING:
@@ -126,6 +127,7 @@ class _MapFigure:
         ax.set_ylim(box.south, box.north)
         ax.set_aspect(self.scene.stretch(0.5 * (box.south + box.north)))
         style.geographic_axes(ax, latlon=self.scene.latlon, ticks=ticks, labels=ticks > 4)
+        draw_coast(ax, box, latlon=self.scene.latlon, zorder=4.2)
 
     def _bar(self, ax: Axes, box: Box, part: float) -> None:
         y = box.south + 0.055 * (box.north - box.south)

@@ -11,6 +11,7 @@ from riftberg.io.background import StoredWater
 from riftberg.ocean.forcing import Forcing
 from riftberg.state import Floats
 from riftberg.viz import style
+from riftberg.viz.coast import draw_coast
 from riftberg.viz.scene import Box, Scene
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class Panel:
         ax.set_aspect(scene.stretch(0.5 * (box.south + box.north)))
         style.geographic_axes(ax, latlon=scene.latlon, ticks=4, labels=False)
         ax.set_facecolor("#F4F7FA")
+        draw_coast(ax, box, latlon=scene.latlon)
 
     def _mesh(self, points: int) -> tuple[Floats, Floats]:
         b = self.box

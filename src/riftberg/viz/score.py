@@ -11,7 +11,9 @@ import numpy as np
 from riftberg.diagnostics.score import Match, Score
 from riftberg.state import Floats
 from riftberg.viz import style
+from riftberg.viz.coast import draw_coast
 from riftberg.viz.plots import new_figure
+from riftberg.viz.scene import Box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,6 +122,9 @@ def _tracks(ax: Axes, score: Score) -> None:
     middle = float(np.mean([lat for _, lat in ends]))
     ax.set_aspect(1.0 / np.cos(np.radians(middle)), adjustable="datalim")
     ax.margins(0.08)
+    ax.apply_aspect()
+    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
+    draw_coast(ax, Box(west, east, south, north), zorder=0.5)
     style.geographic_axes(ax, latlon=True)
     ax.grid(color="#E3E3E3", lw=0.6)
     ax.legend(fontsize=9)

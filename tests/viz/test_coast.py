@@ -1,0 +1,178 @@
+"""Coastlines: drawn from the files that cartopy has, and never fetched."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from fakes import FakeModel
+from riftberg.io.run_file import RunWriter, open_run
+from riftberg.viz import coast
+from riftberg.viz.animate import write_film
+from riftberg.viz.map import draw_map
+from riftberg.viz.plots import draw_dates
+from riftberg.viz.scene import Box
+
+SQUARE = [(-38.9, -54.95), (-38.5, -54.95), (-38.5, -54.8), (-38.9, -54.8), (-38.9, -54.95)]
+LAKE = [(-38.8, -54.9), (-38.8, -54.85), (-38.7, -54.85), (-38.7, -54.9), (-38.8, -54.9)]
+CLOSE = Box(-39.5, -38.0, -55.2, -54.6)
+
+
+def write_layer(folder: Path, name: str, *rings: Any, resolution: str = "10m", lines: bool = False) -> None:
+    """Write a stand-in for a layer of Natural Earth where cartopy looks for it."""
+    writer = pytest.importorskip("shapefile").Writer
+    place = folder / "shapefiles" / "natural_earth" / "physical"
+    place.mkdir(parents=True, exist_ok=True)
+    with writer(str(place / f"ne_{resolution}_{name}.shp")) as layer:
+        layer.field("featurecla", "C", 20)
+        (layer.line if lines else layer.poly)([ring[::-1] for ring in rings])
+        layer.record(name)
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Return a data folder of cartopy's own, empty; whoever goes to the network fails."""
+    cartopy = pytest.importorskip("cartopy")
+    io = pytest.importorskip("cartopy.io")
+
+    def refused(*arguments: Any, **how: Any) -> None:
+        raise AssertionError("went to the network")
+
+    for name in ("data_dir", "pre_existing_data_dir"):
+        monkeypatch.setitem(cartopy.config, name, tmp_path / name)
+    monkeypatch.setattr(io, "urlopen", refused)
+    forget()
+    yield tmp_path / "data_dir"
+    forget()
+
+
+def forget() -> None:
+    """Forget shapes that were read before."""
+    coast.coast_in.cache_clear()
+    coast._shapes.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Run two days near the square."""
+    path = tmp_path_factory.mktemp("coast") / "run.nc"
+    FakeModel().advance(2, recorders=[RunWriter(path, every_hours=12, experiment="fake")])
+    return open_run(path)
+
+
+def part_in(path: Path, colour: str) -> float:
+    """Return the part of a picture that has a colour."""
+    picture = imread(path)[..., :3]
+    return float((np.abs(picture - np.array(to_rgb(colour))).sum(axis=-1) < 0.02).mean())
+
+
+def axes(box: Box) -> Any:
+    """Return axes of an extent."""
+    figure = Figure(figsize=(4, 3))
+    FigureCanvasAgg(figure)
+    ax = figure.add_subplot()
+    ax.set_xlim(box.west, box.east)
+    ax.set_ylim(box.south, box.north)
+    return ax
+
+
+def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(data: Path) -> None:
+    write_layer(data, "land", SQUARE, LAKE)
+    ax = axes(CLOSE)
+    assert coast.draw_coast(ax, CLOSE)
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (CLOSE.west, CLOSE.east, CLOSE.south, CLOSE.north)
+    areas, lines = coast.coast_in(CLOSE)
+    assert sum(polygon.area for polygon, _ in areas) == pytest.approx(0.4 * 0.15 - 0.1 * 0.05)
+    assert len(lines) == 2
+    inside = areas[0][0]
+    path = coast._path(inside)
+    assert path.contains_point((-38.6, -54.9))
+    ax.figure.savefig(data / "land.png")
+    place = ax.get_position()
+    whole = (CLOSE.east - CLOSE.west) * (CLOSE.north - CLOSE.south)
+    expected = (0.4 * 0.15 - 0.1 * 0.05) / whole * place.width * place.height
+    assert part_in(data / "land.png", coast.LAND) == pytest.approx(expected, rel=0.15)
+
+
+def test_pictures_show_the_coast_where_it_is_there_and_are_plain_otherwise(
+    data: Path, run: xr.Dataset, tmp_path: Path
+) -> None:
+    draw_map(run, tmp_path / "plain.png", dpi=60)
+    draw_dates(run, tmp_path / "plain-dates.png", dpi=60)
+    write_layer(data, "land", SQUARE)
+    forget()
+    draw_map(run, tmp_path / "map.png", dpi=60)
+    draw_dates(run, tmp_path / "dates.png", dpi=60)
+    write_film(run, tmp_path / "film.gif", hours=24, dpi=50)
+    for name in ("map", "dates"):
+        plain = tmp_path / ("plain.png" if name == "map" else "plain-dates.png")
+        assert part_in(plain, coast.LAND) == 0.0
+        assert part_in(tmp_path / f"{name}.png", coast.LAND) > 0.005
+    from PIL import Image
+
+    with Image.open(tmp_path / "film.gif") as film:
+        pixels = np.asarray(film.convert("RGB")).reshape(-1, 3) / 255.0
+    assert (np.abs(pixels - to_rgb(coast.LAND)).sum(axis=1) < 0.05).mean() > 0.005
+
+
+def test_without_cartopy_or_its_files_the_map_is_plain(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not coast.draw_coast(axes(CLOSE), CLOSE)
+    write_layer(data, "land", SQUARE)
+    forget()
+    for name in [n for n in sys.modules if n == "cartopy" or n.startswith("cartopy.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "cartopy", None)
+    assert coast.natural_earth("10m", "land") is None
+    assert not coast.draw_coast(axes(CLOSE), CLOSE)
+
+
+def test_a_run_in_metres_has_no_coast(data: Path) -> None:
+    write_layer(data, "land", SQUARE)
+    assert not coast.draw_coast(axes(CLOSE), CLOSE, latlon=False)
+
+
+@pytest.mark.parametrize("turn", [-360.0, 0.0, 360.0])
+def test_land_is_found_on_any_branch_of_the_longitudes(data: Path, turn: float) -> None:
+    write_layer(data, "land", SQUARE)
+    areas, _ = coast.coast_in(Box(CLOSE.west + turn, CLOSE.east + turn, CLOSE.south, CLOSE.north))
+    assert areas[0][0].bounds == pytest.approx((-38.9 + turn, -54.95, -38.5 + turn, -54.8))
+
+
+def test_the_coastline_layer_replaces_the_edges_of_the_land(data: Path) -> None:
+    write_layer(data, "land", SQUARE)
+    write_layer(data, "coastline", SQUARE[:3], lines=True)  # as the continent, whose edge at 180 degrees is no shore
+    _, lines = coast.coast_in(CLOSE)
+    assert sum(line.length for line in lines) == pytest.approx(0.4 + 0.15)
+
+
+def test_the_finest_coast_is_taken_and_a_coarse_one_not_on_a_close_map(data: Path) -> None:
+    write_layer(data, "land", SQUARE, resolution="110m")
+    assert coast.coast_in(CLOSE) == ([], [])
+    wide = Box(-60.0, -20.0, -65.0, -50.0)
+    assert len(coast.coast_in(wide)[0]) == 1
+    write_layer(data, "land", SQUARE, LAKE, resolution="50m")
+    forget()
+    assert len(coast.coast_in(wide)[0][0][0].interiors) == 1
+    assert coast.coast_in(CLOSE) == ([], [])
+
+
+def test_a_continent_is_cut_outside_of_the_map(data: Path) -> None:
+    write_layer(data, "land", [(-60.0, -80.0), (0.0, -80.0), (0.0, -54.9), (-60.0, -54.9), (-60.0, -80.0)])
+    ax = axes(CLOSE)
+    assert coast.draw_coast(ax, CLOSE)
+    (polygon, _), *_ = coast.coast_in(CLOSE)[0]
+    west, south, east, north = polygon.bounds
+    assert west < CLOSE.west
+    assert east > CLOSE.east
+    assert south < CLOSE.south
+    assert north == pytest.approx(-54.9)
