@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ def make_figures(folder: Path) -> Iterator[Path]:
     folder.mkdir(exist_ok=True)
     yield five_lines(folder / "five-lines.png")
     yield from story(folder)
+    yield from scores(folder)
 
 
 def five_lines(path: Path) -> Path:
@@ -37,3 +39,26 @@ def story(folder: Path) -> Iterator[Path]:
         run = model.run(info.days, output=Path(scratch) / "run.nc", every_hours=info.output_every_hours)
         draw_map(run, folder / "a68a-map.png", forcing=model.forcing, title=info.title, observed=info.observed)
         yield folder / "a68a-map.png"
+
+
+def scores(folder: Path) -> Iterator[Path]:
+    """Draw the scores of A68a against the daily outlines, where the observations are at hand; centroids only."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+    from scores import daily_outlines, run_experiment, shared_folder
+
+    from riftberg.diagnostics.score import score_run
+    from riftberg.viz.plots import heading
+    from riftberg.viz.score import draw_score
+
+    data = shared_folder()
+    if data is None:
+        print("no observations (RIFTBERG_SHARED): the figures of the scores stay as they are", file=sys.stderr)
+        return
+    for name in ("a68a", "a68a-oras5"):
+        with tempfile.TemporaryDirectory() as scratch:
+            run, _ = run_experiment(name, "own", data, Path(scratch) / "run.nc")
+            with run:
+                title = heading(run, "run against the daily outlines").replace("Iceberg", name)
+                yield draw_score(
+                    score_run(run, daily_outlines(data)), folder / f"score-{name}.png", title=title, dpi=110
+                )

@@ -14,7 +14,8 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg.diagnostics.observed import Fix, Observed, Outline
+from riftberg.diagnostics.observed import Fix, Observed
+from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
     aligned_overlap,
     axis_difference,
@@ -83,6 +84,21 @@ def test_a_known_shift_and_turn_come_back(run: xr.Dataset) -> None:
     (day,) = score_run(run, Observed("along", [seen(0, true_outline(0, shift=(12e3, 0.0)))])).days
     assert day.berg is not None
     assert day.berg.iou == pytest.approx(1.0 / 3.0, abs=0.01)  # half of it overlaps
+
+
+def test_the_observed_heading_is_from_north_at_the_piece_however_far_the_model_is(run: xr.Dataset) -> None:
+    """Bug: it was from north at the model's berg, 2 degrees off for 150 km."""
+    there = Plane(-36.0, -57.0, RADIUS)
+    x, y = np.array([-5e3, 5e3, 5e3, -5e3]), np.array([-20e3, -20e3, 20e3, 20e3])
+    angle = math.radians(30.0)  # clockwise
+    ring = np.column_stack(
+        there.inverse(x * math.cos(angle) + y * math.sin(angle), y * math.cos(angle) - x * math.sin(angle))
+    )
+    found = score_run(run, Observed("far", outlines=[Outline("A", START, False, ring)]))
+    (match,) = found.days[0].matches
+    assert match.distance_km is not None
+    assert match.distance_km > 250.0
+    assert match.azimuth_observed == pytest.approx(30.0, abs=0.01)
 
 
 def test_pieces_are_matched_with_fragments(run: xr.Dataset) -> None:
@@ -187,3 +203,23 @@ def test_overlap_of_squares() -> None:
     assert overlap(a, b) == pytest.approx(1.0 / 3.0)
     assert aligned_overlap(a, b) == pytest.approx(1.0)
     assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(90, 0, 91, 1)]) == [[1], [2]]
+
+
+def test_headings_are_drawn_without_jumps_also_where_the_axes_come_to_lie_across_each_other() -> None:
+    """Bug: the model's heading was drawn near the observed one of each day, and jumped by 180 degrees at a right angle."""
+    from matplotlib.figure import Figure
+
+    from riftberg.diagnostics.score import Match
+    from riftberg.viz.score import _azimuth
+
+    def match(azimuth: float, observed: float) -> Match:
+        off = axis_difference(azimuth, observed)
+        return Match("A", [1], 0.0, azimuth, observed, off, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    ax = Figure().add_subplot()
+    rows = [match((60.0 - 20.0 * k) % 180.0, (120.0 + 20.0 * k) % 180.0) for k in range(7)]
+    _azimuth(ax, np.arange(7), rows)
+    observed, model = (np.asarray(line.get_ydata()) for line in ax.lines)
+    np.testing.assert_allclose(np.diff(observed), 20.0)
+    np.testing.assert_allclose(np.diff(model), -20.0)
+    assert abs(model[0] - observed[0]) <= 90.0

@@ -282,6 +282,8 @@ class _Judge:
     ) -> Match:
         x, y, azimuth = polygon_moments(np.asarray(piece.exterior.coords))
         lon, lat = (float(a) for a in plane.inverse(np.array(x), np.array(y)))
+        # The meridians converge: north at the piece is not north at the model's berg, on whose plane all lie.
+        azimuth = (azimuth + float(np.degrees(plane.eastward(np.array(lon), np.array(lat))))) % 180.0
         iou = overlap(shapely_module().union_all([shapes[n] for n in group]), piece) if group else None
         seen = Position(lon, lat, azimuth, float(piece.area))
         return self._match(name or "berg", group, record, seen, iou)

@@ -66,21 +66,19 @@ def _distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
 
 
 def _azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
-    """Draw both headings without jumps at 180 degrees, the model's near the observed one."""
-    seen = _values(berg, "azimuth_observed")
+    """Draw both headings without jumps at 180 degrees, each followed from day to day, the model's from near the observed one."""
+    seen, off = _values(berg, "azimuth_observed"), _values(berg, "azimuth_difference")
     known = np.isfinite(seen)
-    if known.any():
-        seen[known] = np.unwrap(seen[known], period=180.0)
-        ax.plot(times[known], seen[known], "s-", color=OBSERVED, ms=4)
-        ax.plot(times, seen + _values(berg, "azimuth_difference"), "o-", color=MODEL, ms=4)
-    else:
-        ax.plot(times, np.unwrap(_values(berg, "azimuth"), period=180.0), "o-", color=MODEL, ms=4)
+    made = seen + off if known.any() else _values(berg, "azimuth")
+    for values, look, colour in ((seen, "s-", OBSERVED), (made, "o-", MODEL)):
+        there = np.isfinite(values)
+        ax.plot(times[there], np.unwrap(values[there], period=180.0), look, color=colour, ms=4)
 
 
 def _area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     ax.plot(times, _values(berg, "area_observed_km2"), "s-", color=OBSERVED, ms=4)
     ax.plot(times, _values(berg, "area_km2"), "o-", color=MODEL, ms=4)
-    ax.set_ylim(bottom=0.0)
+    ax.set_ylim(0.0, 1.1 * ax.get_ylim()[1])
 
 
 def _overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
@@ -128,7 +126,8 @@ def _tracks(ax: Axes, score: Score) -> None:
     style.geographic_axes(ax, latlon=True)
     ax.grid(color="#E3E3E3", lw=0.6)
     ax.legend(fontsize=9)
-    ax.set_title("centroids; small: other pieces", fontsize=10)
+    others = any(m is not day.berg for day in score.days for m in day.matches)
+    ax.set_title("centroids; grey: of the same time" + ("; small: other pieces" if others else ""), fontsize=10)
     for x, y in (*seen, *made):
         labels.avoid(x, y)
     for k in range(0, len(berg), max(1, len(berg) // 8)):
