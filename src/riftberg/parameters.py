@@ -161,10 +161,10 @@ class Damage(Group):
 
     enabled: bool = quantity(False, "", "stress takes from the strength of the bonds", "Riftberg; damage.md")
     threshold: float = quantity(
-        0.0, "1", "stress over remaining strength below which nothing happens", "Riftberg; damage.md", ge=0, lt=1
+        0.3, "1", "stress over remaining strength below which nothing happens", "Riftberg; damage.md", ge=0, lt=1
     )
     time_scale: float = quantity(
-        10 * 86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg; damage.md", gt=0
+        86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg; damage.md", gt=0
     )
     exponent: float = quantity(2.0, "1", "power of the stress in the rate of damage", "Riftberg; damage.md", gt=0)
 
