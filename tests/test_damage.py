@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.errors import InputError
+from riftberg.experiments import Options, build
 from riftberg.experiments.changes import reference_numerics
 from riftberg.io.restart import FORMAT
 from riftberg.io.run_file import open_run
@@ -104,6 +105,22 @@ def test_a_rift_without_strength_stays_one() -> None:
     model.advance(days=0.5)
     assert np.isfinite(model.bonds.damage).all()
     assert model.bonds_broken == int((cut.bonds.strength == 0.0).sum())
+
+
+def test_a_cantilever_lives_as_long_as_its_outermost_bond_by_the_closed_form() -> None:
+    """Apart from the time in which it comes to bear its load, which is the same for any time scale."""
+    strength, r, lives = 90.6e6, 54.36 / 90.6, []
+    for tau in (5 * HOUR, 10 * HOUR):
+        settings = {
+            "fracture": {"enabled": True, "normal_strength": strength, "shear_strength": 1e9},
+            "damage": {"enabled": True, "threshold": 0.0, "time_scale": tau, "exponent": 2.0},
+        }
+        model, _ = build("cantilever", Options(settings))
+        lives.append(life(model))
+        first = int(np.nanargmin(model.bonds.break_time))
+        assert model.bonds.damage[first] == pytest.approx(1.0 - r, abs=0.002)
+        assert model.elements.static[model.bonds.first[first]] == 1.0
+    assert lives[1] - lives[0] == pytest.approx(5 * HOUR * (1.0 - r**3) / (3.0 * r**2), rel=0.01)
 
 
 def run_of(p: Parameters, steps: int = 7) -> Model:

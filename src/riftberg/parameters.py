@@ -159,14 +159,14 @@ class Fracture(Group):
 class Damage(Group):
     """Strength that bonds lose by the history of their stress; not calibrated for icebergs."""
 
-    enabled: bool = quantity(False, "", "stress takes from the strength of the bonds", "Riftberg; damage.md")
+    enabled: bool = quantity(False, "", "stress takes from the strength of the bonds", "Riftberg")
     threshold: float = quantity(
-        0.3, "1", "stress over remaining strength below which nothing happens", "Riftberg; damage.md", ge=0, lt=1
+        0.3, "1", "stress over remaining strength below which nothing happens", "Riftberg", ge=0, lt=1
     )
     time_scale: float = quantity(
-        86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg; damage.md", gt=0
+        86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg", gt=0
     )
-    exponent: float = quantity(2.0, "1", "power of the stress in the rate of damage", "Riftberg; damage.md", gt=0)
+    exponent: float = quantity(2.0, "1", "power of the stress in the rate of damage", "Riftberg", gt=0)
 
 
 class Stepping(Group):
