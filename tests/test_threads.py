@@ -53,7 +53,8 @@ def test_numba_thread_setting_changes_nothing() -> None:
     """One process per setting; every array of the state enters the digest."""
     digests = set()
     for threads in ("1", "2"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": os.path.dirname(__file__)}
+        path = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": path}
         done = subprocess.run(
             [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True, timeout=300
         )
