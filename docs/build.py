@@ -154,7 +154,8 @@ def variables_page() -> str:
             "`run.nc` is one CF-1.11 NetCDF-4 file that opens with `xarray.open_dataset` as it is, and with TrajAn and",
             "clouddrift. Variables of an element are tables `(trajectory, time)`; "
             f"{', '.join(map(code, run_file.SHAPE))} are written once. Bonds have the dimension `bond`:",
-            f"{', '.join(map(code, run_file.BOND_HISTORY))} are `(bond, time)`, the others hold the latest state. Positions and",
+            f"{', '.join(map(code, run_file.BOND_HISTORY))} are `(bond, time)` (so is `damage`, in runs with",
+            "[damage](../explanation/damage.md)), the others hold the latest state. Positions and",
             "`rotation` are kept in double precision, the rest in single precision.\n",
             "## Elements\n",
             table(heads, rows(ELEMENT_VARIABLES)),

@@ -22,12 +22,19 @@ STEPS = 7
 SPRING = {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
 WEAK = {"normal_strength": 10e3, "shear_strength": 10e3}
 WEAKER = {"normal_strength": 4e3, "shear_strength": 4e3}
+STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}
+WEAK_AFTER = {"normal_strength": 6e3, "shear_strength": 6e3}
+WEAR = {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}
 
 PHYSICS: dict[str, Parameters] = {
     "dem": A68A_2022.changed(fracture=WEAK, stepping={"substeps": None}),
     "dem, fracture after the step": A68A_2022.changed(fracture={**WEAKER, "on_substeps": False}),
     "dem, broken bonds dropped": A68A_2022.changed(fracture={**WEAK, "broken_as_contact": False}),
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK),
+    "dem, damage": A68A_2022.changed(fracture=STRONG, damage=WEAR, stepping={"substeps": None}),
+    "dem, damage, fracture after the step": A68A_2022.changed(
+        fracture={**WEAK_AFTER, "on_substeps": False}, damage=WEAR
+    ),
     "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),
     "spring, implicit sub-steps": A68A_2022.changed(
         **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}

@@ -26,7 +26,8 @@ print(hashlib.sha256(b"".join(a.tobytes() for a in (*elements, *bonds))).hexdige
 def moved(seed: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Return elements and bonds of a small berg that has drifted and broken for some steps."""
     berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
-    weak = A68A_2022.changed(fracture={"normal_strength": 3e2 + 1e2 * seed})
+    wear = {"enabled": seed % 2 == 0, "threshold": 0.1, "time_scale": 3600.0}
+    weak = A68A_2022.changed(fracture={"normal_strength": 3e2 + 1e2 * seed}, damage=wear)
     model = Model(berg, Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0), weak)
     model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.u.size)
     for _ in range(6):
@@ -52,7 +53,8 @@ def test_numba_thread_setting_changes_nothing() -> None:
     """One process per setting; every array of the state enters the digest."""
     digests = set()
     for threads in ("1", "2"):
-        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": os.path.dirname(__file__)}
+        path = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads, "PYTHONPATH": path}
         done = subprocess.run(
             [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True, timeout=300
         )

@@ -105,6 +105,7 @@ class Model:
         """Check the state and set up the stepper."""
         self.constants: KernelParameters = self.parameters.kernel_values()
         check_state(self.elements, self.bonds)
+        check_strengths(self.bonds, self.parameters)
         sizes = interaction_sizes(self.elements, self.constants)
         self.substeps = 1
         if self.parameters.stepping.scheme == "mts":
@@ -369,3 +370,37 @@ def check_state(elements: Elements, bonds: Bonds) -> None:
     ends = np.concatenate([bonds.first, bonds.second])
     if ends.size and (ends.min() < 0 or ends.max() >= count):
         raise InputError(f"a bond names element row {int(ends.max())} of {count}", where="bonds")
+
+
+def check_strengths(bonds: Bonds, p: Parameters) -> None:
+    """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand.
+
+    Raises
+    ------
+    InputError
+        Naming the strength, or the bond, and what is possible.
+    """
+    own, f = not p.compatibility.zero_start, p.fracture
+    for name, value in (("normal_strength", f.normal_strength), ("shear_strength", f.shear_strength)):
+        if f.enabled and own and value <= 0.0:
+            raise InputError(
+                f"fracture.{name} = {value:g} Pa is no strength",
+                where="parameters",
+                remedy="Give a positive one, or set fracture.enabled = false so that no bond breaks",
+            )
+    for name, values, bad, possible in (
+        (
+            "strength",
+            bonds.strength,
+            ~(np.isfinite(bonds.strength) & (bonds.strength >= 0.0)),
+            "a finite factor, 0 or more",
+        ),
+        ("damage", bonds.damage, ~((bonds.damage >= 0.0) & (bonds.damage < 1.0)), "from 0 up to, not including, 1"),
+    ):
+        if bad.any():
+            b = int(np.flatnonzero(bad)[0])
+            raise InputError(
+                f"{name} is {values[b]:g}",
+                where=f"bond in row {b}, between the elements in rows {bonds.first[b]} and {bonds.second[b]}",
+                remedy=f"It must be {possible}",
+            )

@@ -156,6 +156,19 @@ class Fracture(Group):
     not_in_first_step: bool = quantity(False, "", "no test during the first long step", "spec 7.1 no_frac_first_ts")
 
 
+class Damage(Group):
+    """Strength that bonds lose by the history of their stress; not calibrated for icebergs."""
+
+    enabled: bool = quantity(False, "", "stress takes from the strength of the bonds", "Riftberg")
+    threshold: float = quantity(
+        0.3, "1", "stress over remaining strength below which nothing happens", "Riftberg", ge=0, lt=1
+    )
+    time_scale: float = quantity(
+        86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg", gt=0
+    )
+    exponent: float = quantity(2.0, "1", "power of the stress in the rate of damage", "Riftberg", gt=0)
+
+
 class Stepping(Group):
     """How the equations are stepped in time."""
 
@@ -310,6 +323,9 @@ class KernelParameters(NamedTuple):
     shear_strength: float
     fracture_on_substeps: bool
     broken_as_contact: bool
+    damage_threshold: float
+    damage_time: float
+    damage_exponent: float
     explicit_substeps: bool
     only_interactions: bool
     interactions: bool
@@ -344,6 +360,7 @@ class Parameters(Group):
     contact: Contact = Field(default_factory=Contact)
     bonds: Bonds = Field(default_factory=Bonds)
     fracture: Fracture = Field(default_factory=Fracture)
+    damage: Damage = Field(default_factory=Damage)
     stepping: Stepping = Field(default_factory=Stepping)
     earth: Earth = Field(default_factory=Earth)
     compatibility: Compatibility = Field(default_factory=Compatibility)
@@ -358,6 +375,11 @@ class Parameters(Group):
             raise ValueError(
                 "fracture acts in the sub-steps of scheme 'mts' only: set stepping.scheme = 'mts' "
                 "or fracture.enabled = false (spec 7, quirk Q25)"
+            )
+        if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
+            raise ValueError(
+                "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
+                "fracture.enabled = true, or damage.enabled = false"
             )
         return self
 
@@ -418,6 +440,9 @@ class Parameters(Group):
             shear_strength=p.fracture.shear_strength,
             fracture_on_substeps=p.fracture.on_substeps,
             broken_as_contact=p.fracture.broken_as_contact,
+            damage_threshold=p.damage.threshold,
+            damage_time=p.damage.time_scale,
+            damage_exponent=p.damage.exponent,
             explicit_substeps=p.stepping.explicit_substeps,
             only_interactions=p.stepping.only_interactions,
             interactions=p.stepping.interactions,

@@ -120,6 +120,7 @@ BOND_VARIABLES: tuple[Variable, ...] = (
     _v("relative_rotation", "rad", "accumulated relative rotation"),
     _v("status", "1", "0 unbroken, 1 broken but still a contact pair, 2 gone", dtype="i8"),
     _v("strength", "1", "strength of the bond relative to the fracture thresholds"),
+    _v("damage", "1", "part of the strength that the stress history has taken; in run files with damage", output=True),
     _v("break_time", "s", "time of breaking since the start, NaN while unbroken", output=True),
     _v("break_grounded", "1", "1 where an end was aground when the bond broke", dtype="i8"),
 )
@@ -195,6 +196,7 @@ class Bonds(NamedTuple):
     relative_rotation: Floats
     status: Ints
     strength: Floats
+    damage: Floats
     break_time: Floats
     break_grounded: Ints
 

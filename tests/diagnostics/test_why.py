@@ -114,6 +114,15 @@ def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
     assert breakup.highest == pytest.approx(1000.0 + 23 * 36.0)
 
 
+def test_a_worn_bond_is_told_by_the_strength_that_was_left(run: xr.Dataset) -> None:
+    """And a stress that is small for a whole bond is not small for one with a tenth of its strength."""
+    worn = np.full((run.sizes["bond"], run.sizes["time"]), 0.9)
+    (breakup,) = why.explain(run.assign(damage=(("bond", "time"), worn))).breakups
+    assert breakup.first_bonds[0].strength == pytest.approx(1.8e3)
+    assert breakup.highest == pytest.approx(1000.0 + 23 * 36.0)
+    assert not breakup.sudden
+
+
 def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
     reasons = why.explain(run, smallest=0.5)
     assert reasons.breakups == []

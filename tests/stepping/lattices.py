@@ -150,7 +150,7 @@ def touching_pairs(el, bonds, p):
     return pairs
 
 
-def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, rank=None):
+def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None):
     """Call `riftberg.stepping.multiple.advance` once; changes the state in place."""
     n = el.mass.size
     plan = StepPlan(
@@ -162,6 +162,7 @@ def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, ma
         search=not p.broken_as_contact,
         break_inline=may_break,
         break_after=False,
+        wears=wears,
     )
     return advance(
         el,

@@ -127,15 +127,15 @@ def opening_half_kick(elements, p, dt):
     return elements
 
 
-def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_break=False, time=0.0):
+def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_break=False, wears=False, time=0.0):
     """One long step of spec 6.4 without the cell update at its end.
 
     Parameters
     ----------
     skip_slow : bool
         Leave out PART 1 and PART 2.
-    may_break : bool
-        In-line fracture.
+    may_break, wears : bool
+        In-line fracture; damage.
 
     Returns
     -------
@@ -149,7 +149,13 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_brea
     for n in range(substeps):
         if p.explicit_substeps or p.dem:
             elements, bonds, more = explicit_substep(
-                elements, bonds, p, dt / substeps, may_break=may_break, time=time + (n + 1) * dt / substeps
+                elements,
+                bonds,
+                p,
+                dt / substeps,
+                may_break=may_break,
+                wears=wears,
+                time=time + (n + 1) * dt / substeps,
             )
             broken += more
         else:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from twins import bonds as bond_law
-from twins import contact, fracture, geometry, grounding
+from twins import contact, damage, fracture, geometry, grounding
 from twins.elements import assign, between, bond_size, bonded_to, copies, draft, moves, own_size, vector
 from twins.velocity import implicit_acceleration, kid_pair
 
@@ -95,7 +95,7 @@ def set_convergence(elements, bonds, p):
         b.convergence = np.tan(mean) / p.earth_radius if p.latlon and not p.flat_relative_velocity else 0.0
 
 
-def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground):
+def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=False):
     """All unbroken bonds: update ``bonds`` and return forces and torques (elastic and damping together) per element."""
     force = np.zeros((len(elements), 2))
     torque = np.zeros(len(elements))
@@ -113,7 +113,10 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground):
         b.normal_stress, b.shear_stress = float(result.sigma_n), float(result.sigma_s)
         b.bond_length = float(result.length)
         b.relative_rotation += result.turn
-        limits = (p.normal_strength, p.shear_strength, b.strength)
+        strengths = (b.strength * p.normal_strength, b.strength * p.shear_strength)
+        if wears:
+            b.damage = damage.grow(b.damage, b.normal_stress, b.shear_stress, *strengths, p, dt)
+        limits = (*strengths, 1 - b.damage)
         broken = may_break and fracture.breaks(b.normal_stress, b.shear_stress, *limits)
         if broken:
             b.status, b.break_time = 1, time
@@ -127,7 +130,7 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground):
     return force, torque, fresh
 
 
-def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0):
+def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, wears=False):
     """Spec 5.3 with DEM: accelerations (list of arrays) and spin rates; ``elements`` and ``bonds`` are changed.
 
     Contact pairs are the bonds that were broken before this evaluation, or those that a search finds.
@@ -136,7 +139,9 @@ def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0):
     counts = [e.bond_count for e in elements]
     candidates = [searched(k, elements, bonds, p) for k in range(len(elements))]
     aground = [grounding.fraction(e.depth, draft(e, p), p.ground_ramp) > 0 for e in elements]
-    force, torque, fresh = evaluate_bonds(elements, bonds, p, dt, may_break=may_break, time=time, aground=aground)
+    force, torque, fresh = evaluate_bonds(
+        elements, bonds, p, dt, may_break=may_break, time=time, aground=aground, wears=wears
+    )
     accelerations = []
     for k, e in enumerate(elements):
         r, mass, _ = bond_size(e, p)
@@ -184,7 +189,7 @@ def floor_rates(e, p):
     return slide, turn
 
 
-def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0):
+def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, wears=False):
     """3a to 3d for all elements: returns new elements, new bonds and the number of bonds broken.
 
     Parameters
@@ -193,13 +198,15 @@ def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0):
         Sub-step, s.
     may_break : bool
         Test for fracture in line (spec 7.2).
+    wears : bool
+        Let stress take from the strength of the bonds.
     time : float
         Time at the end of the sub-step, s.
     """
     elements, bonds = copies(elements), copies(bonds)
     drift(elements, p, dt)
     if p.dem:
-        accelerations, broken = dem_accelerations(elements, bonds, p, dt, may_break=may_break, time=time)
+        accelerations, broken = dem_accelerations(elements, bonds, p, dt, may_break=may_break, time=time, wears=wears)
     else:
         accelerations, broken = spring_accelerations(elements, bonds, p), 0
     for e, acceleration in zip(elements, accelerations, strict=True):

@@ -125,7 +125,7 @@ class Cut:
             closure=self.closure(record, before),
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             highest=highest,
-            sudden=highest < SUDDEN * self.scene.parameters.fracture.normal_strength,
+            sudden=self.highest_stress(of_what_is_left=True) < SUDDEN * self.scene.parameters.fracture.normal_strength,
             history=loads,
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
@@ -207,13 +207,19 @@ class Cut:
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 
-    def highest_stress(self) -> float:
-        """Return the largest tensile stress of the parent at the last record before the first bond failed."""
+    def highest_stress(self, *, of_what_is_left: bool = False) -> float:
+        """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
+
+        With ``of_what_is_left`` each is divided by the part of the strength that damage has left at that record.
+        """
         record = max(int(np.searchsorted(self.scene.times, self.broken_at[self.bonds[0]])) - 1, 0)
         body = self.body(record)
         held = body[self.run["first"].values] & body[self.run["second"].values]
         held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[record])
-        return float(self.run["normal_stress"].isel(time=record).values[held].max(initial=0.0))
+        stress = self.run["normal_stress"].isel(time=record).values[held]
+        if of_what_is_left and "damage" in self.run:
+            stress = stress / (1.0 - self.run["damage"].isel(time=record).values[held])
+        return float(stress.max(initial=0.0))
 
     def first_bond(self, bond: int) -> FirstBond:
         """Return the history of a bond."""
@@ -223,6 +229,8 @@ class Cut:
         ends = [int(run[name].values[bond]) for name in ("first", "second")]
         at = int(rows[-1]) if len(rows) else 0
         strength = scene.parameters.fracture.normal_strength * float(run["strength"].values[bond])
+        if "damage" in run:  # a bond keeps the damage with which it broke
+            strength *= 1.0 - float(run["damage"].values[bond, -1])
         history = run[["normal_stress", "shear_stress"]].isel(bond=bond, time=rows)
         return FirstBond(
             bond=bond,

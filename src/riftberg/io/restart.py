@@ -28,8 +28,11 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, V
 if TYPE_CHECKING:
     from riftberg.model import Model
 
-FORMAT = 1
+FORMAT = 2
 """Number of the layout; raised when an older Riftberg could not read the file."""
+
+ADDED = frozenset({"bond_damage"})
+"""Variables that layout 1 did not have; states of its time had their default values."""
 
 
 @dataclass
@@ -234,6 +237,8 @@ def _fill(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays
         if v.restart:
             name = f"{dim}_{v.name}"
             if name not in file.variables:
+                if name in ADDED and file.riftberg_restart_format == 1:
+                    continue
                 raise InputError(
                     f"variable {name} ({v.long_name}) is missing",
                     where=str(path),

@@ -47,7 +47,7 @@ SHAPE: Final = ("length", "width", "mass")
 """Variables of the elements written once, at the start."""
 
 BOND_HISTORY: Final = ("normal_stress", "shear_stress")
-"""Variables of the bonds written at every record; the other ones hold the latest state."""
+"""Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state."""
 
 BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded")
 
@@ -172,13 +172,13 @@ class RunWriter:
     def _write(self, file: netCDF4.Dataset, model: Model) -> None:
         _write_latest(file, model, self._names)
         if self._held:
-            self._write_records(file, slice(self.records, self.records + len(self._held)))
+            self._write_records(file, model, slice(self.records, self.records + len(self._held)))
 
-    def _write_records(self, file: netCDF4.Dataset, block: slice) -> None:
+    def _write_records(self, file: netCDF4.Dataset, model: Model, block: slice) -> None:
         for name in [v.name for v in element_history()]:
             stored = file[self._names.get(name, name)]
             stored[:, block] = np.stack([r.elements[name] for r in self._held], axis=1)
-        for name in BOND_HISTORY:
+        for name in bond_history(model):
             file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
         file["time"][block] = [r.time for r in self._held]
 
@@ -189,12 +189,17 @@ class _Record:
     def __init__(self, model: Model) -> None:
         self.time = float(model.time)
         self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
-        self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in BOND_HISTORY}
+        self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
 
 
 def element_history() -> list[Variable]:
     """Return the variables of the elements that every record holds, from the registry."""
     return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
+
+
+def bond_history(model: Model) -> tuple[str, ...]:
+    """Return the variables of the bonds that every record of this run holds."""
+    return (*BOND_HISTORY, "damage") if model.parameters.damage.enabled else BOND_HISTORY
 
 
 def position_names(latlon: bool) -> dict[str, str]:
@@ -355,7 +360,7 @@ def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
         stored = _create(file, name, "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
         if name == "status":
             stored.flag_values = np.arange(3, dtype="i4")
-    for name in BOND_HISTORY:
+    for name in bond_history(model):
         _create(file, name, "f4", ("bond", "time"), **_described(registry[name], {}))
 
 

@@ -18,6 +18,7 @@ from riftberg.physics.bonds import damping_constant
 from riftberg.physics.geometry import meridian_convergence
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.wear import limits_left
 
 Indices = NDArray[np.uint32]
 """Unsigned, because numba then leaves out the test for negative (wrap-around) indices."""
@@ -49,6 +50,8 @@ class BondRows(NamedTuple):
     damping: Floats
     normal_limit: Floats
     shear_limit: Floats
+    strength: Floats
+    damage: Floats
     dx: Floats
     dy: Floats
     y_mean: Floats
@@ -144,17 +147,19 @@ def _copy_unbroken(rows, bonds, p):
 
     Arrays are taken out of the named tuples first, because numba counts references at each access in a loop.
     """
-    status, first, second, strength = bonds.status, bonds.first, bonds.second, bonds.strength
+    status, first, second, strength, damage = bonds.status, bonds.first, bonds.second, bonds.strength, bonds.damage
     shear_x, shear_y, turned = bonds.shear_x, bonds.shear_y, bonds.relative_rotation
     row_bond, row_first, row_second, alive = rows.bond, rows.first, rows.second, rows.alive
     sx, sy, row_turned, normal, shear = rows.sx, rows.sy, rows.relative_rotation, rows.normal_limit, rows.shear_limit
+    row_strength, row_damage = rows.strength, rows.damage
     count = 0
     for b in range(first.size):
         if status[b] != 0:
             continue
         row_bond[count], row_first[count], row_second[count], alive[count] = b, first[b], second[b], 1.0
         sx[count], sy[count], row_turned[count] = shear_x[b], shear_y[b], turned[b]
-        normal[count], shear[count] = p.normal_strength * strength[b], p.shear_strength * strength[b]
+        row_strength[count], row_damage[count] = strength[b], damage[b]
+        normal[count], shear[count] = limits_left(p.normal_strength, p.shear_strength, strength[b], damage[b])
         count += 1
     return count
 
@@ -207,7 +212,7 @@ def _fill_slots(rows, count):
 
 @stage
 def store_rows(rows: BondRows, count: int, bonds: Bonds) -> None:
-    """Copy displacements, stresses and lengths from the rows back to the state."""
+    """Copy displacements, stresses, lengths and damage from the rows back to the state."""
     for r in range(count):
         b = rows.bond[r]
         if bonds.status[b] != 0:
@@ -216,3 +221,4 @@ def store_rows(rows: BondRows, count: int, bonds: Bonds) -> None:
         bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
         bonds.bond_length[b] = rows.length[r]
         bonds.relative_rotation[b] = rows.relative_rotation[r]
+        bonds.damage[b] = rows.damage[r]

@@ -77,9 +77,8 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
     shear = shear_strength if shear_strength > 0.0 else np.inf
     broken = 0
     for b in range(bonds.first.size):
-        if bonds.status[b] == 0 and exceeds(
-            bonds.normal_stress[b], bonds.shear_stress[b], normal, shear, bonds.strength[b]
-        ):
+        strength = bonds.strength[b] * (1.0 - bonds.damage[b])
+        if bonds.status[b] == 0 and exceeds(bonds.normal_stress[b], bonds.shear_stress[b], normal, shear, strength):
             bonds.status[b] = 2
             bonds.break_time[b] = time
             el.bond_count[bonds.first[b]] -= 1

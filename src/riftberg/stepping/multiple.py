@@ -50,6 +50,8 @@ class StepPlan(NamedTuple):
         Contact inside a berg goes over candidates of a search, not over broken bonds.
     break_inline, break_after : bool
         Test for fracture in every sub-step, or once after the closing half kick.
+    wears : bool
+        Stress takes from the strength of the bonds, in every sub-step.
     """
 
     dt: float
@@ -60,6 +62,7 @@ class StepPlan(NamedTuple):
     search: bool
     break_inline: bool
     break_after: bool
+    wears: bool
 
 
 class StepReport(NamedTuple):
@@ -162,9 +165,9 @@ def advance(
         if moving:
             _drift_and_show(el, scratch, dt, near_pole, p)
         if p.dem:
-            now, may_break = plan.time + (n + 1) * dt, plan.break_inline and moving
+            now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
             broken += dem_accelerations(
-                el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, p
+                el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears, p
             )
         elif explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)

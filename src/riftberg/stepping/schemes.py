@@ -182,6 +182,8 @@ class MultipleStepper:
         p, first = model.parameters, model.step_number == 0
         quirks = p.compatibility
         held = first and p.fracture.not_in_first_step
+        inline = p.fracture.on_substeps and (not held or quirks.inline_break_in_first_step)
+        after = not p.fracture.on_substeps and not held
         return StepPlan(
             dt=p.stepping.time_step,
             substeps=model.substeps,
@@ -189,10 +191,10 @@ class MultipleStepper:
             starting=first and not quirks.zero_start,
             skip_slow=first and p.stepping.skip_first_long_force,
             search=not self._contact_by_bonds,
-            break_inline=p.fracture.enabled
-            and p.fracture.on_substeps
-            and (not held or quirks.inline_break_in_first_step),
-            break_after=p.fracture.enabled and not p.fracture.on_substeps and not held,
+            break_inline=p.fracture.enabled and inline,
+            break_after=p.fracture.enabled and after,
+            # A start that must not break bonds must not wear them either.
+            wears=p.damage.enabled and (inline or after),
         )
 
     def _partners(self, model: Model, sizes: Sizes) -> Partners:

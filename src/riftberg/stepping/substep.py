@@ -17,6 +17,7 @@ from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, 
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
 from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.wear import damage_rows
 
 
 class Scratch(NamedTuple):
@@ -86,7 +87,7 @@ def divide_by_mass(el: Elements, scratch: Scratch, sizes: Sizes) -> None:
 @stage
 def dem_accelerations(
     el: Elements, bonds: Bonds, rows: BondRows, count: int, pairs: ContactPairs, search: bool, scratch: Scratch,
-    sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, p: KernelParameters,
+    sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, wears: bool, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Accelerations and angular accelerations of all elements by bonds, loads and contact inside the berg.
 
@@ -96,6 +97,8 @@ def dem_accelerations(
         Sub-step, and time since the start at its end, s; bonds that break get this time.
     may_break : bool
         Whether to test for fracture at all.
+    wears : bool
+        Whether stress takes from the strength of the bonds.
 
     Returns
     -------
@@ -116,6 +119,8 @@ def dem_accelerations(
         add_contacts(
             pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True, soft_dt
         )
+    if wears:
+        damage_rows(rows, count, dt, p)
     broken = 0
     if may_break and any_exceeds(rows, count) > 0.0:
         broken = break_overloaded(

@@ -100,6 +100,7 @@ def test_fracture_on_substeps_takes_thresholds_as_they_are(tmp_path: Path) -> No
     assert p.fracture.enabled
     assert p.fracture.normal_strength == 0.0
     assert p.fracture.shear_strength == 5e3
+    assert not p.damage.enabled  # Riftberg's own, without an entry in the namelist
 
 
 def test_fracture_needs_the_stress_criterion(tmp_path: Path) -> None:
