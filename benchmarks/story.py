@@ -1,40 +1,72 @@
 """The story of the built-in A68a and its controls: what breaks off, when, where, aground or afloat.
 
-python benchmarks/story.py             print the table
-python benchmarks/story.py --write     also put it into docs/explanation/a68a-story.md
+python benchmarks/story.py             print the tables
+python benchmarks/story.py --write     also put them into docs/explanation/a68a-story.md
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from riftberg.diagnostics.summary import breakups, fragment_areas
-from riftberg.experiments import Options, build
+from riftberg.diagnostics.track import berg_position
+from riftberg.experiments import Numerics, Options
+from riftberg.experiments.a68a import DAYS, story_model
+from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
+from riftberg.model import Model
+from riftberg.ocean.story import OWN, StoryOcean
+from riftberg.parameters import Packing
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
-BEGIN, END = "<!-- story: begin -->", "<!-- story: end -->"
+KM_PER_DEGREE = 111.07
+"""Of latitude, on the sphere of the publication."""
+
 SMALL = 50.0
 """Pieces below this area (km2) are counted, not listed."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One row of the table."""
+    """One row of the table: what differs from the built-in run."""
 
     name: str
     without: frozenset[str] = frozenset()
     changes: dict[str, dict[str, Any]] = field(default_factory=dict)
-    numerics: str = "own"
+    numerics: Numerics = "own"
+    radius: float = 1500.0
+    packing: Packing = "square"
+    moved: tuple[float, float] = (0.0, 0.0)  # of the start, degrees east and north
+    eddy: float = 1.0  # factor on the spin of the eddy
+
+    def model(self) -> Model:
+        """Build the model of the row."""
+        options = Options(self.changes, without=self.without, numerics=self.numerics)
+        ocean = None
+        if self.eddy != 1.0:
+            ocean = StoryOcean(replace(OWN, eddy_spin=self.eddy * OWN.eddy_spin))
+        model = story_model(options, radius=self.radius, packing=self.packing, ocean=ocean)
+        model.elements.lon[:] += self.moved[0]
+        model.elements.lat[:] += self.moved[1]
+        return model
 
 
-def strength(pascal: float) -> dict[str, dict[str, Any]]:
+def strength(kilopascal: float) -> dict[str, dict[str, Any]]:
     """Change the strength of the bonds."""
-    return {"fracture": {"normal_strength": pascal}}
+    return {"fracture": {"normal_strength": 1e3 * kilopascal}}
+
+
+def long_step(seconds: float) -> dict[str, dict[str, Any]]:
+    """Change the long step and keep the sub-steps of 20 s."""
+    return {"stepping": {"time_step": seconds, "substeps": round(seconds / 20.0)}}
 
 
 RUNS = (
@@ -42,12 +74,19 @@ RUNS = (
     Run("`--without shoal`", frozenset({"shoal"})),
     Run("`--without shear`", frozenset({"shear"})),
     Run("`--without shoal --without shear`", frozenset({"shoal", "shear"})),
-    Run("strength 16 kPa", changes=strength(16e3)),
-    Run("strength 20 kPa", changes=strength(20e3)),
-    Run("strength 22 kPa", changes=strength(22e3)),
+    *(Run(f"strength {value} kPa", changes=strength(value)) for value in (14, 16, 20, 22)),
+    *(Run(f"long step of {value} s", changes=long_step(value)) for value in (900, 600, 450)),
     Run("twice the sub-steps", changes={"stepping": {"substeps": 180}}),
-    Run("half the long step", changes={"stepping": {"time_step": 900.0, "substeps": 45}}),
-    Run("`--numerics reference`", numerics="reference"),
+    Run("start 1.3 km further east", moved=(0.02, 0.0)),
+    Run("start 1.3 km further west", moved=(-0.02, 0.0)),
+    Run("start 1.7 km further north", moved=(0.0, 0.015)),
+    Run("start 1.7 km further south", moved=(0.0, -0.015)),
+    Run("eddy 5 % weaker", eddy=0.95),
+    Run("eddy 5 % stronger", eddy=1.05),
+    Run("hexagonal packing", packing="hexagonal"),
+    Run("radius 1.0 km", radius=1000.0),
+    Run("radius 1.0 km, hexagonal packing", radius=1000.0, packing="hexagonal"),
+    Run("`--numerics reference`, in the ocean fitted to it", numerics="reference"),
 )
 HEAD = (
     "run",
@@ -56,6 +95,7 @@ HEAD = (
     "bonds broken",
     "of them by 23 Dec",
 )
+ASKED = ("", "asked", "got")
 
 
 def told(event: dict[str, Any]) -> str:
@@ -66,34 +106,107 @@ def told(event: dict[str, Any]) -> str:
 
 def row(run: Run) -> tuple[str, ...]:
     """Run and return the cells of a row."""
-    model, info = build("a68a", Options(without=run.without, changes=run.changes, numerics=run.numerics))  # type: ignore[arg-type]
-    model.advance(info.days)
+    model = run.model()
+    model.advance(DAYS)
     events = breakups(model)
     large = [told(event) for event in events if event["area_km2"] >= SMALL]
     small = Counter(event["area_km2"] >= SMALL for event in events)[False]
-    limit = (23 - model.start.day) * 86400.0 - model.start.hour * 3600.0
-    early = int((model.bonds.break_time < limit).sum())
     words = ", ".join(large) or "nothing"
     return (
         run.name, words + (f" and {small} below {SMALL:g} km²" if small else ""), f"{fragment_areas(model)[0]:.0f}",
-        str(model.bonds_broken), f"{early} = {100 * early / model.bonds.status.size:.1f} %",
+        str(model.bonds_broken), f"{broken_early(model)} = {100 * broken_early(model) / model.bonds.status.size:.1f} %",
     )  # fmt: skip
 
 
-def main() -> int:
-    """Run all, print the table and perhaps write it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--write", action="store_true", help="put the table into the documentation")
-    write = parser.parse_args().write
-    lines = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
+def broken_early(model: Model) -> int:
+    """Bonds that broke before 23 December 00:00."""
+    limit = (23 - model.start.day) * 86400.0 - model.start.hour * 3600.0
+    return int((model.bonds.break_time < limit).sum())
+
+
+def off(model: Model, seen: Observed) -> tuple[float, float]:
+    """Distance (km) and difference of azimuth (degrees) from an observed day, without the pieces that are off by then.
+
+    The tip counts until it breaks off, the finger until 23 December: it lay beside the berg.
+    """
+    e = model.elements
+    gone = [f.number for f in model.fragments.breakups if f.grounded or seen.day > 23]
+    on = ~np.isin(e.berg, gone)
+    p = berg_position(e.lon[on], e.lat[on], (e.length * e.width)[on])
+    east = ((p.lon - seen.lon + 180.0) % 360.0 - 180.0) * math.cos(math.radians(seen.lat))
+    return KM_PER_DEGREE * math.hypot(east, p.lat - seen.lat), (p.azimuth - seen.azimuth + 90.0) % 180.0 - 90.0
+
+
+def fastest(ocean: StoryOcean) -> float:
+    """Fastest current (m s-1) within 150 km of the observed path, from 9 to 26 December."""
+    found = 0.0
+    for seen in A68A_OBSERVED:
+        lon, lat = np.meshgrid(seen.lon + np.linspace(-2.5, 2.5, 61), seen.lat + np.linspace(-1.4, 1.4, 61))
+        for hour in range(0, 24, 3):
+            time = (seen.day - 9) * 86400.0 + 3600.0 * hour
+            found = max(found, float(np.hypot(*ocean.currents(lon, lat, time)).max()))
+    return found
+
+
+def storyline() -> list[tuple[str, ...]]:
+    """Run the built-in experiment and return what was asked of it, and what came."""
+    model = Run("").model()
+    days: dict[int, tuple[float, float]] = {}
+    beside = 0.0
+    for seen in A68A_OBSERVED:
+        days[seen.day] = off(model, seen)
+        for _ in range(8 * (seen.day < 26)):
+            model.advance(0.125)
+            beside = max(beside, float(np.hypot(model.elements.uo, model.elements.vo).max()))
+    early = np.array([days[day] for day in range(9, 22)])
+    distance, turn = np.sqrt(np.mean(early**2, axis=0))
+    tip, finger = (event for event in breakups(model) if event["area_km2"] >= SMALL)
+    there = model.elements.berg == next(
+        f.number for f in model.fragments.breakups if f.grounded and f.area > 1e6 * SMALL
+    )
+    lat, lon = model.elements.lat[there].mean(), (model.elements.lon[there].mean() + 180.0) % 360.0 - 180.0
+    away = KM_PER_DEGREE * math.hypot((lon + 36.72) * math.cos(math.radians(55.5)), lat + 55.56)
+    return [
+        ("centroid, 9 to 21 December, rms", "10 km", f"{distance:.1f} km (largest {early[:, 0].max():.1f})"),
+        ("azimuth, 9 to 21 December, rms", "10°", f"{turn:.1f}° (largest {np.abs(early[:, 1]).max():.0f})"),
+        ("centroid on 22, 23, 25 and 26 December", "right", ", ".join(f"{days[d][0]:.1f}" for d in (22, 23, 25, 26)) + " km"),
+        ("tip: aground, 16 to 18 December", "80 to 300 km²", told(tip)),
+        ("tip (A68D) on 26 December", "stays behind", f"{-lat:.2f} S, {-lon:.2f} W: {away:.0f} km from where it was seen"),
+        ("finger: afloat, 19 to 22 December", "450 to 900 km², near 600", told(finger)),
+        ("largest piece", "2400 km² or more", f"{fragment_areas(model)[0]:.0f} km²"),
+        ("bonds broken by 23 December", "less than 5 %", f"{100 * broken_early(model) / model.bonds.status.size:.1f} %"),
+        ("fastest current", "about 0.5 m/s", f"{beside:.2f} m/s at the berg, {fastest(StoryOcean()):.2f} m/s around it"),
+    ]  # fmt: skip
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def put(page: str, name: str, text: str) -> str:
+    """Put a text between the marks of a page."""
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    before, _, rest = page.partition(begin)
+    return f"{before}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
+
+
+def told_rows() -> Iterator[tuple[str, ...]]:
+    """Run all rows, and say which is done."""
     for run in RUNS:
-        lines.append("| " + " | ".join(row(run)) + " |")
+        yield row(run)
         print(run.name, file=sys.stderr, flush=True)
-    text = "\n".join(lines)
-    print(text)
+
+
+def main() -> int:
+    """Run all, print the tables and perhaps write them."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--write", action="store_true", help="put the tables into the documentation")
+    write = parser.parse_args().write
+    line, runs = table(ASKED, storyline()), table(HEAD, told_rows())
+    print(line, runs, sep="\n\n")
     if write:
-        before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.partition(END)[2]}", "utf-8")
+        PAGE.write_text(put(put(PAGE.read_text("utf-8"), "storyline", line), "story", runs), "utf-8")
     return 0
 
 

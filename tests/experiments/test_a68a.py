@@ -12,9 +12,10 @@ from riftberg.diagnostics.track import berg_position
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
-from riftberg.experiments.a68a_observed import A68A_OBSERVED
+from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
 from riftberg.model import Model
-from riftberg.ocean.story import OWN, StoryOcean
+from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
+from riftberg.parameters import Packing
 
 DAY = 86400.0
 START = 9.0 + 13.0 / 24.0
@@ -22,42 +23,69 @@ START = 9.0 + 13.0 / 24.0
 
 def run(model: Model, days: float) -> Model:
     """Step a model for some days."""
-    for _ in range(round(days * 48)):
+    for _ in range(round(days * DAY / model.parameters.stepping.time_step)):
         model.step()
     return model
 
 
-def breakups(model: Model) -> list[tuple[float, float, bool]]:
-    """Day of December, area (km2) and whether aground, of each fragment that broke off."""
-    return [(START + f.birth_time / DAY, f.area / 1e6, f.grounded) for f in model.fragments.breakups]
+def breakups(model: Model, least: float = 50.0) -> list[tuple[float, float, bool]]:
+    """Day of December, area (km2) and whether aground, of each fragment of at least an area that broke off."""
+    events = [(START + f.birth_time / DAY, f.area / 1e6, f.grounded) for f in model.fragments.breakups]
+    return [event for event in events if event[1] >= least]
 
 
-def test_the_story() -> None:
-    """Path, turn, tip aground on 16-18 December, finger afloat on 19-22 December, the rest whole."""
-    model, _ = build("a68a")
-    distance, turn = [], []
-    for day in range(14):
-        seen = A68A_OBSERVED[day]
-        e = model.elements
-        tips = [f.number for f in model.fragments.breakups if f.grounded]
-        on = ~np.isin(e.berg, tips)
-        if seen.day <= 21:
-            p = berg_position(e.lon[on], e.lat[on], (e.length * e.width)[on])
-            east = (p.lon - seen.lon) * math.cos(math.radians(seen.lat))
-            distance.append(111.07 * math.hypot(east, p.lat - seen.lat))
-            turn.append((p.azimuth - seen.azimuth + 90.0) % 180.0 - 90.0)
-        run(model, 1.0)
-    assert np.sqrt(np.mean(np.square(distance))) < 10.0  # km
-    assert np.sqrt(np.mean(np.square(turn))) < 10.0  # degrees
+def assert_tip_and_finger(model: Model, finger: tuple[float, float] = (450.0, 900.0)) -> None:
+    """Tip aground on 16 to 18 December, then the finger afloat on 19 to 22 December, the rest whole."""
     (tip_day, tip_area, tip_aground), (finger_day, finger_area, finger_aground) = breakups(model)
     assert tip_aground
     assert 16.0 <= tip_day < 19.0
     assert 80.0 <= tip_area <= 300.0
     assert not finger_aground
     assert 19.0 <= finger_day < 23.0
-    assert 450.0 <= finger_area <= 900.0
-    assert 4248.0 - tip_area - finger_area >= 2400.0
+    assert finger[0] <= finger_area <= finger[1]
+    e = model.elements
+    areas = np.bincount(e.berg.astype(int), weights=e.length * e.width) / 1e6
+    assert areas.max() >= 2400.0
     assert model.bonds_broken < 0.05 * model.bonds.first.size
+
+
+def off(model: Model, seen: Observed, gone: list[int]) -> tuple[float, float]:
+    """Distance (km) and difference of azimuth (degrees) from an observed day, without pieces that are gone."""
+    e = model.elements
+    on = ~np.isin(e.berg, gone)
+    p = berg_position(e.lon[on], e.lat[on], (e.length * e.width)[on])
+    east = ((p.lon - seen.lon + 180.0) % 360.0 - 180.0) * math.cos(math.radians(seen.lat))
+    return 111.07 * math.hypot(east, p.lat - seen.lat), (p.azimuth - seen.azimuth + 90.0) % 180.0 - 90.0
+
+
+def test_the_story() -> None:
+    """Path and turn to 26 December, tip aground, finger afloat, the rest whole; the tip stays behind."""
+    model, info = build("a68a")
+    assert info.days == 17.0
+    distance, turn, late = [], [], []
+    for seen in A68A_OBSERVED:
+        # The finger belongs to what was observed until 23 December.
+        gone = [f.number for f in model.fragments.breakups if f.grounded or seen.day > 23]
+        apart, turned = off(model, seen, gone)
+        if seen.day <= 21:
+            distance.append(apart)
+            turn.append(turned)
+        elif seen.day != 24:  # that day only a part was seen
+            late.append(apart)
+        if seen.day == 23:
+            assert model.bonds_broken < 0.05 * model.bonds.first.size
+        if seen.day < 26:
+            run(model, 1.0)
+    assert np.sqrt(np.mean(np.square(distance))) < 10.0  # km
+    assert np.sqrt(np.mean(np.square(turn))) < 10.0  # degrees
+    assert max(late) < 10.0  # km
+    assert_tip_and_finger(model)
+    tip = next(f.number for f in model.fragments.breakups if f.grounded and f.area > 5e7)
+    there = model.elements.berg == tip
+    # A68D on 26 December: 55.56 S, 36.72 W (outlines of the publication's repository).
+    assert model.elements.lat[there].mean() == pytest.approx(-55.56, abs=0.5)
+    assert model.elements.lon[there].mean() == pytest.approx(-36.72, abs=1.0)
+    assert model.elements.lat[~there].mean() < -56.8
 
 
 def test_without_the_shoal_only_the_finger_breaks_off() -> None:
@@ -68,10 +96,46 @@ def test_without_the_shoal_only_the_finger_breaks_off() -> None:
 
 
 def test_without_the_shear_the_finger_stays() -> None:
-    events = breakups(run(build("a68a", Options(without=frozenset({"shear"})))[0], 14.0))
+    events = breakups(run(build("a68a", Options(without=frozenset({"shear"})))[0], 17.0))
     assert len(events) == 1
     assert events[0][2]
     assert events[0][0] < 19.0
+
+
+@pytest.mark.parametrize("time_step", [900.0, 450.0])
+def test_the_story_does_not_need_the_long_step(time_step: float) -> None:
+    """The bending alone exceeds the strength: shorter steps, in which the finger rings less, break it as well."""
+    changes = {"stepping": {"time_step": time_step, "substeps": round(time_step / 20.0)}}
+    assert_tip_and_finger(run(build("a68a", Options(changes))[0], 14.0))
+
+
+@pytest.mark.parametrize("strength", [16e3, 20e3])
+def test_the_story_bears_other_strengths(strength: float) -> None:
+    assert_tip_and_finger(run(build("a68a", Options({"fracture": {"normal_strength": strength}}))[0], 14.0))
+
+
+@pytest.mark.parametrize(("east", "north"), [(0.02, 0.0), (-0.02, 0.0), (0.0, 0.015), (0.0, -0.015)])
+def test_the_story_bears_another_start(east: float, north: float) -> None:
+    """1.3 to 1.7 km to each side."""
+    model = story_model(Options())
+    model.elements.lon[:] += east
+    model.elements.lat[:] += north
+    assert_tip_and_finger(run(model, 14.0))
+
+
+@pytest.mark.parametrize(("radius", "packing"), [(1000.0, "square"), (1500.0, "hexagonal"), (1000.0, "hexagonal")])
+def test_other_lattices_tell_the_same_story(radius: float, packing: Packing) -> None:
+    assert_tip_and_finger(run(story_model(Options(), radius=radius, packing=packing), 14.0))
+
+
+def test_currents_are_no_faster_than_products_show() -> None:
+    """About 0.5 m/s is the largest that products show (shared description of the story); 0.75 + 0.1 was its own fit."""
+    fastest = 0.0
+    for step in range(4 * 17 + 1):
+        seen = A68A_OBSERVED[min(step // 4, 17)]
+        lon, lat = np.meshgrid(seen.lon + np.linspace(-2.5, 2.5, 41), seen.lat + np.linspace(-1.4, 1.4, 41))
+        fastest = max(fastest, float(np.hypot(*StoryOcean().currents(lon, lat, step * DAY / 4)).max()))
+    assert 0.45 < fastest < 0.53
 
 
 def test_the_numerics_of_the_reference_tell_the_same_story() -> None:
@@ -107,13 +171,60 @@ def test_currents_are_free_of_divergence_and_in_geostrophic_balance(time: float)
         assert model_berg.slope_y[0] == pytest.approx(north, rel=1e-6, abs=1e-13)
 
 
+@pytest.mark.parametrize("numbers", [OWN, REFERENCE], ids=["own", "reference"])
+@pytest.mark.parametrize("time", [0.5 * DAY, 7.7 * DAY, 11.3 * DAY, 16.5 * DAY])
+def test_slopes_and_curl_are_those_of_the_stream_function(numbers: StoryNumbers, time: float) -> None:
+    """Against differences of psi itself."""
+    now, h = StoryOcean(numbers).instant(time), 20.0
+    rng = np.random.default_rng(5)
+    for x, y in rng.uniform(-120e3, 120e3, (10, 2)):
+        _, psi_x, psi_y, curl = stream(x, y, now)
+        (east, north), (west, south) = [[stream(x + s * h, y, now), stream(x, y + s * h, now)] for s in (1.0, -1.0)]
+        assert psi_x == pytest.approx((east[0] - west[0]) / (2 * h), abs=1e-6)
+        assert psi_y == pytest.approx((north[0] - south[0]) / (2 * h), abs=1e-6)
+        laplacian = (east[1] - west[1] + north[2] - south[2]) / (2 * h)
+        assert curl == pytest.approx(laplacian, abs=1e-10)
+
+
+def test_the_stream_function_is_that_of_the_docstring() -> None:
+    """A plain twin of the formula, up to a constant."""
+    time, n = 11.3 * DAY, OWN
+    now = StoryOcean(n).instant(time)
+    s, metre = time / DAY, 6_363_827.0 * math.pi / 180.0
+    a = 0.25 * (1 + math.tanh((n.shear_end - s) / 0.5)) * (1 + math.tanh((s - n.shear_start) / 0.5))
+    yj, yc = metre * (n.jet_latitude + 55.8), metre * (n.counter_latitude + 55.8)
+
+    def psi(east: float, north: float) -> float:
+        x, y = east - now.x, north - now.y
+        r2 = x * x + y * y
+        drift = (now.v * x - now.u * y) * math.exp(-((math.sqrt(r2) / n.drift_radius) ** 4))
+        eddy = 0.5 * now.spin * n.eddy_radius**2 * (1 - math.exp(-r2 / n.eddy_radius**2))
+        jet = n.jet_speed * n.jet_width * math.tanh((north - yj) / n.jet_width)
+        counter = n.counter_speed * n.counter_width * math.tanh((north - yc) / n.counter_width)
+        return drift + eddy - a * (n.shear_flow * north + jet - counter)
+
+    for east, north in [(0.0, 0.0), (50e3, -80e3), (-90e3, 30e3)]:
+        assert stream(east, north, now)[0] == pytest.approx(psi(east, north), rel=1e-12)
+    # The gain makes the drift faster than its centre.
+    step = 60.0 / DAY
+    there, here = (np.array(_path(n, s + k * step)[0]) for k in (1, -1))
+    assert np.array([now.u, now.v]) == pytest.approx(n.drift_gain * (there - here) / 120.0, rel=1e-4, abs=1e-4)
+
+
 def test_the_controls_change_only_their_part() -> None:
-    lon, lat = np.array([-37.176]), np.array([-54.925])
+    lon, lat = np.array([OWN.shoal[0]]), np.array([OWN.shoal[1]])
     assert StoryOcean().depth(lon, lat)[0] == pytest.approx(120.0)
     assert StoryOcean(shoal=False).depth(lon, lat)[0] == 250.0
     far = np.array([-37.0]), np.array([OWN.jet_latitude])
-    with_jet, without = StoryOcean().currents(*far, 10 * DAY)[0], StoryOcean(shear=False).currents(*far, 10 * DAY)[0]
-    assert with_jet[0] - without[0] == pytest.approx(0.75, rel=1e-3)
+    time = 11.3 * DAY
+    with_shear, without = StoryOcean().currents(*far, time)[0], StoryOcean(shear=False).currents(*far, time)[0]
+    counter = 0.93 / math.cosh((OWN.counter_latitude - OWN.jet_latitude) * 111.07e3 / 25.7e3) ** 2
+    grown = 0.25 * (1 + math.tanh((11.757 - 11.3) / 0.5)) * (1 + math.tanh((11.3 - 10.876) / 0.5))
+    assert with_shear[0] - without[0] == pytest.approx(grown * (0.312 + 0.27 - counter), rel=1e-3)
+    early = 5 * DAY  # before it has grown
+    assert StoryOcean().currents(*far, early)[0] == pytest.approx(
+        StoryOcean(shear=False).currents(*far, early)[0], abs=1e-4
+    )
 
 
 def test_real_currents_carry_the_berg_towards_the_shoal(shared: Path) -> None:

@@ -1,8 +1,8 @@
 """A68a near South Georgia in December 2020, without files: the berg's shape as lattice rows in a fitted ocean.
 
 With the published strength, stiffness and drag the berg follows its observed path and turn, loses its northern tip
-aground on 16 to 18 December and its southern finger afloat on 19 to 22 December. Without the shoal the tip stays,
-without the shear of the jet the finger stays.
+aground on 16 to 18 December and its southern finger afloat on 19 to 22 December; the tip stays behind on the shelf.
+Without the shoal the tip stays on, without the shear the finger stays on.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from riftberg.model import Model
     from riftberg.parameters import Packing
 
-DAYS = 15.5
-"""From 9 December 13:00 to 25 December 01:00."""
+DAYS = 17.0
+"""From 9 to 26 December, 13:00."""
 
 TURN = -10.0
 """Rotation at the start, degrees a day; the observed berg turned by 14 degrees on the first day, clockwise."""

@@ -2,7 +2,7 @@
 
 From the daily outlines of Huth et al. (2022), repository alex-huth/iKID_iceberg_A68a at b0bfa83 (digitised from MODIS
 and Sentinel-1 images): centroid and area of each outline, azimuth of the long side of its least rectangle, degrees
-clockwise from north. From 22 December the outline is of what was left.
+clockwise from north. Until 23 December the outlines include the finger.
 """
 
 from __future__ import annotations

@@ -5,12 +5,16 @@ X = R cos(-55.8) (lon + 37.4), Y = R (lat + 55.8) with s days since 9 December 1
 ``u = -psi_Y``, ``v = psi_X cos(-55.8) / cos(lat)``, which is free of divergence on the sphere, and the sea level is in
 geostrophic balance, ``eta = f0 psi / g``, with::
 
-    psi = V x - U y + W Le^2 / 2 (1 - exp(-(x^2 + y^2) / Le^2)) - A U0 b tanh((Y - YJ) / b)
+    psi = G (V x - U y) exp(-(r / Ld)^4)                                    the drift along the observed path
+        + W Le^2 / 2 (1 - exp(-(r / Le)^2))                                 the eddy that turns the berg
+        - A [Um Y + Uj bj tanh((Y - Yj) / bj) - Uc bc tanh((Y - Yc) / bc)]  the shear that breaks the finger off
 
-where (x, y) is measured from a centre that drifts at (U, V) along a polynomial path (the drift), W(s) is the spin of a
-travelling cyclonic eddy, and the last term is an eastward jet whose shear breaks the finger off. A wind, and a shoal of
-5 km on which the tip grounds, complete it. The form is that of the shared description of the A68a story; the numbers
-differ where Riftberg's own numerics (objective damping) turn the berg faster.
+where (x, y) is measured from a centre that moves at (U, V) along a polynomial path, r is the distance from it, G makes
+up for the rim of the drift, where the berg's ends lie, and W(s) is the spin of the eddy. The drift ends at its rim, so
+that the tip, once it has been held by the shoal, stays behind. The shear is an eastward jet (Uj) at the finger and a
+counter-current (Uc) at the middle of the berg; a uniform flow (Um) makes its pull on the whole berg vanish. It grows
+and decays with A(s). A wind, and a shoal of 5 km on which the tip grounds, complete it. The form follows the shared
+description of the A68a story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
 """
 
 from __future__ import annotations
@@ -29,16 +33,6 @@ from riftberg.state import Elements, Floats
 LATITUDE, LONGITUDE = -55.8, -37.4
 """Origin of the local coordinates, degrees."""
 
-PATH_X = (-3.04797e-4, 0.0129882, -0.197984, 1.30416, -4.19217, 23.207, -115.233)
-PATH_Y = (2.24966e-4, -0.00939015, 0.144074, -0.951043, 1.36853, -0.696596, 86.7088)
-"""Path of the centre, km: polynomials in days since 9 December 13:00, highest power first."""
-
-LAST_DAY = 14.5
-"""After this many days the drift keeps its velocity."""
-
-JET_END = 22.5 - 9.0 - 13.0 / 24.0
-"""Day (since the start) around which the jet ends."""
-
 
 @dataclass(frozen=True)
 class StoryNumbers:
@@ -46,6 +40,12 @@ class StoryNumbers:
 
     Attributes
     ----------
+    path_x, path_y : tuple of float
+        Path of the centre, km in local coordinates: polynomials in days since the start, highest power first.
+    last_day : float
+        After this many days the drift keeps its velocity.
+    drift_radius, drift_gain : float
+        Radius of the drift's rim (m), and by how much the drift exceeds the velocity of its centre.
     eddy_spin : float
         Largest spin of the eddy at its centre, s-1; negative is clockwise.
     eddy_day, eddy_days : float
@@ -57,42 +57,108 @@ class StoryNumbers:
     surge : float
         Displacement of an onshore surge to the north-east around day 7.8, m.
     jet_speed, jet_width, jet_latitude : float
-        Speed (m s-1), half-width (m) and latitude (degrees) of the jet.
+        Speed (m s-1, eastward), half-width (m) and latitude (degrees) of the jet.
+    counter_speed, counter_width, counter_latitude : float
+        The same of the counter-current, westward.
+    shear_flow : float
+        Uniform eastward current that goes with jet and counter-current, m s-1.
+    shear_start, shear_end : float
+        Days on which the shear has grown and decayed to half; each takes about a day.
     wind : tuple of float
         Eastward and northward wind, m s-1.
     shoal : tuple of float
         Longitude and latitude (degrees), length scale (m), height above the floor (m) and depth of the floor (m).
     """
 
-    eddy_spin: float = -4.64e-6
-    eddy_day: float = 2.87
-    eddy_days: float = 3.4
-    late_spin: float = 0.32e-6
+    path_x: tuple[float, ...]
+    path_y: tuple[float, ...]
+    last_day: float
+    eddy_spin: float
+    eddy_day: float
+    eddy_days: float
+    late_spin: float
+    jet_speed: float
+    jet_width: float
+    jet_latitude: float
+    shear_end: float
+    shoal: tuple[float, float, float, float, float]
     eddy_radius: float = 100e3
-    surge: float = 4e3
-    jet_speed: float = 0.75
-    jet_width: float = 25e3
-    jet_latitude: float = -56.80
+    drift_radius: float = math.inf
+    drift_gain: float = 1.0
+    surge: float = 0.0
+    counter_speed: float = 0.0
+    counter_width: float = 25e3
+    counter_latitude: float = -56.0
+    shear_flow: float = 0.0
+    shear_start: float = -math.inf
     wind: tuple[float, float] = (5.0, -2.0)
-    shoal: tuple[float, float, float, float, float] = (-37.176, -54.925, 7580.0, 130.0, 250.0)
 
 
-OWN = StoryNumbers()
+OWN = StoryNumbers(
+    path_x=(
+        4.8553129e-06,
+        -0.00030114182,
+        0.0074267509,
+        -0.093287993,
+        0.64321639,
+        -2.4683338,
+        4.1499729,
+        18.534261,
+        -108.11449,
+    ),
+    path_y=(
+        4.5451895e-06,
+        -0.00033106322,
+        0.0099035781,
+        -0.1554586,
+        1.352136,
+        -6.2516944,
+        12.297993,
+        -11.912432,
+        99.919945,
+    ),
+    last_day=17.0,
+    drift_radius=105e3,
+    drift_gain=1.05,
+    surge=5.65e3,
+    eddy_spin=-4.6e-6,
+    eddy_day=3.027,
+    eddy_days=3.415,
+    late_spin=0.3e-6,
+    jet_speed=0.312,
+    jet_width=26.3e3,
+    jet_latitude=-56.612,
+    counter_speed=0.93,
+    counter_width=25.7e3,
+    counter_latitude=-56.218,
+    shear_flow=0.27,
+    shear_start=10.876,
+    shear_end=11.757,
+    shoal=(-37.155, -54.879, 24.1e3, 130.0, 250.0),
+)
 """Fitted with Riftberg's own numerics."""
 
+
 REFERENCE = StoryNumbers(
+    path_x=(-3.04797e-4, 0.0129882, -0.197984, 1.30416, -4.19217, 23.207, -115.233),
+    path_y=(2.24966e-4, -0.00939015, 0.144074, -0.951043, 1.36853, -0.696596, 86.7088),
+    last_day=14.5,
     eddy_spin=-8.0e-6,
     eddy_day=3.46,
     eddy_days=2.36,
     late_spin=1.13e-6,
+    surge=4e3,
+    jet_speed=0.75,
+    jet_width=25e3,
     jet_latitude=-56.85,
+    shear_end=22.5 - 9.0 - 13.0 / 24.0,
     shoal=(-37.25, -54.95, 7580.0, 130.0, 250.0),
 )
 """Fitted with the numerics of the reference, whose damper slows the turning: the shared description's own numbers."""
 
 
 class _Instant(NamedTuple):
-    """The ocean at one time: centre (m), drift (m s-1), spin (s-1), jet speed (m s-1), and constants."""
+    """The ocean at one time: centre (m), drift (m s-1), spin (s-1), shear (m s-1), and constants."""
 
     x: float
     y: float
@@ -100,22 +166,36 @@ class _Instant(NamedTuple):
     v: float
     spin: float
     jet: float
+    counter: float
+    flow: float
     eddy_radius: float
+    drift_radius: float
     jet_width: float
     jet_y: float
+    counter_width: float
+    counter_y: float
 
 
 @kernel
-def derivatives(x_local: float, y_local: float, now: _Instant) -> tuple[float, float, float]:
-    """Return psi_X, psi_Y (m s-1) and the Laplacian of psi (s-1) at a point in local coordinates (m)."""
-    x, y, le = x_local - now.x, y_local - now.y, now.eddy_radius
-    bell = math.exp(-(x * x + y * y) / (le * le))
-    across = math.tanh((y_local - now.jet_y) / now.jet_width)
-    profile = 1.0 - across * across
-    psi_x = now.v + now.spin * x * bell
-    psi_y = -now.u + now.spin * y * bell - now.jet * profile
-    eddy = 2.0 * now.spin * bell * (1.0 - (x * x + y * y) / (le * le))
-    return psi_x, psi_y, eddy + 2.0 * now.jet * across * profile / now.jet_width
+def stream(x_local: float, y_local: float, now: _Instant) -> tuple[float, float, float, float]:
+    """Return psi (m2 s-1), psi_X, psi_Y (m s-1) and the Laplacian of psi (s-1) at a point in local coordinates (m)."""
+    x, y = x_local - now.x, y_local - now.y
+    q, rim = (x * x + y * y) / now.eddy_radius**2, (x * x + y * y) / now.drift_radius**2
+    bell, near = math.exp(-q), math.exp(-rim * rim)
+    slope = -4.0 * rim / now.drift_radius**2  # of ln(near), along (x, y)
+    drift = (now.v * x - now.u * y) * near
+    jet = math.tanh((y_local - now.jet_y) / now.jet_width)
+    counter = math.tanh((y_local - now.counter_y) / now.counter_width)
+    jet_profile, counter_profile = 1.0 - jet * jet, 1.0 - counter * counter
+    psi = drift + 0.5 * now.spin * now.eddy_radius**2 * (1.0 - bell)
+    psi += -now.flow * y_local - now.jet * now.jet_width * jet + now.counter * now.counter_width * counter
+    psi_x = now.v * near + slope * x * drift + now.spin * x * bell
+    psi_y = -now.u * near + slope * y * drift + now.spin * y * bell
+    psi_y += -now.flow - now.jet * jet_profile + now.counter * counter_profile
+    curl = slope * drift * (6.0 - 4.0 * rim * rim) + 2.0 * now.spin * bell * (1.0 - q)
+    curl += 2.0 * now.jet * jet * jet_profile / now.jet_width
+    curl -= 2.0 * now.counter * counter * counter_profile / now.counter_width
+    return psi, psi_x, psi_y, curl
 
 
 @kernel
@@ -126,7 +206,7 @@ def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
     for e in range(lon.size):
         west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
         stretch = scale / math.cos(lat[e] * math.pi / 180.0)
-        psi_x, psi_y, curl = derivatives(metre * scale * (west + 37.4), metre * (lat[e] + 55.8), now)
+        _, psi_x, psi_y, curl = stream(metre * scale * (west + 37.4), metre * (lat[e] + 55.8), now)
         uo[e], vo[e] = -psi_y, psi_x * stretch
         slope_x[e], slope_y[e] = f_over_g * psi_x * stretch, f_over_g * psi_y
         vorticity[e] = curl
@@ -140,7 +220,7 @@ class StoryOcean:
     numbers : StoryNumbers, optional
         The fit.
     shoal, shear : bool, optional
-        Whether there is a shoal, and a jet; without them the berg does not lose its tip, or its finger.
+        Whether there is a shoal, and a shear; without them the berg does not lose its tip, or its finger.
     """
 
     grid: Grid | None = None
@@ -148,23 +228,35 @@ class StoryOcean:
     citations = ("Huth, A., Adcroft, A., Sergienko, O., Khan, N. (2022), doi:10.1126/sciadv.abq6974",)
 
     def __init__(self, numbers: StoryNumbers = OWN, *, shoal: bool = True, shear: bool = True) -> None:
-        self.numbers = numbers if shear else replace(numbers, jet_speed=0.0)
+        self.numbers = numbers if shear else replace(numbers, jet_speed=0.0, counter_speed=0.0, shear_flow=0.0)
         self.has_shoal = shoal
 
     def instant(self, time: float) -> _Instant:
         """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC."""
         n, s = self.numbers, time / SECONDS_PER_DAY
-        centre, drift = _path(s)
+        centre, drift = _path(n, s)
         bump = n.surge * math.exp(-(((s - 7.8) / 0.5) ** 2)) / math.sqrt(2.0)
         rate = bump * -2.0 * (s - 7.8) / 0.25 / SECONDS_PER_DAY
         spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
         spin += n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
-        jet = n.jet_speed * 0.5 * (1.0 + math.tanh((JET_END - s) / 0.5))
-        jet_y = EARTH_RADIUS_A68 * DEGREE * (n.jet_latitude - LATITUDE)
+        on = 0.25 * (1.0 + math.tanh((n.shear_end - s) / 0.5)) * (1.0 + math.tanh((s - n.shear_start) / 0.5))
+        metre = EARTH_RADIUS_A68 * DEGREE
         return _Instant(
-            centre[0] + bump, centre[1] + bump, drift[0] + rate, drift[1] + rate, spin, jet, n.eddy_radius,
-            n.jet_width, jet_y,
-        )  # fmt: skip
+            x=centre[0] + bump,
+            y=centre[1] + bump,
+            u=n.drift_gain * (drift[0] + rate),
+            v=n.drift_gain * (drift[1] + rate),
+            spin=spin,
+            jet=on * n.jet_speed,
+            counter=on * n.counter_speed,
+            flow=on * n.shear_flow,
+            eddy_radius=n.eddy_radius,
+            drift_radius=n.drift_radius,
+            jet_width=n.jet_width,
+            jet_y=metre * (n.jet_latitude - LATITUDE),
+            counter_width=n.counter_width,
+            counter_y=metre * (n.counter_latitude - LATITUDE),
+        )
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
@@ -185,12 +277,9 @@ class StoryOcean:
 
     def sea_level(self, lon: float, lat: float, time: float) -> float:
         """Return the sea level (m) at one point, for tests and maps; its slope is what moves the berg."""
-        now = self.instant(time)
-        x_local = EARTH_RADIUS_A68 * math.cos(LATITUDE * DEGREE) * DEGREE * (lon - LONGITUDE)
-        y_local = EARTH_RADIUS_A68 * DEGREE * (lat - LATITUDE)
-        x, y, le = x_local - now.x, y_local - now.y, now.eddy_radius
-        psi = now.v * x - now.u * y + 0.5 * now.spin * le * le * (1.0 - math.exp(-(x * x + y * y) / le**2))
-        psi -= now.jet * now.jet_width * math.tanh((y_local - now.jet_y) / now.jet_width)
+        metre = EARTH_RADIUS_A68 * DEGREE
+        x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
+        psi = stream(x, y, self.instant(time))[0]
         return 2.0 * EARTH_ROTATION * math.sin(LATITUDE * DEGREE) * psi / GRAVITY
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
@@ -207,14 +296,15 @@ class StoryOcean:
 
     def describe(self) -> str:
         """Return what this ocean is, in plain words."""
-        parts = ["a drift, an eddy", "a jet" if self.numbers.jet_speed else "no jet"]
+        parts = ["a drift, an eddy", "a shear" if self.numbers.jet_speed else "no shear"]
         parts.append("a shoal at {:.2f} E, {:.2f} N".format(*self.numbers.shoal) if self.has_shoal else "no shoal")
         return f"closed-form ocean for A68a ({', '.join(parts)}); {self.title}"
 
 
-def _path(s: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def _path(n: StoryNumbers, s: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Centre of the eddy (m) and its velocity (m s-1) on day ``s``."""
-    day, late = min(s, LAST_DAY), max(s - LAST_DAY, 0.0)
-    speed = [1e3 * float(np.polyval(np.polyder(p), day)) for p in (PATH_X, PATH_Y)]
-    place = [1e3 * float(np.polyval(p, day)) + late * v for p, v in zip((PATH_X, PATH_Y), speed, strict=True)]
+    day, late = min(s, n.last_day), max(s - n.last_day, 0.0)
+    paths = n.path_x, n.path_y
+    speed = [1e3 * float(np.polyval(np.polyder(p), day)) for p in paths]
+    place = [1e3 * float(np.polyval(p, day)) + late * v for p, v in zip(paths, speed, strict=True)]
     return (place[0], place[1]), (speed[0] / SECONDS_PER_DAY, speed[1] / SECONDS_PER_DAY)
