@@ -92,3 +92,89 @@ def test_a_run_beyond_the_files_is_refused(folder: Path) -> None:
 def _run(path: Path) -> None:
     model, info = build(str(path))
     model.advance(info.days)
+
+
+LEVELS = np.array([10.0, 30.0, 70.0, 150.0, 400.0])  # limits 0, 20, 50, 110, 275, 525
+
+
+def with_levels(folder: Path, floor: float = 600.0) -> None:
+    """Replace the currents by such on levels, 0.4 m/s in the uppermost 20 m and 0.1 m/s below, to a floor (m)."""
+    east = field(lambda x, y, t: 0.0 * x + 0.0 * y + 0.0 * t, "uo", "m s-1", "eastward_sea_water_velocity", 4)
+    depth = xr.DataArray(
+        LEVELS, dims="depth", attrs={"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
+    )
+    profile = xr.DataArray(np.where(LEVELS < 20.0, 0.4, 0.1), {"depth": depth}, ("depth",))
+    layered = (east + profile).where(depth < floor).transpose("time", "depth", "lat", "lon")
+    uo, vo = (
+        layered.assign_attrs(east.attrs),
+        (0.5 * layered).assign_attrs(units="m s-1", standard_name="northward_sea_water_velocity"),
+    )
+    (folder / "currents.nc").unlink()
+    xr.Dataset({"uo": uo, "vo": vo}).to_netcdf(folder / "currents.nc")
+
+
+def mean_to(draft: float) -> float:
+    return (0.4 * 20.0 + 0.1 * (draft - 20.0)) / draft
+
+
+def test_currents_on_levels_are_averaged_over_the_draft_of_each_element(folder: Path) -> None:
+    """Files with depth made the run stop: their fields had one dimension too many."""
+    with_levels(folder)
+    model, _ = build(str(folder / "files.yaml"))
+    e = model.elements
+    e.thickness[:3] = 100.0
+    e.thickness[3:] = 250.0
+    model.forcing.grid.locate(e)
+    model.forcing.sample(e, 0.0)
+    share = model.parameters.ice.density / 1025.0
+    np.testing.assert_allclose(e.uo[:3], mean_to(100.0 * share), rtol=1e-6)
+    np.testing.assert_allclose(e.uo[3:], mean_to(250.0 * share), rtol=1e-6)
+    np.testing.assert_allclose(e.vo, 0.5 * e.uo, rtol=1e-6)
+    assert "from 4 layers to 275 m" in model.forcing.describe()  # nothing deeper than the keel is read
+    u, _ = model.forcing.currents(np.array([-39.0]), np.array([-55.5]), 0.0)
+    assert u[0] == pytest.approx(mean_to(200.0 * share), rel=1e-6)  # maps: the mean draft of the berg at the start
+    _run(folder / "files.yaml")
+
+
+def test_the_mean_ends_at_the_sea_floor(folder: Path) -> None:
+    with_levels(folder, floor=100.0)  # water to 110 m
+    model, _ = build(str(folder / "files.yaml"))
+    model.forcing.grid.locate(model.elements)
+    model.forcing.sample(model.elements, 0.0)
+    np.testing.assert_allclose(model.elements.uo, mean_to(110.0), rtol=1e-6)
+
+
+def test_the_currents_of_the_surface_can_be_taken_instead(folder: Path) -> None:
+    with_levels(folder)
+    path = folder / "files.yaml"
+    path.write_text(EXPERIMENT + "  currents: surface\n")
+    model, _ = build(str(path))
+    model.forcing.grid.locate(model.elements)
+    model.forcing.sample(model.elements, 0.0)
+    np.testing.assert_allclose(model.elements.uo, 0.4, rtol=1e-6)
+
+
+def test_levels_that_end_above_the_keel_are_refused(folder: Path) -> None:
+    with_levels(folder)
+    with xr.open_dataset(folder / "currents.nc") as ds:
+        shallow = ds.isel(depth=slice(0, 3)).load()
+    (folder / "currents.nc").unlink()
+    shallow.to_netcdf(folder / "currents.nc")
+    with pytest.raises(ForcingError, match=r"has a draft of 166 m, the levels of the currents end at 90 m"):
+        _run(folder / "files.yaml")
+
+
+def test_a_real_file_of_glorys_drives_a_berg_by_its_draft(shared: Path, tmp_path: Path) -> None:
+    sample = shared / "data" / "samples" / "GLORYS_NA_20120101.nc"
+    text = EXPERIMENT.replace("2020-12-09 13:00", "2012-01-01 06:00").replace("[-39.0, -55.5]", "[-8.0, 60.0]")
+    text = text.replace("[-41, -37]", "[-12, -3]").replace("[-57, -54]", "[57, 63]")
+    text = text.replace("[currents.nc, sea_level.nc, wind.nc, floor.nc]", f"[{sample}]")
+    (tmp_path / "glorys.yaml").write_text(text)
+    model, info = build(str(tmp_path / "glorys.yaml"))
+    model.advance(info.days)
+    # Between the mean over the uppermost level and that of the levels to 194 m at the nearest point of the file.
+    with xr.open_dataset(sample) as ds:
+        column = ds.sel(longitude=slice(-9, -7), latitude=slice(59, 61), depth=slice(0, 200))["uo"]
+        low, high = float(column.min()), float(column.max())
+    assert np.all((model.elements.uo >= low) & (model.elements.uo <= high))
+    assert "over the draft of each element, from 3 layers" in model.forcing.describe()

@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
+from riftberg.experiments.files_levels import LevelColumns, has_levels, without_levels
 from riftberg.experiments.schema import FileForcing
 from riftberg.ocean.grid import CORNER_FIELDS, Fields, Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.loading import wind_from_stress
+from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.products.interpolate import to_grid
 from riftberg.ocean.products.registry import open_all
 from riftberg.ocean.products.window import window
@@ -25,7 +28,9 @@ NAMES = {"depth_below_surface": "depth"}
 """Fields whose canonical name is not that of the model."""
 
 
-def forcing_from_files(given: FileForcing, folder: Path, start: datetime, days: float) -> GriddedForcing:
+def forcing_from_files(
+    given: FileForcing, folder: Path, start: datetime, days: float, thickness: Floats, ice_density: float
+) -> GriddedForcing:
     """Return the forcing for a run.
 
     Parameters
@@ -38,6 +43,10 @@ def forcing_from_files(given: FileForcing, folder: Path, start: datetime, days: 
         Start of the run (UTC).
     days : float
         Length of the run, days.
+    thickness : ndarray
+        Of the elements (m): how deep currents are needed.
+    ice_density : float
+        Density of the ice, kg m-3.
 
     Raises
     ------
@@ -53,11 +62,25 @@ def forcing_from_files(given: FileForcing, folder: Path, start: datetime, days: 
             where=", ".join(given.files),
             remedy=f"They give {', '.join(found)}; add a file of currents",
         )
-    maker = _Maker(given, datasets, moments)
+    drafts = thickness * ice_density / RHO_SEAWATER
+    levels = [ds for ds in datasets if has_levels(ds)] if given.currents == "draft" else []
+    if len(levels) > 1:
+        raise ForcingError(
+            "two sets of files give currents on levels",
+            where="; ".join(str(ds.attrs.get("source", "")) for ds in levels),
+            remedy="Name one of them in forcing.files",
+        )
+    flat = [without_levels(ds, surface=not levels) for ds in datasets]
+    maker = _Maker(given, flat, moments)
+    if levels:
+        columns = LevelColumns(levels[0], maker.corners, moments, float(drafts.max()))
+        columns.grid = maker.grid
+        maker.over_draft = DraftCurrents(columns.limits, columns, ice_density, float(drafts.mean()))
     seconds = [(moment - start).total_seconds() for moment in moments]
     return GriddedForcing(
-        maker.grid, maker, seconds, coastal_drift=given.coastal_drift, start=start, source=_sources(datasets)
-    )
+        maker.grid, maker, seconds, coastal_drift=given.coastal_drift, over_draft=maker.over_draft, start=start,
+        source=_sources(datasets),
+    )  # fmt: skip
 
 
 def _paths(names: list[str], folder: Path) -> list[str]:
@@ -98,9 +121,12 @@ class _Maker:
         depth = self._static.get("depth")
         mask = None if depth is None else np.where(depth > 0.0, 1.0, 0.0)
         self.grid = Grid.from_corners(*np.meshgrid(*self.corners), mask=mask)
+        self.over_draft: DraftCurrents | None = None
 
     def __call__(self, record: int) -> Fields:
         moving = self._fields([ds for ds in self.datasets if "time" in ds.dims], self.moments[record])
+        if self.over_draft is not None:
+            moving["uo"], moving["vo"] = self.over_draft.at_nominal(record)
         return self.grid.fields(**{**self._static, **moving})
 
     def _fields(self, datasets: list[xr.Dataset], moment: datetime | None) -> dict[str, Any]:

@@ -109,6 +109,9 @@ class FileForcing(Section):
     latitude: Pair = key(..., "degree", "south and north of the grid")
     spacing: float = key(0.125, "degree", "width of a grid cell", gt=0, le=5)
     every_hours: float = key(6.0, "h", "interval at which the files are interpolated to the grid", gt=0)
+    currents: Literal["draft", "surface"] = key(
+        "draft", "", "of files with levels: mean over the draft of each element, or the uppermost level"
+    )
     coastal_drift: float = key(0.0, "m s-1", "current added away from land cells", ge=0)
 
 
