@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 
 import numpy as np
@@ -40,7 +41,7 @@ class LevelColumns:
         Canonical dataset with ``uo`` and ``vo`` on ``depth``.
     corners : tuple of (1-D) array
         Longitudes and latitudes of the corners of the model grid.
-    moments : list of datetime
+    moments : sequence of datetime
         Times of the records.
     keel : float
         Deepest draft (m); deeper layers are not read.
@@ -51,7 +52,9 @@ class LevelColumns:
         Depths (m) of the integrals.
     """
 
-    def __init__(self, ds: xr.Dataset, corners: tuple[Floats, Floats], moments: list[datetime], keel: float) -> None:
+    def __init__(
+        self, ds: xr.Dataset, corners: tuple[Floats, Floats], moments: Sequence[datetime], keel: float
+    ) -> None:
         limits = layer_limits(ds["depth"].values)
         layers = int(np.clip(np.searchsorted(limits, keel, side="left"), 1, limits.size - 1))
         # One level more than is needed: the lower limit of the last layer depends on it.

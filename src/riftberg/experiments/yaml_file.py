@@ -331,9 +331,14 @@ def build_forcing(
 
         return Steady(given.current, given.wind, given.slope, given.sea_ice, given.depth)
     if isinstance(given, FileForcing):
-        from riftberg.experiments.files_forcing import forcing_from_files
+        from riftberg.experiments.files_forcing import Run, forcing_from_files
 
-        return forcing_from_files(given, folder, experiment.start, days, berg.elements.thickness, ice_density)
+        if options.grid is not None:
+            given = given.model_copy(update={"spacing": options.grid})
+        run = Run.of(experiment.start, days, berg.elements.thickness, ice_density)
+        return forcing_from_files(given, folder, run)
+    if options.grid is not None:
+        raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     from riftberg.experiments import find
 
     without = frozenset(given.without) | options.without
