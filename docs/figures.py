@@ -30,15 +30,21 @@ def five_lines(path: Path) -> Path:
 
 
 def story(folder: Path) -> Iterator[Path]:
-    """Run the built-in experiment and draw its map."""
+    """Run the built-in experiment; draw its map, the stress in its bonds, the life of its fragments, and why it broke."""
+    from riftberg.diagnostics.why import explain
     from riftberg.experiments import build
     from riftberg.viz.map import draw_map
+    from riftberg.viz.plots import draw_stress, draw_timeline
+    from riftberg.viz.why import draw_reasons
 
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:
         run = model.run(info.days, output=Path(scratch) / "run.nc", every_hours=info.output_every_hours)
         draw_map(run, folder / "a68a-map.png", forcing=model.forcing, title=info.title, observed=info.observed)
         yield folder / "a68a-map.png"
+        yield draw_stress(run, folder / "a68a-stress.png", dpi=100)
+        yield draw_timeline(run, folder / "a68a-timeline.png", dpi=100)
+        yield draw_reasons(explain(run), folder / "a68a-why.png", dpi=90)
 
 
 def scores(folder: Path) -> Iterator[Path]:
