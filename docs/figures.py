@@ -40,6 +40,7 @@ def story(folder: Path) -> Iterator[Path]:
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:
         run = model.run(info.days, output=Path(scratch) / "run.nc", every_hours=info.output_every_hours)
+        run.attrs["experiment"] = "A68a"
         draw_map(run, folder / "a68a-map.png", forcing=model.forcing, title=info.title, observed=info.observed)
         yield folder / "a68a-map.png"
         yield draw_stress(run, folder / "a68a-stress.png", dpi=100)
