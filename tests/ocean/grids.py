@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.state import new_elements
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from ocean.grids import degrees, random_fields, scattered, square_lakes
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.interpolation import sample_gridded
 from riftberg.ocean.loading import without_gaps

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ocean.grids import ALL, bent, random_fields, scattered, square_lakes
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,

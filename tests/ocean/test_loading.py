@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ocean.grids import bent, random_fields, square_lakes
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.loading import at_corners, celsius, first_gap, usable, wind_from_stress, without_gaps
 
 

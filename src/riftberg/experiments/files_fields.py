@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.ocean.grid import CORNER_FIELDS, Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.ocean.loading import wind_from_stress
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.products.axes import step_of

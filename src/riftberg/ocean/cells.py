@@ -23,7 +23,7 @@ from riftberg.ocean.geometry import (
 from riftberg.state import Elements, Floats
 
 if TYPE_CHECKING:
-    from riftberg.ocean.grid import GridArrays
+    from riftberg.ocean.grid_arrays import GridArrays
     from riftberg.parameters import KernelParameters
 
 POLAR_LATITUDE = 89.999

@@ -7,92 +7,17 @@ is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError, InputError
+from riftberg.ocean.grid_arrays import FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays
 from riftberg.ocean.metrics import cell_areas, edge_lengths
 from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats
-
-
-class GridArrays(NamedTuple):
-    """What compiled code reads of a grid; 2-D arrays of shape (nj + 2 halo, ni + 2 halo).
-
-    Attributes
-    ----------
-    lon, lat : ndarray
-        North-east corners, degrees or m.
-    lon_centre, lat_centre : ndarray
-        Mean of the four corners; row 0 and column 0 are no cells.
-    dx, dy : ndarray
-        Length of the north edge and of the east edge, m.
-    area : ndarray
-        Area of the cell, m2.
-    mask : ndarray
-        1 ocean, 0 land.
-    cos_angle, sin_angle : ndarray
-        Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u.
-    ni, nj, halo : int
-        Cells of the domain and width of the halo around it.
-    latlon, regular, cyclic : bool
-        Degrees or metres; edges along the axes; western and eastern end joined.
-    period : float
-        Zonal period of the coordinate, 0 or less if none. A regional grid in degrees has 360 without being cyclic.
-    """
-
-    lon: Floats
-    lat: Floats
-    lon_centre: Floats
-    lat_centre: Floats
-    dx: Floats
-    dy: Floats
-    area: Floats
-    mask: Floats
-    cos_angle: Floats
-    sin_angle: Floats
-    ni: int
-    nj: int
-    halo: int
-    latlon: bool
-    regular: bool
-    cyclic: bool
-    period: float
-
-
-class Fields(NamedTuple):
-    """One state of ocean, air and ice on the grid; float64 arrays of the grid's full shape.
-
-    ``uo vo ui vi ua va`` (m s-1) are values at north-east corners along the axes of the grid, the others of cells:
-    ``ssh`` (m), ``sst`` (degree Celsius), ``sss`` (1e-3), ``ice_fraction`` (1), ``ice_thickness`` (m),
-    ``depth`` of the sea floor below the geoid (m).
-    """
-
-    uo: Floats
-    vo: Floats
-    ui: Floats
-    vi: Floats
-    ua: Floats
-    va: Floats
-    ssh: Floats
-    sst: Floats
-    sss: Floats
-    ice_fraction: Floats
-    ice_thickness: Floats
-    depth: Floats
-
-
-CORNER_FIELDS = ("uo", "vo", "ui", "vi", "ua", "va")
-"""Fields at north-east corners; all others are values of cells."""
-
-ZERO_OUTSIDE = ("ua", "va", "ssh")
-"""Fields that are 0 beyond a closed boundary (spec 3.1 rule 2, quirk Q23); the others repeat the outermost value."""
-
-FIELD_DEFAULTS = {"sss": -1.0, "depth": 1e4}
-"""Values of fields that are not given, where not 0 (spec 3.1 rule 4)."""
 
 
 def _put(values: Floats, ni: int, nj: int, halo: int) -> tuple[Floats, slice, slice]:

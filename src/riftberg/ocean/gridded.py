@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,

@@ -10,7 +10,7 @@ from riftberg.ocean.geometry import bilinear, inverse_bilinear, wrap_around
 from riftberg.state import Elements, Floats, Ints
 
 if TYPE_CHECKING:
-    from riftberg.ocean.grid import Fields, GridArrays
+    from riftberg.ocean.grid_arrays import Fields, GridArrays
 
 DEPTH_OF_CELL = 0
 """Depth rule: one depth for the whole cell (quirk Q19)."""

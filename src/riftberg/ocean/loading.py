@@ -8,7 +8,8 @@ import numpy as np
 
 from riftberg.constants import STRESS_INVERSION_DRAG
 from riftberg.kernels import kernel
-from riftberg.ocean.grid import CORNER_FIELDS, Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.state import Floats
 
 Staggering = Literal["A", "B", "C"]

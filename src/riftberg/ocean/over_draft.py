@@ -21,7 +21,7 @@ from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.kernels import kernel
 from riftberg.ocean.geometry import bilinear, blend_corners
-from riftberg.ocean.grid import GridArrays
+from riftberg.ocean.grid_arrays import GridArrays
 from riftberg.ocean.interpolation import coastal_increment
 from riftberg.state import Elements, Floats, Ints
 

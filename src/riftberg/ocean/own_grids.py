@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import FIELD_DEFAULTS, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats

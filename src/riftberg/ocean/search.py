@@ -14,7 +14,7 @@ from riftberg.ocean.geometry import wrap_around
 from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:
-    from riftberg.ocean.grid import GridArrays
+    from riftberg.ocean.grid_arrays import GridArrays
 
 COARSE = 16
 """Every so many cells stand in for the whole grid when a search looks for a place to start."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from riftberg.ocean.grid import GridArrays
+from riftberg.ocean.grid_arrays import GridArrays
 from riftberg.state import Elements, Floats, Ints
 
 

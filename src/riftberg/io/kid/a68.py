@@ -17,7 +17,8 @@ from riftberg.errors import ForcingError
 from riftberg.io.kid.hours import HourlyFile
 from riftberg.io.kid.namelist import NamelistGroup
 from riftberg.io.kid.ncfile import opened, unpacked
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.state import Floats
 

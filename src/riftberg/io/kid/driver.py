@@ -16,7 +16,8 @@ from riftberg.io.kid.a68 import a68_grid, a68_records
 from riftberg.io.kid.calendar import LATE_START, Date, date_after
 from riftberg.io.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.io.kid.parameters import time_step, zonal_period
-from riftberg.ocean.grid import Fields, Grid
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import DepthRule, GriddedForcing
 from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.state import Elements, Floats
