@@ -102,9 +102,9 @@ def by_long_steps() -> str:
     worst = np.argsort(-model.bonds.damage)[:MOST_WORN]
     fine, share = model.bonds.damage[worst], coarse[worst] / model.bonds.damage[worst]
     return (
-        f"At {STUDIED:g} kPa and τ = 1 day, when {model.bonds_broken or 'no'} bonds break, the {MOST_WORN} most worked bonds get a damage "
-        f"of {fine.min():.2f} to {fine.max():.2f}; by the stress at the ends of the long steps they would get {share.min():.1f} to "
-        f"{share.max():.1f} times as much, {int((share == 0.0).sum())} of them nothing."
+        f"At {STUDIED:g} kPa and τ = 1 day, when {model.bonds_broken or 'no'} bonds break, the {MOST_WORN} most worked bonds get "
+        f"a damage of {fine.min():.2f} to {fine.max():.2f}; by the stress at the ends of the long steps they would get "
+        f"{share.min():.1f} to {share.max():.1f} times as much, {int((share == 0.0).sum())} of them nothing."
     )
 
 
