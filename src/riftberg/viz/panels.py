@@ -81,8 +81,8 @@ class Panel:
         speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
         return float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
 
-    def draw_currents(self, record: int, top: float, *, arrows: int = 13) -> None:
-        """Draw speed as colour up to ``top`` (m s-1) and arrows."""
+    def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> None:
+        """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows."""
         if self.water is None:
             return
         time = float(self.scene.seconds[record])
@@ -92,7 +92,7 @@ class Panel:
             return
         b = self.box
         self.ax.imshow(
-            np.ma.masked_invalid(speed), cmap=style.speed_map(), vmin=0.0, vmax=top, interpolation="bilinear",
+            np.ma.masked_invalid(speed), cmap=style.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
         )  # fmt: skip
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
