@@ -193,13 +193,8 @@ def draw_stress(
 
     Parameters
     ----------
-    run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
-    path : path
-        Picture.
-    dates : sequence of numpy.datetime64, optional
-        Dates of the panels.
-    dpi : int, optional
+    run, path, dates, dpi
+        As in `draw_dates`.
     """
     from matplotlib.cm import ScalarMappable
 
