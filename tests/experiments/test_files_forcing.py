@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.errors import ForcingError
-from riftberg.experiments import build
+from riftberg.errors import ForcingError, InputError
+from riftberg.experiments import Options, build
+from riftberg.model import Model
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00
@@ -92,3 +93,173 @@ def test_a_run_beyond_the_files_is_refused(folder: Path) -> None:
 def _run(path: Path) -> None:
     model, info = build(str(path))
     model.advance(info.days)
+
+
+LEVELS = np.array([10.0, 30.0, 70.0, 150.0, 400.0])  # limits 0, 20, 50, 110, 275, 525
+
+
+def with_levels(folder: Path, floor: float = 600.0) -> None:
+    """Replace the currents by such on levels, 0.4 m/s in the uppermost 20 m and 0.1 m/s below, to a floor (m)."""
+    east = field(lambda x, y, t: 0.0 * x + 0.0 * y + 0.0 * t, "uo", "m s-1", "eastward_sea_water_velocity", 4)
+    depth = xr.DataArray(
+        LEVELS, dims="depth", attrs={"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
+    )
+    profile = xr.DataArray(np.where(LEVELS < 20.0, 0.4, 0.1), {"depth": depth}, ("depth",))
+    layered = (east + profile).where(depth < floor).transpose("time", "depth", "lat", "lon")
+    uo, vo = (
+        layered.assign_attrs(east.attrs),
+        (0.5 * layered).assign_attrs(units="m s-1", standard_name="northward_sea_water_velocity"),
+    )
+    (folder / "currents.nc").unlink()
+    xr.Dataset({"uo": uo, "vo": vo}).to_netcdf(folder / "currents.nc")
+
+
+def mean_to(draft: float) -> float:
+    return (0.4 * 20.0 + 0.1 * (draft - 20.0)) / draft
+
+
+def test_currents_on_levels_are_averaged_over_the_draft_of_each_element(folder: Path) -> None:
+    """Files with depth made the run stop: their fields had one dimension too many."""
+    with_levels(folder)
+    model, _ = build(str(folder / "files.yaml"))
+    e = model.elements
+    e.thickness[:3] = 100.0
+    e.thickness[3:] = 250.0
+    model.forcing.grid.locate(e)
+    model.forcing.sample(e, 0.0)
+    share = model.parameters.ice.density / 1025.0
+    np.testing.assert_allclose(e.uo[:3], mean_to(100.0 * share), rtol=1e-6)
+    np.testing.assert_allclose(e.uo[3:], mean_to(250.0 * share), rtol=1e-6)
+    np.testing.assert_allclose(e.vo, 0.5 * e.uo, rtol=1e-6)
+    assert "from 4 layers to 275 m" in model.forcing.describe()  # nothing deeper than the keel is read
+    u, _ = model.forcing.currents(np.array([-39.0]), np.array([-55.5]), 0.0)
+    assert u[0] == pytest.approx(mean_to(200.0 * share), rel=1e-6)  # maps: the mean draft of the berg at the start
+    _run(folder / "files.yaml")
+
+
+def test_the_mean_ends_at_the_sea_floor(folder: Path) -> None:
+    with_levels(folder, floor=100.0)  # water to 110 m
+    model, _ = build(str(folder / "files.yaml"))
+    model.forcing.grid.locate(model.elements)
+    model.forcing.sample(model.elements, 0.0)
+    np.testing.assert_allclose(model.elements.uo, mean_to(110.0), rtol=1e-6)
+
+
+def test_the_currents_of_the_surface_can_be_taken_instead(folder: Path) -> None:
+    with_levels(folder)
+    path = folder / "files.yaml"
+    path.write_text(EXPERIMENT + "  currents: surface\n")
+    model, _ = build(str(path))
+    model.forcing.grid.locate(model.elements)
+    model.forcing.sample(model.elements, 0.0)
+    np.testing.assert_allclose(model.elements.uo, 0.4, rtol=1e-6)
+
+
+def test_levels_that_end_above_the_keel_are_refused(folder: Path) -> None:
+    with_levels(folder)
+    with xr.open_dataset(folder / "currents.nc") as ds:
+        shallow = ds.isel(depth=slice(0, 3)).load()
+    (folder / "currents.nc").unlink()
+    shallow.to_netcdf(folder / "currents.nc")
+    with pytest.raises(ForcingError, match=r"has a draft of 166 m, the levels of the currents end at 90 m"):
+        _run(folder / "files.yaml")
+
+
+def test_a_real_file_of_glorys_drives_a_berg_by_its_draft(shared: Path, tmp_path: Path) -> None:
+    sample = shared / "data" / "samples" / "GLORYS_NA_20120101.nc"
+    text = EXPERIMENT.replace("2020-12-09 13:00", "2012-01-01 06:00").replace("[-39.0, -55.5]", "[-8.0, 60.0]")
+    text = text.replace("[-41, -37]", "[-12, -3]").replace("[-57, -54]", "[57, 63]")
+    text = text.replace("[currents.nc, sea_level.nc, wind.nc, floor.nc]", f"[{sample}]")
+    (tmp_path / "glorys.yaml").write_text(text)
+    model, info = build(str(tmp_path / "glorys.yaml"))
+    model.advance(info.days)
+    # Between the mean over the uppermost level and that of the levels to 194 m at the nearest point of the file.
+    with xr.open_dataset(sample) as ds:
+        column = ds.sel(longitude=slice(-9, -7), latitude=slice(59, 61), depth=slice(0, 200))["uo"]
+        low, high = float(column.min()), float(column.max())
+    assert np.all((model.elements.uo >= low) & (model.elements.uo <= high))
+    assert "over the draft of each element, from 3 layers" in model.forcing.describe()
+
+
+OWN = EXPERIMENT.replace("  spacing: 0.25\n", "")
+
+
+def sampled(path: Path, time: float, **options: object) -> Model:
+    """Build an experiment and sample its forcing at a time (s)."""
+    model, _ = build(str(path), Options(**options))  # type: ignore[arg-type]
+    if model.forcing.grid is not None:
+        model.forcing.grid.locate(model.elements)
+    model.forcing.sample(model.elements, time)
+    return model
+
+
+def test_products_keep_their_own_grids_and_times(folder: Path) -> None:
+    """Without a spacing nothing lies between the points of a product and the elements."""
+    (folder / "files.yaml").write_text(OWN)
+    for time in (0.0, 7 * 3600.0):
+        model = sampled(folder / "files.yaml", time)
+        e, records = model.elements, (13 + time / 3600.0) / 12
+        np.testing.assert_allclose(e.uo, 0.1 + 0.01 * (e.lon + 39.0) + 0.05 * records, atol=2e-6)
+        np.testing.assert_allclose(e.vo, 0.02 * (e.lat + 55.0), atol=2e-6)
+        np.testing.assert_allclose(e.ua, 5.0, rtol=1e-6)
+        np.testing.assert_allclose(e.slope_y, 0.1 / (np.pi / 180.0 * model.parameters.earth.radius), rtol=1e-4)
+        np.testing.assert_allclose(e.slope_x, 0.0, atol=1e-10)
+        # The sea level counts for the depth of water.
+        np.testing.assert_allclose(e.depth, 300.0 + 10 * (e.lon + 39.0) + 0.1 * (e.lat + 55.0), atol=1e-3)
+        np.testing.assert_allclose(e.vorticity, 0.0, atol=1e-6)
+    assert model.forcing.describe().count("gridded fields from") == 4
+    _run(folder / "files.yaml")
+
+
+def test_times_are_those_of_the_product_not_of_an_interval(folder: Path) -> None:
+    """A wind that comes and goes between two records of a six-hourly grid was lost."""
+    time = np.datetime64("2020-12-09T12", "ns") + np.arange(16) * np.timedelta64(1, "h")
+    gust = np.where(np.arange(16) == 4, 20.0, 0.0)  # at 16:00, three hours after the start
+    with xr.open_dataset(folder / "wind.nc") as ds:
+        wind = ds.isel(time=0, drop=True).load()
+    wind = (
+        wind.expand_dims(time=("time", time)[1])
+        .assign_coords(time=("time", time, {"standard_name": "time"}))
+        .copy(deep=True)
+    )
+    wind["u10"] = (wind["u10"].dims, gust[:, None, None] + 0.0 * wind["u10"].values, wind["u10"].attrs)
+    (folder / "wind.nc").unlink()
+    wind.to_netcdf(folder / "wind.nc")
+    (folder / "files.yaml").write_text(OWN)
+    np.testing.assert_allclose(sampled(folder / "files.yaml", 3 * 3600.0).elements.ua, 20.0, rtol=1e-6)
+    np.testing.assert_allclose(sampled(folder / "files.yaml", 3 * 3600.0, grid=0.25).elements.ua, 0.0, atol=1e-6)
+
+
+def test_a_grid_can_be_asked_for_on_the_command_line(folder: Path) -> None:
+    (folder / "files.yaml").write_text(OWN)
+    own, grid = (sampled(folder / "files.yaml", 0.0, grid=spacing) for spacing in (None, 0.5))
+    assert own.forcing.grid is None
+    assert grid.forcing.grid is not None
+    assert "8 x 6 cells" in grid.forcing.describe()
+    np.testing.assert_allclose(own.elements.uo, grid.elements.uo, atol=1e-6)
+    with pytest.raises(InputError, match="a68a has its own ocean"):
+        build("a68a", Options(grid=0.5))
+
+
+def test_of_two_products_the_later_one_counts(folder: Path) -> None:
+    with xr.open_dataset(folder / "currents.nc") as ds:
+        slow = ds.load().isel(lon=slice(1, None))  # another grid
+    slow["u"] = slow["u"] * 0.0
+    slow.to_netcdf(folder / "slow.nc")
+    for order, factor in (("currents.nc, slow.nc", 0.0), ("slow.nc, currents.nc", 1.0)):
+        (folder / "files.yaml").write_text(OWN.replace("currents.nc", order))
+        e = sampled(folder / "files.yaml", 0.0).elements
+        np.testing.assert_allclose(e.uo, factor * (0.1 + 0.01 * (e.lon + 39.0) + 0.05 * 13 / 12), atol=2e-6)
+
+
+def test_levels_act_over_the_draft_on_the_products_own_grid(folder: Path) -> None:
+    with_levels(folder)
+    (folder / "files.yaml").write_text(OWN)
+    model = sampled(folder / "files.yaml", 0.0)
+    np.testing.assert_allclose(model.elements.uo, mean_to(200.0 * model.parameters.ice.density / 1025.0), rtol=1e-6)
+
+
+def test_a_berg_that_leaves_the_data_is_told_where(folder: Path) -> None:
+    (folder / "files.yaml").write_text(OWN.replace("[-39.0, -55.5]", "[-44.5, -55.5]"))
+    with pytest.raises(ForcingError, match=r"element \d+ at \(-44\.\d+, -55\.\d+\) is outside of the data of uo"):
+        _run(folder / "files.yaml")

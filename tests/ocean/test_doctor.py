@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
@@ -42,8 +43,7 @@ def test_stray_file_is_told_about_but_does_not_stop(shared: Path) -> None:
     berg = shared / "data" / "a68a" / "a68_experiment_berg_2020_12_09_gridded_ll_p0625_cropped.nc"
     report = doctor([*a68a(shared), berg], **BOX)
     assert report.ready
-    assert "was not recognised; the file holds b_id" in report.unreadable[str(berg)]
-    assert "cannot be used: the product was not recognised" in report.text()
+    assert "cannot be used: a mask of icebergs, no forcing" in report.text()
 
 
 def test_ranges_units_and_signs_are_stated(shared: Path) -> None:
@@ -97,6 +97,35 @@ def test_bad_files_are_reported_not_raised(tmp_path: Path) -> None:
     assert "does not exist" in report.unreadable[str(tmp_path / "absent.nc")]
     assert not report.ready
     assert "no file matches" in doctor(str(tmp_path / "*.grib")).text()
+
+
+def test_files_that_clash_are_told_of_one_by_one(shared: Path) -> None:
+    """Two files with the sea floor made the whole report an error."""
+    both = [shared / "data" / "a68a" / f"a68_experiment_{name}.nc" for name in ("gebco_ll_p125", "ll_p125_grid")]
+    report = doctor([*a68a(shared), *both], **BOX)
+    told = {path for found in report.data for path in found.files}
+    assert {str(path) for path in both} <= told
+    assert not report.ready
+    assert any("two files hold the same field" in text and "grid.nc" in text for text in report.advice)
+
+
+def test_files_of_a_run_that_are_no_forcing_are_named(shared: Path) -> None:
+    folder = shared / "data" / "a68a"
+    mask = folder / "a68_experiment_berg_2020_12_09_gridded_ll_p0625_cropped.nc"
+    report = doctor([folder / "icebergs.res.nc", mask])
+    assert "an initial state of icebergs" in report.unreadable[str(folder / "icebergs.res.nc")]
+    assert "from_mask" in report.unreadable[str(mask)]
+
+
+def test_unrecognised_files_tell_what_they_hold(tmp_path: Path) -> None:
+    path = tmp_path / "other.nc"
+    xr.Dataset({"chlorophyll": ("x", np.ones(3))}).to_netcdf(path)
+    assert "was not recognised; the file holds chlorophyll" in doctor([path]).unreadable[str(path)]
+
+
+def test_notes_are_told_once(shared: Path) -> None:
+    text = doctor(a68a(shared), **BOX).text()
+    assert text.count("units are not in the files") == 1
 
 
 def test_unknown_field_is_an_error_of_the_caller(tmp_path: Path) -> None:

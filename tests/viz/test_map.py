@@ -85,6 +85,20 @@ def test_dates_are_whole_days_from_first_to_last(run: tuple[FakeModel, xr.Datase
     assert {str(scene.times[k])[11:16] for k in records} == {"13:00"}
 
 
+def test_dates_of_the_map_show_what_broke_off(run: tuple[FakeModel, xr.Dataset]) -> None:
+    """The panels of 16 and 19 December showed nothing of A68a's finger breaking off on the 20th."""
+    scene = Scene(run[1])
+    births = [born[0] for n in scene.numbers if (born := scene.birth(n)) is not None]
+    records = scene.telling_records(6)
+    assert len(births) == 1
+    assert len(records) == 6
+    assert records[0] == 0
+    assert records[-1] == len(scene.times) - 1
+    late = [(scene.times[k] - births[0]) / np.timedelta64(1, "h") for k in records]
+    assert min(hours for hours in late if hours >= 0.0) <= 9.0
+    assert np.diff(records).min() >= len(scene.times) / 15.0
+
+
 def test_fragments_are_named_by_size_and_tracked_from_birth(run: tuple[FakeModel, xr.Dataset]) -> None:
     scene = Scene(run[1])
     assert scene.numbers == [1, 2]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from datetime import timedelta
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -16,7 +17,18 @@ EXIT_LACKING = 1
 
 @reported
 def doctor(
-    files: Annotated[list[str], typer.Argument(metavar="FILES...", help="Files, patterns in quotes, or Zarr stores.")],
+    files: Annotated[
+        list[str] | None, typer.Argument(metavar="FILES...", help="Files, patterns in quotes, or Zarr stores.")
+    ] = None,
+    experiment: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="EXPERIMENT",
+            help="Experiment whose place and dates the files must cover: a name, or a YAML file, whose own files are "
+            "examined if no others are named.",
+        ),
+    ] = None,
     lon: Annotated[str | None, typer.Option("--lon", metavar="WEST,EAST", help="Longitudes of the experiment.")] = None,
     lat: Annotated[
         str | None, typer.Option("--lat", metavar="SOUTH,NORTH", help="Latitudes of the experiment.")
@@ -35,13 +47,50 @@ def doctor(
     from riftberg.ocean.doctor import NEEDED
     from riftberg.ocean.doctor import doctor as examine
 
+    asked = _asked(experiment) if experiment else Asked()
+    if not files and not asked.files:
+        raise InputError("no files were named", where="FILES", remedy="riftberg doctor 'data/*.nc', or --for my.yaml")
     report = examine(
-        files, lon=pair(lon, "--lon"), lat=pair(lat, "--lat"), time=dates(time), needed=[*NEEDED, *(need or ())],
-        path=_path(run), product=product,
+        files or asked.files, lon=pair(lon, "--lon") or asked.lon, lat=pair(lat, "--lat") or asked.lat,
+        time=dates(time) or asked.time, needed=[*NEEDED, *(need or ())], path=_path(run), product=product,
     )  # fmt: skip
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
+
+
+class Asked(NamedTuple):
+    """What an experiment asks of its files: box (degrees), dates (UTC) and, if it names them, files."""
+
+    lon: tuple[float, float] | None = None
+    lat: tuple[float, float] | None = None
+    time: tuple[str, str] | None = None
+    files: tuple[str, ...] = ()
+
+
+def _asked(name: str) -> Asked:
+    """Return what an experiment asks of its files."""
+    if name.endswith((".yaml", ".yml")):
+        from riftberg.experiments.schema import FileForcing
+        from riftberg.experiments.yaml_file import read_file
+
+        experiment, _, _ = read_file(Path(name))
+        given = experiment.forcing
+        if not isinstance(given, FileForcing):
+            raise InputError(
+                f"its forcing is of kind {given.kind!r}", where=f"--for {name}", remedy="It needs no files"
+            )
+        end = experiment.start + timedelta(days=experiment.days)
+        files = tuple(str(Path(name).parent / file) for file in given.files)
+        return Asked(given.longitude, given.latitude, (experiment.start.isoformat(), end.isoformat()), files)
+    from riftberg.experiments import find
+    from riftberg.experiments.a68a_observed import REGION
+    from riftberg.model import DEFAULT_START
+
+    if not find(name).name.startswith("a68a"):
+        raise InputError(f"{name} is nowhere on Earth", where="--for", remedy="Name a68a, or a YAML file")
+    end = DEFAULT_START + timedelta(days=18)
+    return Asked(*REGION, (DEFAULT_START.isoformat(), end.isoformat()))
 
 
 def pair(text: str | None, where: str) -> tuple[float, float] | None:

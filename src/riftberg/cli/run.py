@@ -58,13 +58,19 @@ def run(
     fetch: Annotated[
         bool, typer.Option("--fetch", help="Fetch missing data files first (a68a-paper: 1.3 GB, a68a-oras5: 8 MB).")
     ] = False,
+    grid: Annotated[
+        float | None,
+        typer.Option(
+            "--grid", help="Put data files on a grid of cells this wide (degrees).  [default: their own grids]"
+        ),
+    ] = None,
     every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
-    options = make_options(settings, days, data, without, numerics, fetch)
+    options = make_options(settings, days, data, without, numerics, fetch, grid)
     announce_compilation(quiet)
     if numerics == "both":
         if resume is not None:
@@ -110,6 +116,8 @@ def _as_given(experiment: str, options: Options) -> str:
     words = [experiment, *(word for part in sorted(options.without) for word in ("--without", part))]
     if options.data is not None:
         words += ["--data", str(options.data)]
+    if options.grid is not None:
+        words += ["--grid", str(options.grid)]
     if options.numerics is not None:
         words += ["--numerics", options.numerics]
     return shlex.join(words)
@@ -130,10 +138,13 @@ def make_options(
     without: list[str] | None,
     numerics: str | None = None,
     fetch: bool = False,
+    grid: float | None = None,
 ) -> Options:
     """Check what was given on the command line."""
     if numerics not in (None, "own", "reference", "both"):
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
+    if grid is not None and not 0.0 < grid <= 5.0:
+        raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number above 0, at most 5")
     if days is not None and not days > 0.0:
         raise InputError(f"{days:g} days", where="--days", remedy="Give a number above 0")
     if data is not None and not data.is_dir() and not fetch:
@@ -144,7 +155,7 @@ def make_options(
 
         changes = parse_settings(settings)
     chosen: Numerics | None = "own" if numerics == "own" else "reference" if numerics == "reference" else None
-    return Options(changes, days, data, frozenset(without or ()), chosen, fetch)
+    return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
 
 
 def announce_compilation(quiet: bool = False) -> None:

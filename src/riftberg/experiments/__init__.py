@@ -40,6 +40,8 @@ class Options:
         Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment.
     fetch : bool
         Fetch missing data files first.
+    grid : float or None
+        Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment.
     """
 
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -48,6 +50,7 @@ class Options:
     without: frozenset[str] = frozenset()
     numerics: Numerics | None = None
     fetch: bool = False
+    grid: float | None = None
 
     @property
     def own(self) -> bool:
@@ -190,6 +193,8 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
             raise InputError("a YAML experiment names its own files", where="--fetch", remedy="Use riftberg fetch")
         return build_file(Path(name), options)
     entry = find(name)
+    if options.grid is not None:
+        raise InputError(f"{name} has its own ocean", where="--grid", remedy="It is for experiments of YAML files")
     unknown = sorted(options.without - set(entry.parts))
     if unknown:
         parts = ", ".join(entry.parts) or "nothing"

@@ -42,6 +42,9 @@ A68A_OBSERVED = (
 )
 """The observed days; those of 10 and 24 December saw only a part of the berg."""
 
+REGION = (-41.5, -34.0), (-58.5, -54.0)
+"""Longitudes and latitudes (degrees) that the berg and its pieces crossed until 27 December, with a margin."""
+
 PARTIAL = (10, 24)
 """Days of December of which only a part of the berg was seen."""
 

@@ -1,51 +1,77 @@
-"""Forcing on a regular grid from files of any products that Riftberg knows."""
+"""Forcing from files of any products that Riftberg knows: each on its own grid, or all on one model grid."""
 
 from __future__ import annotations
 
 import glob
 import math
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
+from riftberg.experiments.files_fields import NAMES, FieldMaker, Mesh, belongs, even_mesh, own_mesh
+from riftberg.experiments.files_levels import LevelColumns, has_levels, without_levels
 from riftberg.experiments.schema import FileForcing
-from riftberg.ocean.grid import CORNER_FIELDS, Fields, Grid
 from riftberg.ocean.gridded import GriddedForcing
-from riftberg.ocean.loading import wind_from_stress
-from riftberg.ocean.products.interpolate import to_grid
+from riftberg.ocean.over_draft import DraftCurrents
+from riftberg.ocean.own_grids import FILLS, OwnGrids, Part
+from riftberg.ocean.products.axes import step_of
 from riftberg.ocean.products.registry import open_all
-from riftberg.ocean.products.window import window
+from riftberg.ocean.products.window import utc, window
 from riftberg.state import Floats
 
-NAMES = {"depth_below_surface": "depth"}
-"""Fields whose canonical name is not that of the model."""
+MARGIN = 3
+"""Points of a product around the box that are read too."""
+
+VECTORS = {"uo": "vo", "ui": "vi", "ua": "va"}
 
 
-def forcing_from_files(given: FileForcing, folder: Path, start: datetime, days: float) -> GriddedForcing:
+class Run(NamedTuple):
+    """What a run asks of its files: start and end (UTC), thickness of the elements (m) and density of the ice (kg m-3)."""
+
+    start: datetime
+    end: datetime
+    thickness: Floats
+    ice_density: float
+
+    @classmethod
+    def of(cls, start: datetime, days: float, thickness: Floats, ice_density: float) -> Run:
+        """Return what a run of some days asks for."""
+        return cls(start, start + timedelta(days=days), thickness, ice_density)
+
+    @property
+    def drafts(self) -> Floats:
+        """Drafts of the elements, m."""
+        return np.asarray(self.thickness * self.ice_density / RHO_SEAWATER)
+
+    def seconds(self, moments: Sequence[datetime]) -> list[float]:
+        """Times since the start."""
+        return [(moment - self.start).total_seconds() for moment in moments]
+
+
+def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> GriddedForcing | OwnGrids:
     """Return the forcing for a run.
 
     Parameters
     ----------
     given : FileForcing
-        Files, extent and spacing of the grid, interval of the records.
+        Files, box, and perhaps spacing of a model grid.
     folder : pathlib.Path
         Folder of relative file names.
-    start : datetime.datetime
-        Start of the run (UTC).
-    days : float
-        Length of the run, days.
+    run : Run
+        What it is for.
 
     Raises
     ------
     ForcingError
         If a pattern matches nothing, or currents are missing, or the files do not cover place and time.
     """
-    moments = _moments(start, days, given.every_hours)
-    datasets = [_near(ds, given, moments) for ds in open_all(_paths(given.files, folder))]
+    datasets = [_near(ds, given, run) for ds in open_all(_paths(given.files, folder))]
     if not any("uo" in ds for ds in datasets):
         found = sorted({str(name) for ds in datasets for name in ds.data_vars})
         raise ForcingError(
@@ -53,11 +79,11 @@ def forcing_from_files(given: FileForcing, folder: Path, start: datetime, days: 
             where=", ".join(given.files),
             remedy=f"They give {', '.join(found)}; add a file of currents",
         )
-    maker = _Maker(given, datasets, moments)
-    seconds = [(moment - start).total_seconds() for moment in moments]
-    return GriddedForcing(
-        maker.grid, maker, seconds, coastal_drift=given.coastal_drift, start=start, source=_sources(datasets)
-    )
+    if given.currents == "surface":
+        datasets = [without_levels(ds, surface=True) for ds in datasets]
+    if given.spacing is None:
+        return _on_own_grids(given, datasets, run)
+    return _on_one_grid(given, even_mesh(_box(given.longitude), given.latitude, given.spacing), datasets, run)
 
 
 def _paths(names: list[str], folder: Path) -> list[str]:
@@ -68,58 +94,98 @@ def _paths(names: list[str], folder: Path) -> list[str]:
     return [path for matches in found for path in matches]
 
 
-def _moments(start: datetime, days: float, every_hours: float) -> list[datetime]:
-    count = math.ceil(24.0 * days / every_hours - 1e-9)
-    return [start + timedelta(hours=every_hours * k) for k in range(count + 1)]
+def _box(longitude: tuple[float, float]) -> tuple[float, float]:
+    """West and east with east above west, also across the date line."""
+    west, east = longitude
+    return west, east if east > west else east + 360.0
 
 
-def _near(ds: xr.Dataset, given: FileForcing, moments: list[datetime]) -> xr.Dataset:
-    time = (moments[0], moments[-1]) if "time" in ds.dims else None
-    return window(ds, given.longitude, given.latitude, time, margin=2.0 * given.spacing)
+def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> xr.Dataset:
+    time = (run.start, run.end) if "time" in ds.dims else None
+    own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
+    margin = MARGIN * own if given.spacing is None else 2.0 * given.spacing
+    return window(ds, _box(given.longitude), given.latitude, time, margin=margin)
 
 
-def _sources(datasets: list[xr.Dataset]) -> str:
-    return "; ".join(str(ds.attrs.get("product") or ds.attrs.get("source", "files")) for ds in datasets)
+def _source(ds: xr.Dataset) -> str:
+    return str(ds.attrs.get("product") or ds.attrs.get("source", "files"))
 
 
-class _Maker:
-    """Makes the fields of one record when it is needed."""
-
-    def __init__(self, given: FileForcing, datasets: list[xr.Dataset], moments: list[datetime]) -> None:
-        self.datasets, self.moments = datasets, moments
-        west, south = given.longitude[0], given.latitude[0]
-        ni = round((given.longitude[1] - west) / given.spacing)
-        nj = round((given.latitude[1] - south) / given.spacing)
-        east = np.asarray(west + given.spacing * np.arange(1, ni + 1), np.float64)
-        north = np.asarray(south + given.spacing * np.arange(1, nj + 1), np.float64)
-        self.corners = east, north
-        self.centres = east - 0.5 * given.spacing, north - 0.5 * given.spacing
-        self._static = self._fields([ds for ds in datasets if "time" not in ds.dims], None)
-        depth = self._static.get("depth")
-        mask = None if depth is None else np.where(depth > 0.0, 1.0, 0.0)
-        self.grid = Grid.from_corners(*np.meshgrid(*self.corners), mask=mask)
-
-    def __call__(self, record: int) -> Fields:
-        moving = self._fields([ds for ds in self.datasets if "time" in ds.dims], self.moments[record])
-        return self.grid.fields(**{**self._static, **moving})
-
-    def _fields(self, datasets: list[xr.Dataset], moment: datetime | None) -> dict[str, Any]:
-        found: dict[str, Floats] = {}
-        times = None if moment is None else [moment]
-        for ds in datasets:
-            for at, axes in (("corner", self.corners), ("centre", self.centres)):
-                wanted = [n for n in map(str, ds.data_vars) if _belongs(n) == at]
-                if wanted:
-                    values = to_grid(ds[wanted].assign_attrs(ds.attrs), *axes, times)
-                    found |= {n: np.asarray(values[n].squeeze(drop=True).values, np.float64) for n in wanted}
-        if "taux" in found and "ua" not in found:
-            found["ua"], found["va"] = wind_from_stress(found["taux"], found["tauy"])
-        named = {NAMES.get(name, name): value for name, value in found.items()}
-        return {name: value for name, value in named.items() if name in Fields._fields}
+def _forcing(
+    given: FileForcing, maker: FieldMaker, moments: Sequence[datetime], levels: xr.Dataset | None, source: str, run: Run
+) -> GriddedForcing:
+    """Return gridded forcing from a maker of fields, with currents over the draft if there are levels."""
+    if levels is not None:
+        columns = LevelColumns(levels, maker.mesh.corners, moments, float(run.drafts.max()))
+        columns.grid = maker.grid
+        maker.over_draft = DraftCurrents(columns.limits, columns, run.ice_density, float(run.drafts.mean()))
+    return GriddedForcing(
+        maker.grid, maker, run.seconds(moments), coastal_drift=given.coastal_drift, over_draft=maker.over_draft,
+        start=run.start, source=source,
+    )  # fmt: skip
 
 
-def _belongs(name: str) -> str:
-    """Whether a canonical field is needed at corners or at centres of the cells, or not at all."""
-    if name in CORNER_FIELDS or name in ("taux", "tauy"):
-        return "corner"
-    return "centre" if NAMES.get(name, name) in Fields._fields else ""
+def _on_one_grid(given: FileForcing, mesh: Mesh, datasets: list[xr.Dataset], run: Run) -> GriddedForcing:
+    """All products on one grid, at equal intervals."""
+    days = (run.end - run.start) / timedelta(days=1)
+    count = math.ceil(24.0 * days / given.every_hours - 1e-9)
+    moments = [run.start + timedelta(hours=given.every_hours * k) for k in range(count + 1)]
+    levels = next((ds for ds in reversed(datasets) if "uo" in ds and has_levels(ds)), None)
+    maker = FieldMaker(mesh, [without_levels(ds, surface=False) for ds in datasets], moments)
+    return _forcing(given, maker, moments, levels, "; ".join(map(_source, datasets)), run)
+
+
+def _on_own_grids(given: FileForcing, datasets: list[xr.Dataset], run: Run) -> OwnGrids:
+    """Each product on its own points, at its own times."""
+    serving = _serving(datasets)
+    sea_level = serving.get("ssh")
+    parts: dict[tuple[int, str], list[str]] = {}
+    for name, ds in serving.items():
+        number = next(k for k, other in enumerate(datasets) if other is ds)
+        # Depth needs the sea level at its own points: it is a part of its own.
+        parts.setdefault((number, "depth" if name == "depth" else belongs(name)), []).append(name)
+    return OwnGrids([
+        Part(_own_part(given, datasets[number], kind, names, sea_level, run), tuple(names))
+        for (number, kind), names in parts.items()
+    ])  # fmt: skip
+
+
+def _serving(datasets: list[xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Return the dataset that each field comes from: of several the last."""
+    serving: dict[str, xr.Dataset] = {}
+    for name in FILLS:
+        canonical = next((long for long, short in NAMES.items() if short == name), name)
+        holders = [ds for ds in datasets if canonical in ds.data_vars]
+        if name == "ua" and not holders:
+            holders = [ds for ds in datasets if "taux" in ds.data_vars]
+        if holders:
+            serving[name] = holders[-1]
+    return serving
+
+
+def _own_part(
+    given: FileForcing, ds: xr.Dataset, kind: str, names: list[str], sea_level: xr.Dataset | None, run: Run
+) -> GriddedForcing:
+    """Return the forcing of one product that serves some fields."""
+    canonical = {short: long for long, short in NAMES.items()}
+    wanted = {canonical.get(name, name) for name in names} | {VECTORS[name] for name in names if name in VECTORS}
+    if "ua" in names:
+        wanted |= {"taux", "tauy"}
+    mine = ds[[name for name in ds.data_vars if name in wanted]].assign_attrs(ds.attrs)
+    levels = mine if "uo" in names and has_levels(mine) else None
+    used = [without_levels(mine, surface=False)]
+    if kind == "depth" and sea_level is not None:
+        used.append(sea_level[["ssh"]].assign_attrs(sea_level.attrs))
+    moments = _own_moments([mine, *used], run)
+    known = next((name for name in ("ssh", "uo") if name in names and levels is None), "")
+    maker = FieldMaker(own_mesh(mine, at="corner" if kind == "corner" else "centre"), used, moments, known)
+    return _forcing(given, maker, moments, levels, _source(ds), run)
+
+
+def _own_moments(datasets: Sequence[xr.Dataset], run: Run) -> list[datetime]:
+    """Return start, end, and the records between them."""
+    first, last = utc(run.start), utc(run.end)
+    records = [ds["time"].values for ds in datasets if "time" in ds.dims]
+    within = [time[(time > first) & (time < last)] for time in records]
+    moments = np.unique(np.concatenate([[first, last], *within]).astype("datetime64[us]"))
+    return [moment.item() for moment in moments]

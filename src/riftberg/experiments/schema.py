@@ -105,10 +105,19 @@ class FileForcing(Section):
 
     kind: Literal["files"]
     files: list[str] = key(..., "", "files or patterns of any products that Riftberg knows", min_length=1)
-    longitude: Pair = key(..., "degree", "west and east of the grid")
-    latitude: Pair = key(..., "degree", "south and north of the grid")
-    spacing: float = key(0.125, "degree", "width of a grid cell", gt=0, le=5)
-    every_hours: float = key(6.0, "h", "interval at which the files are interpolated to the grid", gt=0)
+    longitude: Pair = key(..., "degree", "west and east of what is needed")
+    latitude: Pair = key(..., "degree", "south and north of what is needed")
+    spacing: float | None = key(
+        None,
+        "degree",
+        "width of the cells of a model grid for all fields; without it each product keeps its own",
+        gt=0,
+        le=5,
+    )
+    every_hours: float = key(6.0, "h", "interval at which files are interpolated to a model grid", gt=0)
+    currents: Literal["draft", "surface"] = key(
+        "draft", "", "of files with levels: mean over the draft of each element, or the uppermost level"
+    )
     coastal_drift: float = key(0.0, "m s-1", "current added away from land cells", ge=0)
 
 

@@ -278,7 +278,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     folder = options.data or Path(path).parent
     berg = build_berg(experiment, parameters, folder)
     days = options.days or experiment.days
-    forcing = build_forcing(experiment, folder, days, options)
+    forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
     info = Info(experiment.name, experiment.title, days, experiment.output_every_hours)
     return Model(berg, forcing, parameters, experiment.start), info
 
@@ -315,7 +315,9 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> 
     return Iceberg.from_table(berg.lattice.rows, table_radius=berg.lattice.cell_radius, **common)
 
 
-def build_forcing(experiment: Experiment, folder: Path, days: float, options: Options) -> Forcing:
+def build_forcing(
+    experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, ice_density: float
+) -> Forcing:
     """Build the forcing of an experiment."""
     given = experiment.forcing
     if options.without and not isinstance(given, ExperimentForcing):
@@ -329,9 +331,14 @@ def build_forcing(experiment: Experiment, folder: Path, days: float, options: Op
 
         return Steady(given.current, given.wind, given.slope, given.sea_ice, given.depth)
     if isinstance(given, FileForcing):
-        from riftberg.experiments.files_forcing import forcing_from_files
+        from riftberg.experiments.files_forcing import Run, forcing_from_files
 
-        return forcing_from_files(given, folder, experiment.start, days)
+        if options.grid is not None:
+            given = given.model_copy(update={"spacing": options.grid})
+        run = Run.of(experiment.start, days, berg.elements.thickness, ice_density)
+        return forcing_from_files(given, folder, run)
+    if options.grid is not None:
+        raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     from riftberg.experiments import find
 
     without = frozenset(given.without) | options.without

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.ocean.findings import DataFinding, FieldFinding, Report
 from riftberg.ocean.products.axes import goes_round
 from riftberg.ocean.products.canonical import QUANTITIES
 from riftberg.ocean.products.interpolate import usual_interval
@@ -41,94 +42,6 @@ WHERE_FROM = {
 }
 _SAMPLE_RECORDS = 3
 _LARGE = 2000
-
-
-@dataclass
-class FieldFinding:
-    """One field of a dataset: range within the experiment, and how much of it is missing."""
-
-    name: str
-    original_name: str
-    original_units: str
-    units: str
-    positive: str
-    low: float
-    high: float
-    missing_share: float
-    missing_on_path: int
-    problems: list[str] = field(default_factory=list)
-
-
-@dataclass
-class DataFinding:
-    """One dataset: files of one product, one grid, one set of records."""
-
-    files: list[str]
-    product: str
-    title: str
-    checked_against: str
-    notes: list[str]
-    fields: list[FieldFinding] = field(default_factory=list)
-    space: str = ""
-    time: str = ""
-    problems: list[str] = field(default_factory=list)
-
-
-@dataclass
-class Report:
-    """What `diagnose` found.
-
-    Attributes
-    ----------
-    data : list of DataFinding
-        One entry per dataset.
-    unreadable : dict of str to str
-        Files that could not be used, and why.
-    missing : list of str
-        Needed fields that no dataset gives.
-    advice : list of str
-        What to do, the most pressing first.
-    """
-
-    data: list[DataFinding] = field(default_factory=list)
-    unreadable: dict[str, str] = field(default_factory=dict)
-    missing: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-
-    @property
-    def ready(self) -> bool:
-        """Whether the files suffice for the experiment."""
-        return not self.advice
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as plain numbers, texts, lists and dicts."""
-        return {**asdict(self), "ready": self.ready}
-
-    def text(self) -> str:
-        """Return the report as plain text."""
-        lines: list[str] = []
-        for found in self.data:
-            lines += _data_lines(found)
-        for name, reason in self.unreadable.items():
-            lines += [f"{name}", f"  cannot be used: {reason}", ""]
-        lines.append("Ready: these files give all that was asked for." if self.ready else "Not ready. What to do:")
-        lines += [f"  {number}. {text}" for number, text in enumerate(self.advice, 1)]
-        return "\n".join(lines)
-
-
-def _data_lines(found: DataFinding) -> list[str]:
-    head = found.files[0] if len(found.files) == 1 else f"{found.files[0]} and {len(found.files) - 1} more"
-    lines = [head, f"  is      {found.title} ({found.product}; reader checked against a {found.checked_against})"]
-    lines += [f"  space   {found.space}", f"  time    {found.time}"]
-    for item in found.fields:
-        meaning = QUANTITIES[item.name].long_name
-        lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
-        lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
-        lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
-        lines += [f"          ! {problem}" for problem in item.problems]
-    lines += [f"  note    {note}" for note in found.notes]
-    lines += [f"  !       {problem}" for problem in found.problems]
-    return [*lines, ""]
 
 
 def doctor(
@@ -202,8 +115,30 @@ def _opened(files: Sequence[str | Path] | str | Path, product: str | None, repor
             open_all(name, product)
             usable.append(name)
         except ForcingError as error:
-            report.unreadable[name] = _without_place(error)
-    return open_all(usable, product) if usable else []
+            report.unreadable[name] = _other_kind(name) or _without_place(error)
+    if not usable:
+        return []
+    try:
+        return open_all(usable, product)
+    except ForcingError as error:  # each is good by itself, together they do not go
+        report.clashes.append(f"{error.where}: {_without_place(error)}")
+        return [ds for name in usable for ds in open_all(name, product)]
+
+
+def _other_kind(name: str) -> str:
+    """Tell what a file is that belongs to a run but is no forcing; empty if unknown."""
+    try:
+        with netCDF4.Dataset(name) as file:
+            held = set(file.variables)
+    except OSError:
+        return ""
+    if {"trajectory", "break_time"} <= held:
+        return "a run of Riftberg, no forcing: 'riftberg plot', 'score' and 'why' read it"
+    if {"lon", "lat", "mass", "thickness", "start_mass"} <= held:
+        return "an initial state of icebergs (restart of KID), no forcing: 'riftberg kid' and a68a-paper read it"
+    if "b_id" in held:
+        return "a mask of icebergs, no forcing: Iceberg.from_mask makes a berg of it"
+    return ""
 
 
 def _without_place(error: ForcingError) -> str:
@@ -380,6 +315,7 @@ def _conclude(report: Report, needed: Sequence[str]) -> None:
     # A stray file beside a complete set is told about, but does not stop the run.
     if report.missing:
         report.advice += [f"{Path(name).name}: {reason}" for name, reason in report.unreadable.items()]
+    report.advice += report.clashes
     for found in report.data:
         wanted = [item for item in found.fields if item.name in needed]
         if wanted or not found.fields:

@@ -22,6 +22,7 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
+from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.search import locate_points
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.state import Elements, Floats, Ints
@@ -71,6 +72,9 @@ class GriddedForcing:
     sea_level_gaps : bool
         Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
         reference (spec 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
+    over_draft : DraftCurrents, optional
+        Currents over the draft of each element, at the times of the records; ``uo`` and ``vo`` of the records then
+        serve maps only.
     start : datetime, optional
         Date of time 0, named in messages.
     source : str
@@ -81,7 +85,8 @@ class GriddedForcing:
         self, grid: Grid, records: Records, times: ArrayLike | None = None, *, depth_rule: DepthRule = "biquadratic",
         zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
         coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
-        sea_level_gaps: bool = False, start: datetime | None = None, source: str = "",
+        sea_level_gaps: bool = False, over_draft: DraftCurrents | None = None,
+        start: datetime | None = None, source: str = "",
     ) -> None:  # fmt: skip
         self.grid: Grid | None = grid
         self._grid = grid
@@ -89,7 +94,7 @@ class GriddedForcing:
         self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
         self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
         self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
-        self.sea_level_gaps = bool(sea_level_gaps)
+        self.sea_level_gaps, self.over_draft = bool(sea_level_gaps), over_draft
         self._check_rules(stepwise)
         self._rule = DEPTH_RULES[depth_rule]
         self._zone_lon, self._zone_lat = (float(z) for z in zone) if zone else (0.0, 0.0)
@@ -190,6 +195,10 @@ class GriddedForcing:
             elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
             self.coastal_drift, self.mirrored, self.even_parity,
         )  # fmt: skip
+        if self.over_draft is not None:
+            record, weight = self._between(time)
+            held = "uo" in self._held
+            self.over_draft.sample(elements, grid, record, 0.0 if held else weight, self.coastal_drift)
         if self.tidal_drift > 0.0:
             add_tidal_drift(elements, grid, fields.ssh, self.tidal_drift, self.mirrored)
 
@@ -200,6 +209,8 @@ class GriddedForcing:
         """
         self._require_cover(start, end)
         self._check_elements(elements)
+        if self.over_draft is not None:
+            self.over_draft.check(elements)
         (first, _), (last, weight) = self._between(start), self._between(end)
         for k in range(first, last + 1 + (weight > 0.0)):
             gap = self._store.gap(k)
@@ -267,6 +278,8 @@ class GriddedForcing:
         lines = ["gridded fields" + (f" from {self.source}" if self.source else ""), time, f"depth: {depth}"]
         if self._held and self.interpolation == "linear":
             lines.append(f"held until the next record: {', '.join(sorted(self._held))}")
+        if self.over_draft is not None:
+            lines.append(self.over_draft.describe())
         if self.sea_level_gaps:
             lines.append("no slope of the sea surface beside gaps in the sea level")
         for name in ("coastal_drift", "tidal_drift"):

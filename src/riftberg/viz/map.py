@@ -37,7 +37,8 @@ def draw_map(
     """Draw the map of a run.
 
     On the left the tracks of the fragments, with the berg at the first and the last date; on the right the berg at
-    ``dates`` dates in the currents of these dates. Elements are drawn in their true size, shape and orientation.
+    ``dates`` dates, after its break-ups and between them, in the currents of these dates. Elements are drawn in their
+    true size, shape and orientation.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def draw_map(
     from matplotlib.figure import Figure
 
     scene = Scene(run)
-    records = scene.chosen_records(dates)
+    records = scene.telling_records(dates)
     figure = Figure(figsize=(15.5, 8.6), dpi=dpi)
     FigureCanvasAgg(figure)
     _MapFigure(figure, scene, forcing, observed or {}).draw(records, _title(run, title))

@@ -56,14 +56,7 @@ def chosen(scene: Scene, dates: Sequence[np.datetime64] | None, most: int = 6) -
     """Return the records of dates; by default the start, the large break-ups and evenly spaced days."""
     if dates:
         return sorted({nearest_record(scene, date) for date in dates})
-    births = [birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None]
-    after = [nearest_record(scene, birth + np.timedelta64(6, "h")) for birth in births]
-    wanted = {0, len(scene.times) - 1, *after[: most - 2]}
-    for record in scene.chosen_records(most):
-        apart = len(scene.times) / (2.5 * most)
-        if len(wanted) < most and all(abs(record - other) >= apart for other in wanted):
-            wanted.add(record)
-    return sorted(wanted)
+    return scene.telling_records(most)
 
 
 def draw_dates(

@@ -139,6 +139,17 @@ class Scene:
             wanted[1:-1] = day * np.round(wanted[1:-1] / day)
         return sorted({int(np.argmin(np.abs(seconds - moment))) for moment in wanted})
 
+    def telling_records(self, count: int) -> list[int]:
+        """Return the first and the last record, those 6 h after large break-ups, and evenly spaced ones between."""
+        births = [birth[0] + np.timedelta64(6, "h") for n in self.numbers if (birth := self.birth(n)) is not None]
+        after = [int(np.argmin(np.abs(self.times - birth))) for birth in births]
+        wanted = {0, len(self.times) - 1, *after[: count - 2]}
+        apart = len(self.times) / (2.5 * count)
+        for record in self.chosen_records(count):
+            if len(wanted) < count and all(abs(record - other) >= apart for other in wanted):
+                wanted.add(record)
+        return sorted(wanted)
+
     def box(self, record: int | None = None) -> Box:
         """Return the extent of the named fragments, at a record or over the whole run."""
         chosen = range(0, len(self.times), max(1, len(self.times) // 50)) if record is None else [record]

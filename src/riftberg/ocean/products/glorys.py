@@ -69,7 +69,7 @@ PRODUCT = Product(
     averaging=DAY,
     notes=(
         "daily means: stamps put at 12:00 UTC (native files write 12:00, toolbox subsets 00:00)",
-        "currents keep their levels: keel_mean gives the mean over the draft",
+        "currents keep their levels: runs take the mean over the draft of each element",
         "sst is the potential temperature of the first level",
     ),
 )

@@ -1,0 +1,87 @@
+"""``riftberg doctor --for``: files against an experiment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from riftberg.cli.main import app
+
+EXPERIMENT = """\
+start: 2020-12-09 13:00
+days: 6
+berg:
+  rectangle: {length: 12 km, width: 6 km}
+  placement: [-39.0, -55.5]
+forcing:
+  kind: files
+  files: ["*oras5*.nc", "*jra55*.nc"]
+  longitude: [-43, -33]
+  latitude: [-59, -53]
+"""
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the doctor was asked."""
+    found: dict[str, Any] = {}
+
+    class Report:
+        ready = True
+
+        def text(self) -> str:
+            return ""
+
+    def examine(files: Any, **how: Any) -> Report:
+        found.update(how, files=list(files))
+        return Report()
+
+    monkeypatch.setattr("riftberg.ocean.doctor.doctor", examine)
+    return found
+
+
+def call(*arguments: object) -> Any:
+    return CliRunner().invoke(app, ["doctor", *(str(a) for a in arguments)])
+
+
+def test_a_yaml_file_gives_place_dates_and_files(asked: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(EXPERIMENT)
+    assert call("--for", path).exit_code == 0
+    assert (asked["lon"], asked["lat"]) == ((-43.0, -33.0), (-59.0, -53.0))
+    assert asked["time"] == ("2020-12-09T13:00:00", "2020-12-15T13:00:00")
+    assert asked["files"] == [str(tmp_path / "*oras5*.nc"), str(tmp_path / "*jra55*.nc")]
+    call("other.nc", "--for", path, "--lon", "-40,-39")
+    assert (asked["files"], asked["lon"]) == (["other.nc"], (-40.0, -39.0))
+
+
+def test_a68a_gives_its_place_and_dates(asked: dict[str, Any]) -> None:
+    call("a.nc", "--for", "a68a-paper")
+    assert asked["time"] == ("2020-12-09T13:00:00", "2020-12-27T13:00:00")
+    assert asked["lon"][0] < -40.3 < -35.5 < asked["lon"][1]
+
+
+def test_what_cannot_be_asked_for_is_told(asked: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "steady.yaml"
+    path.write_text(EXPERIMENT[: EXPERIMENT.index("forcing:")] + "forcing: {kind: constant}\n")
+    for arguments, words in [
+        (["--for", path, "a.nc"], "It needs no files"),
+        (["--for", "cantilever", "a.nc"], "nowhere on Earth"),
+        (["--for", "a68a"], "no files were named"),
+        ([], "no files were named"),
+    ]:
+        result = call(*arguments)
+        assert result.exit_code == 2
+        assert words in result.output
+    assert not asked
+
+
+def test_the_real_files_serve_their_experiment(shared: Path, tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(EXPERIMENT.replace('"*', f'"{shared}/data/a68a/*'))
+    result = call("--for", path)
+    assert result.exit_code == 0, result.output
+    assert "Ready: these files give all" in result.output
