@@ -306,7 +306,7 @@ def products_page() -> str:
 
 
 PAGES: dict[str, tuple[Callable[[], str], str]] = {
-    "parameters.md": (parameters_page, "src/riftberg/parameters.py"),
+    "parameters.md": (parameters_page, "src/riftberg/parameter_groups.py"),
     "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
     "variables.md": (variables_page, "src/riftberg/state.py and io/run_file.py"),
     "namelist.md": (namelist_page, "src/riftberg/io/kid/entry_table.py"),

@@ -104,6 +104,10 @@ class FakeModel:
         """Date of the state."""
         return self.start + timedelta(seconds=self.time)
 
+    def velocity(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity of the elements."""
+        return self.elements.u_sync.copy(), self.elements.v_sync.copy()
+
     @property
     def fragment_count(self) -> int:
         """Number of fragments."""

@@ -16,7 +16,7 @@ from riftberg.diagnostics.fragments import Fragment, FragmentTree
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
-from riftberg.state import Bonds, Elements, copy_state
+from riftberg.state import Bonds, Elements, Floats, copy_state
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.sizes import interaction_sizes
 from riftberg.stepping.substep_choice import choose_substeps
@@ -127,6 +127,13 @@ class Model:
     def fragment_count(self) -> int:
         """Number of fragments now."""
         return int(np.unique(self.elements.berg).size)
+
+    def velocity(self) -> tuple[Floats, Floats]:
+        """Return the eastward and northward velocity (m s-1) of the elements at the time of their positions.
+
+        Between two steps ``elements.u`` lacks the last slow half kick, which the next step begins with.
+        """
+        return self._stepper.synchronised(self)
 
     def step(self) -> None:
         """Advance the state by one long step.

@@ -136,7 +136,22 @@ def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path)
     later = made(tmp_path / "later.nc", break_time=1.5 * 86_400.0)
     assert why.removed_by(breakup, later) == "breaks off at 2020-12-11T01:00:00"
     assert why.removed_by(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
-    breakup.members = breakup.members[:2]
+
+
+def test_a_control_in_which_another_piece_breaks_off_is_told_with_both_areas(run: xr.Dataset) -> None:
+    (breakup,) = why.explain(run).breakups
+    inside, whole = breakup.members, [int(n) for n in run["trajectory"].values]
+    away = [n for n in whole if n not in inside]
+    breakup.members = inside[:2]
+    told = "breaks off at 2020-12-10T13:00:00 with another area, 54 km2 instead of 18 km2"
+    assert why.removed_by(breakup, run) == told
+    breakup.members = inside + away[:5]
+    told = "breaks off at 2020-12-10T13:00:00 with another area, 54 km2 instead of 99 km2"
+    assert why.removed_by(breakup, run) == told
+    breakup.members = inside[:2] + away[:3]
+    told = "breaks off only in part, 18 of 45 km2 at 2020-12-10T13:00:00"
+    assert why.removed_by(breakup, run) == told
+    breakup.members = away
     assert why.removed_by(breakup, run) == "removed"
 
 
@@ -145,7 +160,7 @@ def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:
     reasons.breakups[0].controls = {"without shoal": "removed", "without shear": "breaks off at 2020-12-10T13:00:00"}
     (text,) = why.words(reasons)
     for part in ("fragment 2 (54 km2, 6 elements) broke off berg 1, aground", "3 bonds failed", "strength is 18 kPa",
-                 "Without shoal it does not break off.", "Without shear it breaks off at 2020-12-10 13:00:00."):  # fmt: skip
+                 "Without shoal it does not break off.", "Without shear it still breaks off at 2020-12-10 13:00."):  # fmt: skip
         assert part in text, text
     content = json.loads(reasons.write(tmp_path / "why.json").read_text())
     assert content["breakups"][0]["decisive"]["bonds"] == 3

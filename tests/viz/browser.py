@@ -45,3 +45,17 @@ def opened(page: Path, width: int = 1300, height: int = 850) -> Iterator[Any]:
         yield browser
     finally:
         browser.quit()
+
+
+def until(browser: Any, condition: str, *, seconds: float = 120.0) -> None:
+    """Wait until an expression of the page is true; a busy machine draws late."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    WebDriverWait(browser, seconds, poll_frequency=0.05).until(
+        lambda b: b.execute_script(f"return Boolean({condition})"), f"never true: {condition}"
+    )
+
+
+def drawn(browser: Any) -> None:
+    """Wait until the page has drawn what it was told."""
+    until(browser, "!replay.state.dirty")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from browser import opened
+from browser import drawn, opened, until
 from matplotlib.image import imread
 
 from fakes import FakeModel
@@ -129,13 +128,15 @@ def errors(browser: Any) -> list[Any]:
 def test_the_page_plays_in_a_browser(page: Path, tmp_path: Path) -> None:
     with opened(page) as browser:
         assert browser.execute_script("return replay.state.t") == 0
+        drawn(browser)
         first = browser.find_element("id", "date").text
         browser.find_element("id", "play").click()
-        time.sleep(1.5)
-        assert browser.execute_script("return replay.state.t") > 3600
+        until(browser, "replay.state.t > 3600")
+        browser.execute_script("replay.toggle(false)")
+        drawn(browser)
         assert browser.find_element("id", "date").text != first
-        browser.execute_script("replay.toggle(false); replay.go(replay.span)")
-        time.sleep(0.3)
+        browser.execute_script("replay.go(replay.span)")
+        drawn(browser)
         assert browser.find_element("id", "date").text == "13 Dec 2020 13:00"
         picture = tmp_path / "page.png"
         browser.save_screenshot(str(picture))
@@ -151,14 +152,17 @@ def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
             return browser.execute_script(f"return replay.state.{name}")
 
         body = browser.find_element("tag name", "body")
+        drawn(browser)
         body.send_keys("n")
         assert state("t") == 86_400
-        assert "aground" in browser.find_element("id", "said").text
+        # Not ``text``: that is empty before the message has faded in, and again 4 s later, when it has faded out.
+        assert "aground" in browser.find_element("id", "said").get_property("textContent")
         scale = state("view.s")
         body.send_keys("+")
         assert state("view.s") > scale
         body.send_keys("0")
         assert state("view.s") == pytest.approx(scale)
+        browser.execute_script("replay.state.speed = 0.001")  # so that the end is not reached before it is asked for
         body.send_keys(" ")
         assert state("playing") is True
         body.send_keys(" ")
@@ -169,8 +173,8 @@ def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
         browser.execute_script("document.getElementById('theme').click()")
         browser.execute_script("const s = document.getElementById('back'); s.value = 'floor'; s.onchange()")
         browser.find_elements("css selector", "#list button")[1].click()
-        time.sleep(0.3)
         assert state("follow") == 2
+        drawn(browser)
         assert errors(browser) == []
 
 
@@ -185,5 +189,5 @@ def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
         page = write_replay(run, tmp_path / "replay.html")
     with opened(page) as browser:
         browser.execute_script("replay.go(replay.span)")
-        time.sleep(0.3)
+        drawn(browser)
         assert errors(browser) == []

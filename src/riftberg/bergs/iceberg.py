@@ -1,31 +1,51 @@
-"""The iceberg that a run starts from: elements, the bonds between them, and a report of how it was made."""
+"""The iceberg that a run starts from, and the ways to make one."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from riftberg.bergs import outline as outlines
-from riftberg.bergs import report as reports
 from riftberg.bergs import rifts
-from riftberg.bergs.assembly import make_elements, radius_of, refuse_overlap, thickness_at
+from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at
+from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
-from riftberg.bergs.placement import Plane, ReferencePlane, TangentPlane, relax, turned
+from riftberg.bergs.placement import (
+    Plane,
+    ReferencePlane,
+    TangentPlane,
+    centroid_moved,
+    filling_plane,
+    relax,
+    turned,
+)
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.bergs.regions import mask_region, outline_region
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.state import Bonds, Elements, copy_state
+
+
+class Body(NamedTuple):
+    """What a berg is made of, as all constructors are told; the names are those of `Iceberg.from_points`."""
+
+    thickness: Any
+    radius: float
+    packing: Packing
+    density: float
+    velocity: tuple[float, float]
+    spin: float
+    earth_radius: float
+    latlon: bool = True
 
 
 @dataclass(frozen=True)
-class Iceberg:
-    """A lattice of ice columns joined by bonds.
+class Iceberg(BondedBerg):
+    """A lattice of ice columns joined by bonds, made from an outline, a mask, a table, points or a rectangle.
 
     Attributes
     ----------
@@ -44,15 +64,6 @@ class Iceberg:
     density : float
         Ice density, kg m-3.
     """
-
-    elements: Elements
-    bonds: Bonds
-    packing: Packing
-    radius: float
-    report: dict[str, Any] = field(default_factory=dict)
-    latlon: bool = True
-    earth_radius: float = EARTH_RADIUS_A68
-    density: float = 850.0
 
     @classmethod
     def from_outline(
@@ -123,28 +134,18 @@ class Iceberg:
         where = str(source) if isinstance(source, str) or hasattr(source, "__fspath__") else type(source).__name__
         chosen = outlines.select_outline(outlines.read_features(source, crs), where=where, feature=feature, date=date)
         geometry = outlines.check_outline(chosen.geometry, where=f"{where} ({chosen.label()})", repair=repair)
-        plane: Plane = _plane(geometry.bounds, (geometry.centroid.x, geometry.centroid.y), conformal, earth_radius)
+        plane: Plane = filling_plane(
+            geometry.bounds, (geometry.centroid.x, geometry.centroid.y), conformal, earth_radius
+        )
         region = outline_region(geometry, plane)
         lattice = fill(region, radius, packing, offset)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
         heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
-        moved = _moved(plane, (geometry.centroid.x, geometry.centroid.y), placement, shift)
+        moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), placement, shift)
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], rotation)
         report = {"source": where, "feature": chosen.label(), "outline_area": region.area}
-        return cls._placed(
-            x + centre[0],
-            y + centre[1],
-            moved,
-            radius=radius,
-            packing=packing,
-            thickness=heights,
-            density=density,
-            velocity=velocity,
-            spin=spin,
-            conformal=conformal,
-            earth_radius=earth_radius,
-            report=report,
-        )
+        body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
+        return cls._placed(x + centre[0], y + centre[1], moved, body, conformal=conformal, report=report)
 
     @classmethod
     def from_mask(
@@ -208,41 +209,22 @@ class Iceberg:
             heights = thickness_at(
                 mask if thickness is None else thickness, lon - shift[0], lat - shift[1], read_raster
             )
-            return cls._placed(
-                lattice.x,
-                lattice.y,
-                plane,
-                radius=radius,
-                packing=packing,
-                thickness=heights,
-                density=density,
-                velocity=velocity,
-                spin=spin,
-                conformal=False,
-                earth_radius=earth_radius,
-                report={"source": mask.name, "rules": "makeberg"},
-            )
-        region, plane_of, centroid = mask_region(mask, threshold, lambda b, c: _plane(b, c, conformal, earth_radius))
+            body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
+            made = {"source": mask.name, "rules": "makeberg"}
+            return cls._placed(lattice.x, lattice.y, plane, body, conformal=False, report=made)
+        region, plane_of, centroid = mask_region(
+            mask, threshold, lambda b, c: filling_plane(b, c, conformal, earth_radius)
+        )
         lattice = fill(region, radius, packing, offset)
         heights = thickness_at(
             mask if thickness is None else thickness, *plane_of.inverse(lattice.x, lattice.y), read_raster
         )
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, rotation)
-        return cls._placed(
-            x + cx,
-            y + cy,
-            _moved(plane_of, centroid, placement, shift),
-            radius=radius,
-            packing=packing,
-            thickness=heights,
-            density=density,
-            velocity=velocity,
-            spin=spin,
-            conformal=conformal,
-            earth_radius=earth_radius,
-            report={"source": mask.name, "outline_area": region.area},
-        )
+        body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
+        moved = centroid_moved(plane_of, centroid, placement, shift)
+        report = {"source": mask.name, "outline_area": region.area}
+        return cls._placed(x + cx, y + cy, moved, body, conformal=conformal, report=report)
 
     @classmethod
     def from_table(
@@ -283,21 +265,9 @@ class Iceberg:
         lattice = fill(region, radius, packing)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], rotation)
-        return cls._about(
-            x,
-            y,
-            placement,
-            radius=radius,
-            packing=packing,
-            thickness=thickness,
-            density=density,
-            velocity=velocity,
-            spin=spin,
-            conformal=conformal,
-            latlon=latlon,
-            earth_radius=earth_radius,
-            report={"source": "table of lattice rows", "outline_area": region.area},
-        )
+        body = Body(thickness, radius, packing, density, velocity, spin, earth_radius, latlon)
+        report = {"source": "table of lattice rows", "outline_area": region.area}
+        return cls._about(x, y, placement, body, conformal=conformal, report=report)
 
     @classmethod
     def rectangle(
@@ -332,21 +302,9 @@ class Iceberg:
         region = rectangle_region(length, width)
         lattice = fill(region, radius, packing, offset)
         x, y = turned(lattice.x, lattice.y, rotation)
-        return cls._about(
-            x,
-            y,
-            placement,
-            radius=radius,
-            packing=packing,
-            thickness=thickness,
-            density=density,
-            velocity=velocity,
-            spin=spin,
-            conformal=conformal,
-            latlon=latlon,
-            earth_radius=earth_radius,
-            report={"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area},
-        )
+        body = Body(thickness, radius, packing, density, velocity, spin, earth_radius, latlon)
+        report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
+        return cls._about(x, y, placement, body, conformal=conformal, report=report)
 
     @classmethod
     def from_points(
@@ -410,146 +368,24 @@ class Iceberg:
 
     @classmethod
     def _about(
-        cls,
-        x: Any,
-        y: Any,
-        placement: tuple[float, float],
-        *,
-        conformal: bool,
-        latlon: bool,
-        earth_radius: float,
-        **body: Any,
+        cls, x: Any, y: Any, placement: tuple[float, float], body: Body, *, conformal: bool, report: dict[str, Any]
     ) -> Iceberg:
         """Place points given about the origin around a centre."""
-        if not latlon:
-            report = body.pop("report")
-            berg = cls.from_points(x + placement[0], y + placement[1], latlon=False, earth_radius=earth_radius, **body)
+        if not body.latlon:
+            berg = cls.from_points(x + placement[0], y + placement[1], **body._asdict())
             return berg._reported(report)
-        plane: Plane = TangentPlane(*placement, earth_radius)
+        plane: Plane = TangentPlane(*placement, body.earth_radius)
         if not conformal:
-            plane = ReferencePlane(*placement, placement[1], earth_radius)
-        return cls._placed(x, y, plane, conformal=conformal, earth_radius=earth_radius, **body)
+            plane = ReferencePlane(*placement, placement[1], body.earth_radius)
+        return cls._placed(x, y, plane, body, conformal=conformal, report=report)
 
     @classmethod
-    def _placed(
-        cls, x: Any, y: Any, plane: Plane, *, conformal: bool, earth_radius: float, report: dict[str, Any], **body: Any
-    ) -> Iceberg:
+    def _placed(cls, x: Any, y: Any, plane: Plane, body: Body, *, conformal: bool, report: dict[str, Any]) -> Iceberg:
         """Bring plane points to the sphere, without strain if ``conformal``."""
         lon, lat = plane.inverse(x, y)
-        berg = cls.from_points(lon, lat, earth_radius=earth_radius, **body)
+        berg = cls.from_points(lon, lat, **body._asdict())
         if conformal and len(berg.bonds.first):
             rest = np.full(len(berg.bonds.first), 2.0 * berg.radius)
-            lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, earth_radius))
-            berg = cls.from_points(lon, lat, earth_radius=earth_radius, **body)
+            lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, body.earth_radius))
+            berg = cls.from_points(lon, lat, **body._asdict())
         return berg._reported(report)
-
-    def _reported(self, report: dict[str, Any]) -> Iceberg:
-        """Return the berg with this report, completed by the error of its area."""
-        full = dict(report)
-        if "outline_area" in report:
-            full["area_error"] = self.area / report["outline_area"] - 1.0
-        return replace(self, report=full)
-
-    @property
-    def area(self) -> float:
-        """Area of all elements, m2."""
-        return float(np.sum(self.elements.length * self.elements.width))
-
-    @property
-    def mass(self) -> float:
-        """Mass of all elements, kg."""
-        return float(self.elements.mass.sum())
-
-    @property
-    def centroid(self) -> tuple[float, float]:
-        """Mass-weighted mean longitude and latitude (degrees; m if not ``latlon``)."""
-        share = self.elements.mass / self.elements.mass.sum()
-        return float(share @ self.elements.lon), float(share @ self.elements.lat)
-
-    @property
-    def initial_strain(self) -> float:
-        """Largest elongation or shortening of a bond relative to R1 + R2 (negative if shortening is larger)."""
-        intact = self.bonds.status == 0
-        if not intact.any():
-            return 0.0
-        radius = radius_of(self.elements, self.packing)
-        rest = (radius[self.bonds.first] + radius[self.bonds.second])[intact]
-        strain = self.bonds.bond_length[intact] / rest - 1.0
-        return float(strain[np.argmax(np.abs(strain))])
-
-    def describe(self) -> str:
-        """Return what the berg is, in plain words."""
-        return reports.describe(self)
-
-    def with_rifts(
-        self, rift: Any, *, strength: float = 0.0, broken: bool = False, crs: str | None = None, threshold: float = 0.5
-    ) -> Iceberg:
-        """Return the berg with weakened or removed bonds along rifts.
-
-        Parameters
-        ----------
-        rift : array_like, list of array_like, path, geometry, DataArray or Raster
-            Lines as arrays (n, 2) of longitude and latitude, a file or geometry of lines, or a gridded mask.
-        strength : float
-            Factor from 0 to 1 on the strength of the crossed bonds.
-        broken : bool
-            Remove the crossed bonds instead; their ``break_time`` stays NaN, for they never existed in the run.
-        crs : str, optional
-            Coordinate system of projected lines.
-        threshold : float
-            Value of a mask above which there is a rift.
-
-        Raises
-        ------
-        BergError
-            If no bond is crossed.
-        """
-        elements, bonds = copy_state(self.elements, self.bonds)
-        crossed = rifts.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
-        rifts.weaken(elements, bonds, crossed, strength=strength, broken=broken)
-        made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
-        report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
-        return replace(self, elements=elements, bonds=bonds, report=report)
-
-    def with_strength(
-        self,
-        distribution: rifts.Distribution = "weibull",
-        *,
-        shape: float | None = None,
-        spread: float | None = None,
-        seed: int | None = None,
-    ) -> Iceberg:
-        """Return the berg with scattered bond strengths of mean 1; see `riftberg.bergs.rifts.scatter`.
-
-        Parameters
-        ----------
-        distribution : {"weibull", "normal", "uniform"}
-            Distribution.
-        shape, spread : float, optional
-            Weibull modulus; standard deviation or half width.
-        seed : int, optional
-            Seed. One is drawn if none is given; the report names it, so that every berg can be made again.
-        """
-        seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
-        elements, bonds = copy_state(self.elements, self.bonds)
-        bonds.strength[:] *= rifts.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
-        made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
-        return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": made})
-
-
-def _plane(
-    bounds: tuple[float, float, float, float], centroid: tuple[float, float], conformal: bool, earth_radius: float
-) -> Plane:
-    """Return the plane in which a figure of these bounds and centroid (degrees) is filled."""
-    if conformal:
-        return TangentPlane(*centroid, earth_radius)
-    west, south, _, north = bounds
-    return ReferencePlane(west, south, 0.5 * (south + north), earth_radius)
-
-
-def _moved(
-    plane: Plane, centroid: tuple[float, float], placement: tuple[float, float] | None, shift: tuple[float, float]
-) -> Plane:
-    """Return the plane after a move of the centroid (degrees) to ``placement`` and by ``shift``."""
-    target = centroid if placement is None else placement
-    return plane.moved(target[0] - centroid[0] + shift[0], target[1] - centroid[1] + shift[1])

@@ -110,6 +110,24 @@ class ReferencePlane:
         return ReferencePlane(self.west + dlon, self.south + dlat, self.reference_latitude + dlat, self.earth_radius)
 
 
+def filling_plane(
+    bounds: tuple[float, float, float, float], centroid: tuple[float, float], conformal: bool, earth_radius: float
+) -> Plane:
+    """Return the plane in which a figure of these bounds and centroid (degrees) is filled."""
+    if conformal:
+        return TangentPlane(*centroid, earth_radius)
+    west, south, _, north = bounds
+    return ReferencePlane(west, south, 0.5 * (south + north), earth_radius)
+
+
+def centroid_moved(
+    plane: Plane, centroid: tuple[float, float], placement: tuple[float, float] | None, shift: tuple[float, float]
+) -> Plane:
+    """Return the plane after a move of the centroid (degrees) to ``placement`` and by ``shift``."""
+    target = centroid if placement is None else placement
+    return plane.moved(target[0] - centroid[0] + shift[0], target[1] - centroid[1] + shift[1])
+
+
 def turned(x: Floats, y: Floats, degrees: float) -> tuple[Floats, Floats]:
     """Turn points counter-clockwise about the origin."""
     c, s = math.cos(degrees * DEGREE), math.sin(degrees * DEGREE)

@@ -11,10 +11,10 @@ from riftberg.constants import RHO_SEAWATER
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
-    from riftberg.bergs.iceberg import Iceberg
+    from riftberg.bergs.bonded import BondedBerg
 
 
-def describe(berg: Iceberg) -> str:
+def describe(berg: BondedBerg) -> str:
     """Return one line per property of a berg: size, place, bonds, initial strain."""
     e, b = berg.elements, berg.bonds
     lon, lat = berg.centroid
@@ -42,7 +42,7 @@ def describe(berg: Iceberg) -> str:
     return "\n".join(lines)
 
 
-def _area(berg: Iceberg) -> str:
+def _area(berg: BondedBerg) -> str:
     text = f"  area: {berg.area / 1e6:.6g} km2"
     if "outline_area" in berg.report:
         outline, error = berg.report["outline_area"], berg.report["area_error"]
@@ -55,7 +55,7 @@ def _range(values: Floats) -> str:
     return f"{low:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
 
 
-def axes(berg: Iceberg) -> tuple[float, float, float]:
+def axes(berg: BondedBerg) -> tuple[float, float, float]:
     """Return the extents (m) along and across the principal axis, and the axis' azimuth (degrees, 0 to 180)."""
     e = berg.elements
     lon, lat = berg.centroid

@@ -21,8 +21,12 @@ def animate(
     hours: Annotated[
         float | None, typer.Option("--hours", help="Hours between frames.  [default: a film of 20 s]")
     ] = None,
-    fps: Annotated[int, typer.Option("--fps", min=1, max=60, help="Frames a second.")] = 20,
-    dpi: Annotated[int, typer.Option("--dpi", min=30, max=400, help="Resolution.")] = 110,
+    fps: Annotated[
+        int | None, typer.Option("--fps", min=1, max=60, help="Frames a second.  [default: 20, GIF 10]")
+    ] = None,
+    dpi: Annotated[
+        int | None, typer.Option("--dpi", min=30, max=400, help="Resolution.  [default: 110, GIF 80]")
+    ] = None,
     observed: ObservedFile = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:

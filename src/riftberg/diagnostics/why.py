@@ -5,6 +5,7 @@ How the load of a cut is found and shared among the forces is told in `riftberg.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Final
 
@@ -57,7 +58,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     )
 
 
-def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.5) -> str:
+def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> str:
     """Say what became of a break-up in a control run.
 
     Parameters
@@ -65,23 +66,37 @@ def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.5) -> 
     breakup : Breakup
         Of the full run.
     control : xarray.Dataset
-        Run of the same berg without a part of the experiment.
+        Run of the same berg with one thing changed.
     alike : float, optional
-        Fragments that share more than this part of their elements (intersection over union) are the same.
+        Part of its area by which a fragment may differ without mention.
 
     Returns
     -------
     str
-        ``"removed"``, or when the same fragment breaks off there.
+        ``"removed"`` if nothing of the fragment breaks off there. Else when most of it does, together, with the area of
+        what breaks off if that is another, or how much of it does if that is less than half.
     """
-    scene, mine = Scene(control), set(breakup.members)
+    scene, ids = Scene(control), control["trajectory"].values
+    mine = np.isin(ids, breakup.members)
+    area = float(scene.area[mine].sum())
+    pieces: list[tuple[float, float, str]] = []  # area in common and area of each fragment (m2), time of its birth
     for row in range(control.sizes["fragment"]):
         found = members_at_birth(scene, row) if int(control["fragment_parent"].values[row]) > 0 else None
-        if found is not None:
-            theirs = {int(n) for n in control["trajectory"].values[found[0]]}
-            if len(mine & theirs) > alike * len(mine | theirs):
-                return f"breaks off at {iso(control['fragment_birth_time'].values[row])}"
-    return "removed"
+        if found is None:
+            continue
+        theirs = np.isin(ids, ids[found[0]])
+        if (mine & theirs).any():
+            birth = iso(control["fragment_birth_time"].values[row])
+            pieces.append((float(scene.area[mine & theirs].sum()), float(scene.area[theirs].sum()), birth))
+    if not pieces:
+        return "removed"
+    common, other, birth = max(pieces, key=lambda piece: piece[0] / (area + piece[1] - piece[0]))
+    if common <= 0.5 * area:
+        return f"breaks off only in part, {common / 1e6:.0f} of {area / 1e6:.0f} km2 at {birth}"
+    told = f"breaks off at {birth}"
+    if abs(other - area) > alike * area or common < (1.0 - alike) * area:
+        told += f" with another area, {other / 1e6:.0f} km2 instead of {area / 1e6:.0f} km2"
+    return told
 
 
 def words(reasons: Reasons) -> list[str]:
@@ -118,7 +133,8 @@ def _paragraph(b: Breakup) -> str:
             + (
                 ", on impact."
                 if load.aground
-                else ", in the ringing after the kick of the slow forces (--controls tries half the long step)."
+                else ", in the ringing after the kick of the slow forces"
+                + ("." if b.controls else " (--controls tries half the long step).")
             )
         )
     leading, value = b.causes[0]
@@ -129,8 +145,15 @@ def _paragraph(b: Breakup) -> str:
     if b.closure is not None:
         text.append(f"The forces explain the recorded motion to {100.0 * b.closure:.1f} % of their sum.")
     for part, fate in b.controls.items():
-        text.append(f"{part.capitalize()} it {'does not break off' if fate == 'removed' else fate.replace('T', ' ')}.")
+        text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
     return " ".join(text)
+
+
+def _fate_words(fate: str) -> str:
+    """Return what `removed_by` found as people write it: ``still`` for what was not removed, no seconds."""
+    if fate == "removed":
+        return "does not break off"
+    return "still " + re.sub(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d", r"\1 \2", fate)
 
 
 def _stress_words(bond: FirstBond) -> str:

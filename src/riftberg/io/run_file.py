@@ -189,6 +189,7 @@ class _Record:
     def __init__(self, model: Model) -> None:
         self.time = float(model.time)
         self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
+        self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
 
 

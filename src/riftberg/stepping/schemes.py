@@ -8,12 +8,13 @@ import numpy as np
 
 from riftberg.errors import RunError
 from riftberg.ocean.cells import round_trip, settle_elements
-from riftberg.state import Floats, Ints
+from riftberg.state import Floats, Ints, copy_state
 from riftberg.stepping import runge_kutta, verlet
 from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.interactions import Partners
+from riftberg.stepping.interactions import Partners, pair_law
+from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.multiple import StepPlan, advance
 from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
 from riftberg.stepping.sizes import Sizes, interaction_sizes
@@ -31,6 +32,9 @@ class Stepper(Protocol):
 
     def surround(self, model: Model) -> None:
         """Take the environment that the elements carry between two steps from the forcing."""
+
+    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+        """Return the velocity (m s-1) at the time of the positions; the state stays as it is."""
 
 
 def make_stepper(model: Model) -> Stepper:
@@ -178,6 +182,17 @@ class MultipleStepper:
         lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
         model.forcing.sample(model.elements, model.time - lag)
 
+    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+        """Complete the slow half kick that the next step begins with, on a copy of the elements."""
+        if model.step_number == 0:
+            return model.elements.u.copy(), model.elements.v.copy()
+        c, dt = model.constants, model.parameters.stepping.time_step
+        el, _ = copy_state(model.elements, model.bonds)
+        sizes = interaction_sizes(el, c)
+        slow = Partners(self._near.none, self._near.none, self._near.collisions(model, sizes))
+        passes = closing_half_kick(el, dt, slow, sizes, pair_law(c), False, c)
+        return (el.u_sync, el.v_sync) if passes >= 0 else (model.elements.u_sync, model.elements.v_sync)
+
     def _plan(self, model: Model) -> StepPlan:
         p, first = model.parameters, model.step_number == 0
         quirks = p.compatibility
@@ -281,6 +296,20 @@ class VerletStepper(SingleStepper):
         el.u_pair[:], el.v_pair[:] = el.u, el.v
         model.time += dt
 
+    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+        """Take the velocity that the next step begins with, on a copy of the elements."""
+        if model.step_number == 0:
+            return model.elements.u.copy(), model.elements.v.copy()
+        c, dt = model.constants, model.parameters.stepping.time_step
+        el, _ = copy_state(model.elements, model.bonds)
+        sizes = interaction_sizes(el, c)
+        model.forcing.sample(el, model.time)
+        verlet.update_velocities(el, self._partners(model, sizes), sizes, dt, c)
+        imposed = model.parameters.stepping.fixed_velocity
+        if imposed is not None:
+            verlet.impose_velocity(el, *imposed)
+        return el.u, el.v
+
 
 class RungeKuttaStepper(SingleStepper):
     """Fourth-order Runge-Kutta (spec 6.3)."""
@@ -312,6 +341,10 @@ class RungeKuttaStepper(SingleStepper):
         settle(model)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
         model.time += dt
+
+    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+        """Return the velocity of the end of the step."""
+        return model.elements.u.copy(), model.elements.v.copy()
 
     @staticmethod
     def _settle_stage(model: Model, cells: tuple[Ints, Ints, Floats, Floats], shown: tuple[Floats, Floats]) -> None:

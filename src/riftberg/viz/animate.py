@@ -1,11 +1,14 @@
-"""A run as a film: MP4 where ffmpeg is installed, GIF otherwise."""
+"""A run as a film: MP4 where ffmpeg is installed, GIF otherwise.
+
+A GIF is made smaller by default, and its currents are drawn in steps of colour: it compresses by equal pixels only.
+"""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -13,12 +16,25 @@ import xarray as xr
 from riftberg.errors import InputError
 from riftberg.io.background import stored_water
 from riftberg.state import Floats, Ints
+from riftberg.viz import style
 from riftberg.viz.panels import Panel, Water, day_text, fragment_colours
 from riftberg.viz.plots import fragment_name, heading, new_figure
 from riftberg.viz.scene import Box, Scene
 
+if TYPE_CHECKING:
+    from matplotlib.animation import AbstractMovieWriter
+
 SECONDS = 20.0
 """Length of a film by default."""
+
+FPS, DPI = 20, 110
+"""Frames a second and resolution by default."""
+
+GIF_FPS, GIF_DPI, GIF_STEPS = 10, 80, 16
+"""The same of a GIF, and steps of its colours of speed."""
+
+PALETTE_FRAMES = 10
+"""Frames, spread over the film, whose colours make the palette of a GIF."""
 
 
 def write_film(
@@ -26,8 +42,8 @@ def write_film(
     path: str | Path,
     *,
     hours: float | None = None,
-    fps: int = 20,
-    dpi: int = 110,
+    fps: int | None = None,
+    dpi: int | None = None,
     observed: Mapping[str, Sequence[Floats]] | None = None,
     water: Water | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -43,8 +59,9 @@ def write_film(
     hours : float, optional
         Hours of model time between two frames; by default the film lasts about 20 s.
     fps : int, optional
-        Frames a second.
+        Frames a second; 20 by default, 10 in a GIF.
     dpi : int, optional
+        Resolution; 110 by default, 80 in a GIF.
     observed : mapping, optional
         Outlines by ISO day.
     water : Forcing or StoredWater, optional
@@ -58,10 +75,12 @@ def write_film(
         If the ending is neither, or MP4 is wanted without ffmpeg.
     """
     path = Path(path)
-    writer = _writer(path, fps)
+    gif = _is_gif(path)
+    fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)
     scene = Scene(run)
-    film = _Film(scene, water or stored_water(run), observed or {}, dpi)
+    film = _Film(scene, water or stored_water(run), observed or {}, dpi, steps=GIF_STEPS if gif else None)
     records = frame_records(scene, hours, fps)
+    writer = _gif_writer(film, records, fps) if gif else _mp4_writer(fps)
     path.parent.mkdir(parents=True, exist_ok=True)
     with writer.saving(film.figure, str(path), dpi=dpi):
         for done, record in enumerate(records, start=1):
@@ -88,28 +107,51 @@ def frame_records(scene: Scene, hours: float | None, fps: int) -> Ints:
     return np.unique([int(np.argmin(np.abs(scene.seconds - moment))) for moment in wanted])
 
 
-def _writer(path: Path, fps: int) -> Any:
-    from matplotlib.animation import FFMpegWriter, PillowWriter
-
-    if path.suffix.lower() == ".gif":
-        return PillowWriter(fps=fps)
-    if path.suffix.lower() != ".mp4":
+def _is_gif(path: Path) -> bool:
+    """Return whether a GIF is asked for, and refuse what cannot be written."""
+    ending = path.suffix.lower()
+    if ending not in (".gif", ".mp4"):
         raise InputError(
             f"cannot write {path.suffix or 'a file without ending'}", where=str(path), remedy="Use .mp4 or .gif"
         )
-    if shutil.which("ffmpeg") is None:
+    if ending == ".mp4" and shutil.which("ffmpeg") is None:
         raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
+    return ending == ".gif"
+
+
+def _mp4_writer(fps: int) -> AbstractMovieWriter:
+    from matplotlib.animation import FFMpegWriter
+
     # Even sizes and 4:2:0 colours are what every player takes.
     return FFMpegWriter(
         fps=fps, codec="libx264", extra_args=["-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]
     )
 
 
+def _gif_writer(film: _Film, records: Ints, fps: int) -> AbstractMovieWriter:
+    from riftberg.viz.gif import GifWriter, figure_image, film_palette
+
+    probes = []
+    for place in np.unique(np.linspace(0, len(records) - 1, PALETTE_FRAMES).round().astype(int)):
+        film.draw(int(records[place]))
+        probes.append(figure_image(film.figure))
+    exact = (*film.colours.values(), style.SMALL_COLOUR, style.GROUND_COLOUR)
+    return GifWriter(fps, film_palette(probes, exact))
+
+
 class _Film:
     """One figure drawn anew for every frame."""
 
-    def __init__(self, scene: Scene, water: Water | None, observed: Mapping[str, Sequence[Floats]], dpi: int) -> None:
-        self.scene, self.water, self.observed = scene, water, observed
+    def __init__(
+        self,
+        scene: Scene,
+        water: Water | None,
+        observed: Mapping[str, Sequence[Floats]],
+        dpi: int,
+        *,
+        steps: int | None = None,
+    ) -> None:
+        self.scene, self.water, self.observed, self.steps = scene, water, observed, steps
         self.box = scene.box().grown(0.06)
         self.box = _wide(self.box, scene, 1.45)
         self.figure = new_figure(9.6, 7.2, dpi)
@@ -125,7 +167,7 @@ class _Film:
         """Draw one record."""
         self.ax.clear()
         panel = Panel(self.ax, self.scene, self.box, self.water)
-        panel.draw_currents(record, self.top, arrows=19)
+        panel.draw_currents(record, self.top, arrows=19, steps=self.steps)
         panel.draw_floor()
         for number, colour in self.colours.items():
             x, y, there = self.scene.track(number)

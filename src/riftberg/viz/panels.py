@@ -33,8 +33,15 @@ def stress_map() -> Colormap:
     )
 
 
-def stress_scale(top: float) -> Normalize:
-    """Return the scale of stress colours: by the square root, because a berg at rest has a tenth of its strength."""
+def damage_map() -> Colormap:
+    """Return the colours of damage: nearly white to violet; the same as in the replay."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("damage", ["#fbfdff", "#dccbe9", "#a478c2", "#63308f", "#240a3f"])
+
+
+def root_scale(top: float) -> Normalize:
+    """Return a scale by the square root: a berg at rest has a tenth of its strength, and few bonds most of the damage."""
     from matplotlib.colors import PowerNorm
 
     return PowerNorm(0.5, 0.0, top)
@@ -81,8 +88,8 @@ class Panel:
         speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
         return float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
 
-    def draw_currents(self, record: int, top: float, *, arrows: int = 13) -> None:
-        """Draw speed as colour up to ``top`` (m s-1) and arrows."""
+    def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> None:
+        """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows."""
         if self.water is None:
             return
         time = float(self.scene.seconds[record])
@@ -92,7 +99,7 @@ class Panel:
             return
         b = self.box
         self.ax.imshow(
-            np.ma.masked_invalid(speed), cmap=style.speed_map(), vmin=0.0, vmax=top, interpolation="bilinear",
+            np.ma.masked_invalid(speed), cmap=style.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
         )  # fmt: skip
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
@@ -146,25 +153,25 @@ class Panel:
         self.ax.add_collection(ice)
         return ice
 
-    def draw_bonds(self, record: int, top: float, points: float) -> LineCollection:
-        """Draw unbroken bonds in the colour of their tensile stress up to ``top`` (Pa), broken ones dashed dark."""
+    def draw_bonds(
+        self, record: int, values: Floats, colours: Colormap, scale: Normalize, points: float
+    ) -> LineCollection:
+        """Draw unbroken bonds in the colour of their values, broken ones dashed dark."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         scene, run = self.scene, self.scene.run
         first, second = run["first"].values, run["second"].values
         ends = np.stack([np.stack([scene.x[record][k], scene.y[record][k]], axis=-1) for k in (first, second)], axis=1)
-        broken_at = run["break_time"].values
-        broken = ~np.isnat(broken_at) & (broken_at <= scene.times[record])
-        stress = np.maximum(run["normal_stress"].isel(time=record).values, 0.0)
+        broken = ~scene.unbroken[record]
         self.ax.add_collection(
             PolyCollection(
                 list(scene.polygons(record)), facecolors="#E3E8EC", edgecolors="#B8C2CA", linewidths=0.2, zorder=4
             )
         )
-        # The most stressed ones on top.
-        order = np.argsort(stress[~broken])
-        lines = LineCollection(list(ends[~broken][order]), array=stress[~broken][order], cmap=stress_map(),
-                               norm=stress_scale(top), linewidths=points, capstyle="butt", zorder=5)  # fmt: skip
+        # The largest values on top.
+        order = np.argsort(values[~broken])
+        lines = LineCollection(list(ends[~broken][order]), array=values[~broken][order], cmap=colours,
+                               norm=scale, linewidths=points, capstyle="butt", zorder=5)  # fmt: skip
         self.ax.add_collection(lines)
         near = broken & (
             np.hypot(*(ends[:, 1] - ends[:, 0]).T) < 2.5 * np.median(np.hypot(*(ends[:, 1] - ends[:, 0]).T))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from riftberg.errors import InputError
 from riftberg.io.background import stored_water
 from riftberg.state import Floats
 from riftberg.viz import style
@@ -17,16 +18,18 @@ from riftberg.viz.panels import (
     Panel,
     Water,
     common_boxes,
+    damage_map,
     day_text,
     fragment_colours,
     nearest_record,
+    root_scale,
     stress_map,
-    stress_scale,
 )
 from riftberg.viz.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
 Outlines = Mapping[str, Sequence[Floats]]
@@ -148,7 +151,6 @@ def _observed_panel(
 def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> None:
     """Explain the fragments, and draw the scale of the current, below the panels."""
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -161,9 +163,7 @@ def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> None:
     if top > 0.0:
         figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.04, 0.0), ncols=2, frameon=False)
         place = figure.add_axes((0.64, 0.55 / figure.get_figheight(), 0.3, 0.1 / figure.get_figheight()))
-        bar = figure.colorbar(
-            ScalarMappable(Normalize(0.0, top), style.speed_map()), cax=place, orientation="horizontal"
-        )
+        bar = figure.colorbar(ScalarMappable(root_scale(top), style.speed_map()), cax=place, orientation="horizontal")
         bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
         bar.ax.tick_params(labelsize=8, length=2)
     else:
@@ -186,41 +186,83 @@ def draw_stress(
 
     Parameters
     ----------
-    run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
-    path : path
-        Picture.
-    dates : sequence of numpy.datetime64, optional
-        Dates of the panels.
-    dpi : int, optional
+    run, path, dates, dpi
+        As in `draw_dates`.
     """
-    from matplotlib.cm import ScalarMappable
-
     scene = Scene(run)
     records = chosen(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
-    top = max(1.0, max(float(np.nanmax(run["normal_stress"].isel(time=r).values, initial=0.0)) for r in records))
-    top = min(top, fracture.normal_strength) if fracture.enabled else top
-    figure = new_figure(5.2 * len(records) + 0.8, 6.3, dpi)
-    boxes = common_boxes(scene, records, margin=0.05)
-    for k, (record, box) in enumerate(zip(records, boxes, strict=True)):
-        panel = Panel(figure.add_subplot(1, len(records), k + 1), scene, box)
+    tension = {r: np.maximum(run["normal_stress"].isel(time=r).values, 0.0) / 1e3 for r in records}
+    top = max(1e-3, *(float(np.nanmax(values, initial=0.0)) for values in tension.values()))
+    strength = fracture.normal_strength / 1e3
+    beyond = fracture.enabled and top >= strength
+    text = f"; strength {strength:g} kPa" if fracture.enabled else ""
+    figure = _bond_maps(
+        scene, tension, stress_map(), root_scale(strength if beyond else top),
+        f"largest tensile stress of a bond (kPa){text}; dotted: broken", beyond=beyond, dpi=dpi,
+    )  # fmt: skip
+    figure.suptitle(heading(run, "stress in the bonds"), x=0.05, ha="left", fontsize=12)
+    figure.savefig(path)
+    return Path(path)
+
+
+def draw_damage(
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path:
+    """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
+
+    Parameters
+    ----------
+    run, path, dates, dpi
+        As in `draw_dates`.
+
+    Raises
+    ------
+    InputError
+        If the run has no damage.
+    """
+    scene = Scene(run)
+    damage = scene.bond_damage()
+    if damage is None:
+        raise InputError("the run has no damage", where="damage", remedy="Run with --set damage.enabled=true")
+    records = chosen(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
+    shown = {r: damage[r] for r in records}
+    top = max(0.01, *(float(np.nanmax(values, initial=0.0)) for values in shown.values()))
+    figure = _bond_maps(scene, shown, damage_map(), root_scale(top), "damage of a bond; dotted: broken", dpi=dpi)
+    figure.suptitle(heading(run, "damage of the bonds"), x=0.05, ha="left", fontsize=12)
+    figure.savefig(path)
+    return Path(path)
+
+
+def _bond_maps(
+    scene: Scene,
+    values: Mapping[int, Floats],
+    colours: Colormap,
+    scale: Normalize,
+    label: str,
+    *,
+    dpi: int,
+    beyond: bool = False,
+) -> Figure:
+    """Draw the bonds at each record in the colour of their values, with a scale below; ``beyond`` marks its upper end as open."""
+    from matplotlib.cm import ScalarMappable
+
+    figure = new_figure(5.2 * len(values) + 0.8, 6.3, dpi)
+    boxes = common_boxes(scene, list(values), margin=0.05)
+    for k, (record, box) in enumerate(zip(values, boxes, strict=True)):
+        panel = Panel(figure.add_subplot(1, len(values), k + 1), scene, box)
         inches = (
             0.8 * 5.2 * float(np.sqrt(np.median(scene.area))) / 1e3 * scene.units_per_km() / (box.north - box.south)
         )
-        panel.draw_bonds(record, top, points=max(0.6, 72.0 * inches * 0.62))
+        panel.draw_bonds(record, values[record], colours, scale, points=max(0.6, 72.0 * inches * 0.62))
         panel.draw_scale()
         panel.ax.set_title(day_text(scene.times[record], year=True), fontsize=10, pad=4)
     figure.subplots_adjust(left=0.06, right=0.98, top=0.86, bottom=0.17, wspace=0.18)
     place = figure.add_axes((0.25, 0.085, 0.5, 0.018))
-    colours = ScalarMappable(stress_scale(top / 1e3), stress_map())
-    extend = "max" if fracture.enabled and top >= fracture.normal_strength else "neither"
-    bar = figure.colorbar(colours, cax=place, orientation="horizontal", extend=extend)
-    text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
-    bar.set_label(f"largest tensile stress of a bond (kPa){text}; dotted: broken", fontsize=9)
-    figure.suptitle(heading(run, "stress in the bonds"), x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
-    return Path(path)
+    extend = "max" if beyond else "neither"
+    bar = figure.colorbar(ScalarMappable(scale, colours), cax=place, orientation="horizontal", extend=extend)
+    bar.set_label(label, fontsize=9)
+    return figure
 
 
 def _before_breakups(scene: Scene) -> list[int]:
@@ -292,10 +334,8 @@ def _areas(ax: Axes, scene: Scene) -> None:
 
 def _peak_stress(ax: Axes, scene: Scene) -> None:
     stress = scene.run["normal_stress"].transpose("time", "bond").values
-    broken_at = scene.run["break_time"].values
-    whole = np.isnat(broken_at)[None, :] | (broken_at[None, :] > scene.times[:, None])
     if stress.shape[1]:
-        ax.plot(scene.times, np.where(whole, stress, 0.0).max(axis=1) / 1e3, color="#CF2A27", lw=1.3)
+        ax.plot(scene.times, np.where(scene.unbroken, stress, 0.0).max(axis=1) / 1e3, color="#CF2A27", lw=1.3)
     fracture = scene.parameters.fracture
     if fracture.enabled:
         ax.axhline(fracture.normal_strength / 1e3, color="#555555", ls="--", lw=1.0)
@@ -307,5 +347,9 @@ def _peak_stress(ax: Axes, scene: Scene) -> None:
             va="bottom",
             transform=ax.get_yaxis_transform(),
         )
+    lowest = scene.lowest_strength()
+    if lowest is not None:
+        ax.plot(scene.times, lowest / 1e3, color="#63308F", ls="--", lw=1.2, label="lowest strength left by damage")
+        ax.legend(fontsize=8, loc="center left", framealpha=0.9)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)

@@ -111,6 +111,12 @@ class ReplayContent:
             return Plane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
         return Plane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
 
+    @cached_property
+    def damage(self) -> Floats | None:
+        """Damage of the bonds at the records shown."""
+        damage = self.scene.bond_damage()
+        return None if damage is None else damage[self.records]
+
     def data(self) -> dict[str, Any]:
         """Return everything, ready for JSON."""
         run, scene = self.run, self.scene
@@ -127,6 +133,7 @@ class ReplayContent:
             "side": np.round(np.sqrt(scene.area), 1).tolist(),
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
+            "lowest": self._lowest(),
             "colours": list(FRAGMENT_COLOURS),
             "small": SMALL_COLOUR,
             "elements": arrays,
@@ -161,6 +168,7 @@ class ReplayContent:
             "scale": float(self.plane.scale(lon, lat).mean()),
             "speed": pack(speed, "uint16"),
             "stress": pack(self._element_stress(), "uint16"),
+            "damage": None if self.damage is None else pack(self._largest_of_bonds(self.damage), "uint8"),
             "berg": pack(scene.berg[chosen], "uint16", step=1.0),
             "thickness": pack(thickness[0] if constant else thickness, "uint16"),
             "aground": self._aground(),
@@ -171,21 +179,22 @@ class ReplayContent:
 
     def _element_stress(self) -> Floats:
         """Return the largest tensile stress (Pa) over the unbroken bonds of each element at each record."""
-        first, second = self.run["first"].values, self.run["second"].values
         stress = self.run["normal_stress"].transpose("time", "bond").values[self.records]
-        whole = self._unbroken()
+        return self._largest_of_bonds(np.where(self.scene.unbroken[self.records], np.maximum(stress, 0.0), 0.0))
+
+    def _largest_of_bonds(self, values: Floats) -> Floats:
+        """Return the largest value over the bonds of each element, from values (record, bond) of at least 0."""
+        first, second = self.run["first"].values, self.run["second"].values
         largest = np.zeros((len(self.records), self.run.sizes["trajectory"]))
-        for record in range(len(self.records)):
-            tension = np.where(whole[record], np.maximum(stress[record], 0.0), 0.0)
-            np.maximum.at(largest[record], first, tension)
-            np.maximum.at(largest[record], second, tension)
+        for row, value in zip(largest, values, strict=True):
+            np.maximum.at(row, first, value)
+            np.maximum.at(row, second, value)
         return largest
 
-    def _unbroken(self) -> np.ndarray[Any, Any]:
-        broken_at = self.run["break_time"].values
-        times = self.scene.times[self.records]
-        whole: np.ndarray[Any, Any] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > times[:, None])
-        return whole
+    def _lowest(self) -> dict[str, Any] | None:
+        """Return the lowest strength that damage has left at each record, Pa; None without damage."""
+        lowest = self.scene.lowest_strength()
+        return None if lowest is None else pack(lowest[self.records], "uint16")
 
     def _peak(self) -> dict[str, Any]:
         """Return the largest tensile stress over all unbroken bonds at each record."""

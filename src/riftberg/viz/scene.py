@@ -70,6 +70,33 @@ class Scene:
         seconds: Floats = (self.times - start) / np.timedelta64(1, "s")
         return seconds
 
+    @cached_property
+    def unbroken(self) -> NDArray[np.bool_]:
+        """Which bonds hold at each record, (time, bond)."""
+        broken_at = self.run["break_time"].values
+        holds: NDArray[np.bool_] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > self.times[:, None])
+        return holds
+
+    def bond_damage(self) -> Floats | None:
+        """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
+        if "damage" not in self.run:
+            return None
+        damage: Floats = self.run["damage"].transpose("time", "bond").values
+        return np.where(self.unbroken, damage, 0.0)
+
+    def lowest_strength(self) -> Floats | None:
+        """Lowest normal strength (Pa) that damage has left to a bond at each record, NaN where none holds.
+
+        Bonds of a rift without any strength do not count. None in a run without damage.
+        """
+        damage = self.bond_damage()
+        if damage is None:
+            return None
+        own = self.run["strength"].values
+        left = self.parameters.fracture.normal_strength * own * (1.0 - damage)
+        lowest = np.where(self.unbroken & (own > 0.0), left, np.inf).min(axis=1, initial=np.inf)
+        return np.where(np.isfinite(lowest), lowest, np.nan)
+
     def stretch(self, y: float) -> float:
         """Units of x per unit of y for the same distance at ``y``."""
         return 1.0 / math.cos(math.radians(y)) if self.latlon else 1.0

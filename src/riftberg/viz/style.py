@@ -31,12 +31,16 @@ GROUND_COLOUR = "#A50026"
 """Sea floor that the keel touches."""
 
 
-def speed_map() -> Colormap:
-    """Return the colours of current speed: white to a middle blue, light enough for arrows and ice on top."""
+def speed_map(steps: int | None = None) -> Colormap:
+    """Return the colours of current speed: white to a middle blue, light enough for arrows and ice on top.
+
+    They are smooth, or so many steps.
+    """
     from matplotlib import colormaps
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("speed", colormaps["Blues"](np.linspace(0.0, 0.68, 64)))
+    smooth = LinearSegmentedColormap.from_list("speed", colormaps["Blues"](np.linspace(0.0, 0.68, 64)))
+    return smooth if steps is None else smooth.resampled(steps)
 
 
 def degree_label(value: float, positive: str, negative: str, decimals: int) -> str:

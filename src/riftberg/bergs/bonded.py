@@ -1,0 +1,140 @@
+"""A berg as it lies there: elements, the bonds between them, what can be asked of it and done to its bonds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from riftberg.bergs import report as reports
+from riftberg.bergs import rifts
+from riftberg.bergs.assembly import radius_of
+from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.parameters import Packing
+from riftberg.state import Bonds, Elements, copy_state
+
+
+@dataclass(frozen=True)
+class BondedBerg:
+    """A lattice of ice columns joined by bonds; `riftberg.bergs.iceberg.Iceberg` adds the ways to make one.
+
+    Attributes
+    ----------
+    elements, bonds : Elements, Bonds
+        The state at the start.
+    packing : {"square", "hexagonal"}
+        Packing of the lattice.
+    radius : float
+        Radius of the inscribed circle of an element (mean), m.
+    report : dict
+        How the berg was made: source, outline area (m2), relative error of the lattice's area, seeds.
+    latlon : bool
+        Whether positions are degrees.
+    earth_radius : float
+        Radius of the sphere, m.
+    density : float
+        Ice density, kg m-3.
+    """
+
+    elements: Elements
+    bonds: Bonds
+    packing: Packing
+    radius: float
+    report: dict[str, Any] = field(default_factory=dict)
+    latlon: bool = True
+    earth_radius: float = EARTH_RADIUS_A68
+    density: float = 850.0
+
+    def _reported(self, report: dict[str, Any]) -> Self:
+        """Return the berg with this report, completed by the error of its area."""
+        full = dict(report)
+        if "outline_area" in report:
+            full["area_error"] = self.area / report["outline_area"] - 1.0
+        return replace(self, report=full)
+
+    @property
+    def area(self) -> float:
+        """Area of all elements, m2."""
+        return float(np.sum(self.elements.length * self.elements.width))
+
+    @property
+    def mass(self) -> float:
+        """Mass of all elements, kg."""
+        return float(self.elements.mass.sum())
+
+    @property
+    def centroid(self) -> tuple[float, float]:
+        """Mass-weighted mean longitude and latitude (degrees; m if not ``latlon``)."""
+        share = self.elements.mass / self.elements.mass.sum()
+        return float(share @ self.elements.lon), float(share @ self.elements.lat)
+
+    @property
+    def initial_strain(self) -> float:
+        """Largest elongation or shortening of a bond relative to R1 + R2 (negative if shortening is larger)."""
+        intact = self.bonds.status == 0
+        if not intact.any():
+            return 0.0
+        radius = radius_of(self.elements, self.packing)
+        rest = (radius[self.bonds.first] + radius[self.bonds.second])[intact]
+        strain = self.bonds.bond_length[intact] / rest - 1.0
+        return float(strain[np.argmax(np.abs(strain))])
+
+    def describe(self) -> str:
+        """Return what the berg is, in plain words."""
+        return reports.describe(self)
+
+    def with_rifts(
+        self, rift: Any, *, strength: float = 0.0, broken: bool = False, crs: str | None = None, threshold: float = 0.5
+    ) -> Self:
+        """Return the berg with weakened or removed bonds along rifts.
+
+        Parameters
+        ----------
+        rift : array_like, list of array_like, path, geometry, DataArray or Raster
+            Lines as arrays (n, 2) of longitude and latitude, a file or geometry of lines, or a gridded mask.
+        strength : float
+            Factor from 0 to 1 on the strength of the crossed bonds.
+        broken : bool
+            Remove the crossed bonds instead; their ``break_time`` stays NaN, for they never existed in the run.
+        crs : str, optional
+            Coordinate system of projected lines.
+        threshold : float
+            Value of a mask above which there is a rift.
+
+        Raises
+        ------
+        BergError
+            If no bond is crossed.
+        """
+        elements, bonds = copy_state(self.elements, self.bonds)
+        crossed = rifts.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
+        rifts.weaken(elements, bonds, crossed, strength=strength, broken=broken)
+        made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
+        report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
+        return replace(self, elements=elements, bonds=bonds, report=report)
+
+    def with_strength(
+        self,
+        distribution: rifts.Distribution = "weibull",
+        *,
+        shape: float | None = None,
+        spread: float | None = None,
+        seed: int | None = None,
+    ) -> Self:
+        """Return the berg with scattered bond strengths of mean 1; see `riftberg.bergs.rifts.scatter`.
+
+        Parameters
+        ----------
+        distribution : {"weibull", "normal", "uniform"}
+            Distribution.
+        shape, spread : float, optional
+            Weibull modulus; standard deviation or half width.
+        seed : int, optional
+            Seed. One is drawn if none is given; the report names it, so that every berg can be made again.
+        """
+        seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+        elements, bonds = copy_state(self.elements, self.bonds)
+        bonds.strength[:] *= rifts.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
+        made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
+        return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": made})

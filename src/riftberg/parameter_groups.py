@@ -1,0 +1,277 @@
+"""Typed parameter groups: value, unit, range, one-line meaning and source of everything that can be set.
+
+Each group is a frozen pydantic model that refuses unknown keys and impossible values; `riftberg.parameters` gathers them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from riftberg import constants
+
+Scheme = Literal["mts", "verlet", "runge_kutta"]
+BondLaw = Literal["none", "spring", "dem"]
+Packing = Literal["square", "hexagonal"]
+
+
+def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) -> Any:
+    """Describe one parameter: default, unit, meaning, source and the limits that pydantic checks."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit, "source": source}, **limits)
+
+
+class Group(BaseModel):
+    """Base of all parameter groups: immutable, unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def describe(self) -> str:
+        """Return one line per parameter: name, value, unit and meaning."""
+        lines = [f"{type(self).__name__}"]
+        for name, field in type(self).model_fields.items():
+            extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+            unit = str(extra.get("unit", ""))
+            lines.append(f"  {name} = {getattr(self, name)} {unit}  {field.description or ''}".rstrip())
+        return "\n".join(lines)
+
+
+class Ice(Group):
+    """Properties of the ice."""
+
+    density: float = quantity(
+        850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=1025
+    )
+
+
+class Drag(Group):
+    """Drag of water, air and sea ice on an element."""
+
+    ocean_scale: float = quantity(
+        1.0, "1", "multiplies both ocean drag coefficients", "spec 0.2 ocean_drag_scale", ge=0
+    )
+    sides_by_bonds: bool = quantity(
+        True, "", "side drag only on sides that no bond covers", "spec 4.1 internal_bergs_for_drag"
+    )
+    radius_based: bool = quantity(
+        False, "", "side face from the diameter of hexagonal DEM elements", "spec 4 radius_based_drag"
+    )
+    coastal_drift: float = quantity(0.0, "m s-1", "current added away from land cells", "spec 3.2", ge=0)
+    tidal_drift: float = quantity(0.0, "m s-1", "amplitude of a random current near land", "spec 3.2", ge=0)
+    rotational: bool = quantity(
+        True,
+        "",
+        "skin drag of the water on a spinning element, so that loose elements do not spin for ever",
+        "Riftberg; reference has none",
+    )
+
+
+class Grounding(Group):
+    """Drag of the sea floor on an element whose keel touches it."""
+
+    coefficient: float = quantity(
+        0.0, "kg m-2 s-1", "grounding drag per base area and speed", "spec 0.2 cdrag_grounding", ge=0
+    )
+    ramp_height: float = quantity(
+        0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0
+    )
+    on_substeps: bool = quantity(True, "", "apply in every sub-step instead of the long step", "spec 6.4 3b")
+    implicit: bool = quantity(
+        True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg"
+    )
+    torque: bool = quantity(False, "", "sea floor also damps rotation", "spec 6.4 3c use_grounding_torque")
+
+
+class Contact(Group):
+    """Repulsion between bergs and between the pieces of a broken berg."""
+
+    spring: float = quantity(1e-7, "s-2", "stiffness between different bergs", "spec 0.2 contact_spring_coef", ge=0)
+    distance: float = quantity(0.0, "m", "contact starts at max(this, R1 + R2)", "spec 0.2 contact_distance", ge=0)
+    critical_damping: bool = quantity(True, "", "radial damping 2 sqrt(k)", "spec 5.2")
+    tangential_critical_damping: bool = quantity(False, "", "tangential damping a quarter of critical", "spec 5.2")
+    radial_damping: float = quantity(
+        0.0, "s-1", "radial damping where not critical", "spec 0.2 radial_damping_coef", ge=0
+    )
+    tangential_damping: float = quantity(
+        0.0, "s-1", "tangential damping where not critical", "spec 0.2 tangental_damping_coef", ge=0
+    )
+    damping_by_speed: bool = quantity(
+        False,
+        "",
+        "multiply damping by the projected relative speed (makes it quadratic)",
+        "spec 5.2 scale_damping_by_pmag",
+    )
+    iterate: bool = quantity(True, "", "iterate the velocity coupling to convergence", "spec 6.4 force_convergence")
+    tolerance: float = quantity(1e-4, "1", "tolerance of that iteration", "spec 6.4 convergence_tolerance", gt=0)
+    max_iterations: int = quantity(10_000, "1", "the run stops with an error beyond this many", "Riftberg", ge=1)
+
+
+class Bonds(Group):
+    """Bonds between the elements of a berg."""
+
+    law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "spec 5")
+    packing: Packing = quantity("square", "", "square or hexagonal elements", "spec 1.4")
+    spring: float = quantity(
+        6.535947712418301e-4,
+        "s-2",
+        "stiffness of spring bonds and of contact inside a berg",
+        "spec 0.2 spring_coef",
+        ge=0,
+    )
+    youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "spec 0.2 dem_spring_coef", ge=0)
+    poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "spec 0.2", gt=-1, lt=0.5)
+    damping: float = quantity(1.0, "1", "damping ratio of DEM bonds", "spec 0.2 dem_damping_coef", ge=0)
+    objective_damping: bool = quantity(
+        True, "", "damp relative motion at the contact only, so that rigid rotation is free", "Riftberg; quirk Q43"
+    )
+    no_shear: bool = quantity(False, "", "leave out shear forces", "spec 5.4 ignore_tangential_force")
+    linear_bending: bool = quantity(
+        True, "", "bending moment from the angle instead of its sine", "spec 5.4 orig_dem_moment_of_inertia"
+    )
+    max_bonds: int | None = quantity(
+        None, "1", "bonds of an interior element; none means 4 for squares and 6 for hexagons", "spec 0.2", ge=0, le=12
+    )
+    constant_size: bool = quantity(
+        False, "", "use one length and width for all interactions", "spec 1.4 constant_interaction_LW"
+    )
+    constant_length: float = quantity(0.0, "m", "that length; 0 means the mean of all elements", "spec 1.4", ge=0)
+    constant_width: float = quantity(0.0, "m", "that width; 0 means the mean of all elements", "spec 1.4", ge=0)
+
+
+class Fracture(Group):
+    """When a bond breaks."""
+
+    enabled: bool = quantity(True, "", "bonds can break", "spec 7 fracture_criterion")
+    normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; spec 10.5")
+    shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "spec 10.5")
+    on_substeps: bool = quantity(True, "", "test in every sub-step instead of after the long step", "spec 7.2")
+    broken_as_contact: bool = quantity(
+        True,
+        "",
+        "a broken bond stays as a contact pair until its ends part",
+        "spec 7.2 use_broken_bonds_for_substep_contact",
+    )
+    not_in_first_step: bool = quantity(False, "", "no test during the first long step", "spec 7.1 no_frac_first_ts")
+
+
+class Damage(Group):
+    """Strength that bonds lose by the history of their stress; not calibrated for icebergs."""
+
+    enabled: bool = quantity(False, "", "stress takes from the strength of the bonds", "Riftberg")
+    threshold: float = quantity(
+        0.3, "1", "stress over remaining strength below which nothing happens", "Riftberg", ge=0, lt=1
+    )
+    time_scale: float = quantity(
+        86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg", gt=0
+    )
+    exponent: float = quantity(2.0, "1", "power of the stress in the rate of damage", "Riftberg", gt=0)
+
+
+class Stepping(Group):
+    """How the equations are stepped in time."""
+
+    scheme: Scheme = quantity("mts", "", "mts, verlet or runge_kutta", "spec 6")
+    time_step: float = quantity(1800.0, "s", "long step", "spec 10.5", gt=0)
+    substeps: int | None = quantity(
+        None, "1", "sub-steps in a long step; none means the stable number", "spec 6.4 mts_sub_steps", ge=1
+    )
+    safety: float = quantity(
+        0.8,
+        "1",
+        "largest sub-step as a part of the stable one, when the number is found automatically",
+        "Riftberg",
+        gt=0,
+        le=1,
+    )
+    explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "spec 6.4")
+    predictor_corrector: bool = quantity(
+        True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "spec 4.2"
+    )
+    skip_first_long_force: bool = quantity(
+        False, "", "the first long step has no long-step forces", "spec 6.4 skip_first_outer_mts_step"
+    )
+    only_interactions: bool = quantity(False, "", "leave out all forces of ocean, air and floor", "spec 4.2")
+    frozen: bool = quantity(False, "", "no element moves", "spec 6.1 Static_icebergs")
+    fixed_velocity: tuple[float, float] | None = quantity(
+        None, "m s-1", "impose this velocity on all elements", "spec 4.2 override_iceberg_velocities"
+    )
+    interactions: bool = quantity(True, "", "bergs act on each other", "spec 0.2 interactive_icebergs_on")
+
+
+class Earth(Group):
+    """Coordinates."""
+
+    latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "spec 2")
+    radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "spec 10.5", gt=0)
+    period: float = quantity(360.0, "degree or m", "zonal period, 0 or less if there is none", "spec 2.4 Lx")
+    f_plane: bool = quantity(False, "", "constant Coriolis parameter", "spec 2.6")
+    reference_latitude: float = quantity(
+        0.0, "degree", "latitude of the f-plane and of Cartesian runs", "spec 2.6", ge=-90, le=90
+    )
+
+
+class Compatibility(Group):
+    """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
+
+    The names of the quirks are those of the specification's catalogue (spec 11).
+    """
+
+    inline_break_in_first_step: bool = quantity(
+        False, "", "Q9: bonds may break in the sub-steps of the first step in spite of not_in_first_step", "spec 7.1"
+    )
+    flat_relative_velocity: bool = quantity(
+        False,
+        "",
+        "bonds compare velocities whose axes differ by the convergence of the meridians; a hexagonal berg that turns "
+        "then loads itself",
+        "spec 5.4",
+    )
+    zero_start: bool = quantity(
+        False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4"
+    )
+    forcing_lag: bool = quantity(False, "", "Q5: long step n uses the forcing of step n-1", "spec 3.3")
+    sticky_collision_flags: bool = quantity(
+        False, "", "Q2: an element once in contact stays in the convergence norm", "spec 6.4"
+    )
+    shared_shear_lever: bool = quantity(
+        False, "", "Q10: shear torque on the partner uses the first lever arm", "spec 5.4"
+    )
+    bond_thickness_of_second: bool = quantity(
+        False, "", "Q11: contact thickness always adds the difference", "spec 5.4"
+    )
+    grid_position_round_trip: bool = quantity(False, "", "Q40: positions pass through cell coordinates", "spec 8.2")
+    swapped_implicit_velocity: bool = quantity(False, "", "Q1: mid-step v uses the implicit x-acceleration", "spec 6.4")
+    mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "spec 3.2")
+    uncentred_half_kicks: bool = quantity(
+        False,
+        "",
+        "half kicks of the long step take half the Coriolis force and of the drag's speed from before the kick: first order, "
+        "and inertial motion grows at f^2 dt / 4",
+        "spec 4.3",
+    )
+    explicit_contact_damping: bool = quantity(
+        False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "spec 5.5"
+    )
+    frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
+    depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
+    plain_kid_branch: bool = quantity(
+        False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B"
+    )
+
+    @classmethod
+    def kid(cls, **overrides: bool) -> Compatibility:
+        """All switches as KID/iKID behaves, except those given."""
+        on = {
+            "flat_relative_velocity": True,
+            "zero_start": True,
+            "inline_break_in_first_step": True,
+            "forcing_lag": True,
+            "sticky_collision_flags": True,
+            "shared_shear_lever": True,
+            "bond_thickness_of_second": True,
+            "swapped_implicit_velocity": True,
+            "uncentred_half_kicks": True,
+            "explicit_contact_damping": True,
+            "frozen_sea_ice_drag": True,
+        }
+        return cls(**{**on, **overrides})
