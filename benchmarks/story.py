@@ -75,7 +75,7 @@ RUNS = (
     Run("`--without shear`", frozenset({"shear"})),
     Run("`--without shoal --without shear`", frozenset({"shoal", "shear"})),
     *(Run(f"strength {value} kPa", changes=strength(value)) for value in (14, 16, 20, 22)),
-    *(Run(f"long step of {value} s", changes=long_step(value)) for value in (900, 600, 450)),
+    *(Run(f"long step of {value} s", changes=long_step(value)) for value in (900, 600, 450, 150)),
     Run("twice the sub-steps", changes={"stepping": {"substeps": 180}}),
     Run("start 1.3 km further east", moved=(0.02, 0.0)),
     Run("start 1.3 km further west", moved=(-0.02, 0.0)),
