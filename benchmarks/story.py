@@ -65,8 +65,8 @@ def strength(kilopascal: float) -> dict[str, dict[str, Any]]:
 
 
 def long_step(seconds: float) -> dict[str, dict[str, Any]]:
-    """Change the long step and keep the sub-steps of 20 s."""
-    return {"stepping": {"time_step": seconds, "substeps": round(seconds / 20.0)}}
+    """Change the long step and keep the sub-steps at 20 s, or just below."""
+    return {"stepping": {"time_step": seconds, "substeps": math.ceil(seconds / 20.0)}}
 
 
 RUNS = (
@@ -76,6 +76,16 @@ RUNS = (
     Run("`--without shoal --without shear`", frozenset({"shoal", "shear"})),
     *(Run(f"strength {value} kPa", changes=strength(value)) for value in (14, 16, 20, 22)),
     *(Run(f"long step of {value} s", changes=long_step(value)) for value in (900, 600, 450, 150)),
+    *(
+        Run(f"long step of 450 s, strength {value} kPa", changes=long_step(450) | strength(value))
+        for value in (14, 16, 20)
+    ),
+    Run("long step of 450 s, hexagonal packing", changes=long_step(450), packing="hexagonal"),
+    Run(
+        "long step of 450 s, hexagonal packing, strength 15 kPa",
+        changes=long_step(450) | strength(15),
+        packing="hexagonal",
+    ),
     Run("twice the sub-steps", changes={"stepping": {"substeps": 180}}),
     Run("start 1.3 km further east", moved=(0.02, 0.0)),
     Run("start 1.3 km further west", moved=(-0.02, 0.0)),

@@ -155,7 +155,8 @@ def variables_page() -> str:
             "clouddrift. Variables of an element are tables `(trajectory, time)`; "
             f"{', '.join(map(code, run_file.SHAPE))} are written once. Bonds have the dimension `bond`:",
             f"{', '.join(map(code, run_file.BOND_HISTORY))} are `(bond, time)` (so is `damage`, in runs with",
-            "[damage](../explanation/damage.md)), the others hold the latest state. Positions and",
+            "[damage](../explanation/damage.md)), the others hold the latest state. There `peak_stress` is the largest",
+            "`normal_stress` of any sub-step since the record before, not of the last long step alone. Positions and",
             "`rotation` are kept in double precision, the rest in single precision.\n",
             "## Elements\n",
             table(heads, rows(ELEMENT_VARIABLES)),

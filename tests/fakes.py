@@ -97,7 +97,9 @@ class FakeModel:
         else:
             e.lon[:], e.lat[:] = x, y
         e.u_sync[:], e.v_sync[:], e.rotation[:], e.spin[:] = 0.2, -0.02, angle, self.turn
-        self.bonds.normal_stress[:] = 1000.0 + self.time / 100.0
+        stress = 1000.0 + self.time / 100.0
+        self.bonds.normal_stress[:] = stress
+        self.bonds.peak_stress[:] = stress + (500.0 if self.step_number % 2 else 30.0)
 
     @property
     def date(self) -> datetime:

@@ -116,6 +116,7 @@ BOND_VARIABLES: tuple[Variable, ...] = (
     _v("shear_y", "m", "accumulated northward tangential displacement of the first element"),
     _v("normal_stress", "Pa", "largest tensile stress across the bond, negative in compression", output=True),
     _v("shear_stress", "Pa", "shear stress across the bond", output=True),
+    _v("peak_stress", "Pa", "largest normal_stress of the last long step", output=True),
     _v("bond_length", "m", "distance between the centres"),
     _v("relative_rotation", "rad", "accumulated relative rotation"),
     _v("status", "1", "0 unbroken, 1 broken but still a contact pair, 2 gone", dtype="i8"),
@@ -192,6 +193,7 @@ class Bonds(NamedTuple):
     shear_y: Floats
     normal_stress: Floats
     shear_stress: Floats
+    peak_stress: Floats
     bond_length: Floats
     relative_rotation: Floats
     status: Ints

@@ -110,8 +110,26 @@ def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
     assert bond.hours[0] == -24.0
     assert bond.hours[-1] == 0.0
     np.testing.assert_allclose(bond.tension, 1000.0 + (86_400.0 + 3600.0 * np.array(bond.hours)) / 100.0, rtol=1e-6)
+    np.testing.assert_allclose(bond.peak[1:], np.array(bond.tension[1:]) + 482.0, rtol=1e-4)
     assert breakup.sudden
     assert breakup.highest == pytest.approx(1000.0 + 23 * 36.0)
+    assert breakup.peak == pytest.approx(1000.0 + 23 * 36.0 + 482.0)
+
+
+def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
+    (text,) = why.words(why.explain(run))
+    assert (
+        "Its largest tensile stress between records was 1.0 kPa 24 h before, 2.1 kPa 6 h before, 2.3 kPa 0.0 h before"
+        in text
+    )
+    assert "more than 1.8 kPa at the record before, but 2.3 kPa between that and the one before it" in text
+
+
+def test_files_without_peaks_are_explained_by_their_records(run: xr.Dataset) -> None:
+    (breakup,) = why.explain(run.drop_vars("peak_stress")).breakups
+    assert breakup.first_bonds[0].peak == []
+    assert breakup.peak is None
+    assert "Its tensile stress was 1.0 kPa 24 h before" in why.words(why.explain(run.drop_vars("peak_stress")))[0]
 
 
 def test_a_worn_bond_is_told_by_the_strength_that_was_left(run: xr.Dataset) -> None:

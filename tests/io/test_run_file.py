@@ -68,6 +68,14 @@ def test_bond_table_and_family_tree(run: tuple[FakeModel, Path]) -> None:
     assert ds.fragment_grounded.values.tolist() == [0, 1]
 
 
+def test_peak_stress_is_the_largest_since_the_record_before(run: tuple[FakeModel, Path]) -> None:
+    """Of both long steps of 1800 s up to a record the first has the larger peak, by 470 Pa less 18 Pa of growth."""
+    ds = open_run(run[1])
+    np.testing.assert_array_equal(ds.peak_stress[:, 0], ds.normal_stress[:, 0])
+    np.testing.assert_allclose((ds.peak_stress - ds.normal_stress)[:, 1:], 500.0 - 18.0, rtol=1e-4)
+    assert "since the record before" in ds.peak_stress.attrs["long_name"]
+
+
 def test_attributes_allow_the_run_to_be_repeated(run: tuple[FakeModel, Path]) -> None:
     attributes = open_run(run[1]).attrs
     assert attributes["Conventions"] == "CF-1.11"

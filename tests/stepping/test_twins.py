@@ -18,7 +18,7 @@ SEEDS = range(3)
 STATE = ("lon", "lat", "u", "v", "u_sync", "v_sync", "u_pair", "v_pair", "lon_pair", "lat_pair", "ax", "ay", "bx", "by")
 FAST = (*STATE, "ax_fast", "ay_fast", "spin", "spin_rate", "rotation")
 MOTION = ("lon", "lat", "u", "v", "spin", "rotation")
-BOND = ("shear_x", "shear_y", "normal_stress", "shear_stress", "bond_length")
+BOND = ("shear_x", "shear_y", "normal_stress", "shear_stress", "peak_stress", "bond_length")
 
 
 def compare(arrays, twins, names, *, rtol=1e-12, floor=None):
@@ -213,6 +213,19 @@ def test_breaking_inside_the_long_step_equals_twin(keep, objective):
         crushed += int(np.sum((bonds.status != 0) & (bonds.normal_stress < 0)))
     assert broken > 10
     assert crushed > 2
+
+
+def test_peak_stress_is_that_of_one_long_step():
+    """It starts from the stress at hand, not from the peak of the step before, and is no less than any later one."""
+    p = parameters()
+    el, bonds = lattice(1, p)
+    bonds.normal_stress[::3], bonds.peak_stress[:] = 1e9, 1e12
+    _, want_bonds, _, _ = twin.multiple_step(unpack(el), unpack(bonds), p, 80.0, 4)
+    long_step(el, bonds, p, 80.0, 4)
+    compare(bonds, want_bonds, BOND, rtol=1e-10)
+    assert (bonds.peak_stress[::3] == 1e9).all()
+    assert (bonds.peak_stress >= bonds.normal_stress).all()
+    assert (bonds.peak_stress > bonds.normal_stress)[1::3].any()
 
 
 SPRING = {

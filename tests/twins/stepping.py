@@ -146,6 +146,8 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_brea
         elements, passes = closing_half_kick(elements, bonds, p, dt)
         elements = opening_half_kick(elements, p, dt)
     set_convergence(elements, bonds, p)
+    for b in bonds:
+        b.peak_stress = b.normal_stress
     for n in range(substeps):
         if p.explicit_substeps or p.dem:
             elements, bonds, more = explicit_substep(

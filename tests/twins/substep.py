@@ -111,6 +111,7 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=Fa
         result = bond_law.pair(one, two, np.array([b.shear_x, b.shear_y]), dem_law(p), dt)
         b.shear_x, b.shear_y = map(float, result.s)
         b.normal_stress, b.shear_stress = float(result.sigma_n), float(result.sigma_s)
+        b.peak_stress = max(b.peak_stress, b.normal_stress)
         b.bond_length = float(result.length)
         b.relative_rotation += result.turn
         strengths = (b.strength * p.normal_strength, b.strength * p.shear_strength)

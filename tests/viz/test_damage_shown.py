@@ -86,12 +86,14 @@ def test_the_timeline_draws_what_is_left_beside_the_strength(run: xr.Dataset, pl
     ax = Figure().add_subplot()
     _peak_stress(ax, Scene(run))
     heights = [np.asarray(line.get_ydata(), float) for line in ax.lines]
-    np.testing.assert_allclose(heights[1], 18.0)
-    np.testing.assert_allclose(heights[2], 18.0 * (1.0 - 0.4 * np.linspace(0.0, 1.0, 9)), rtol=1e-6)
+    np.testing.assert_allclose(heights[0], Scene(run).tension().max(axis=1) / 1e3)
+    assert (heights[1][1:] < heights[0][1:] - 0.4).all()  # at the records: without the ringing
+    np.testing.assert_allclose(heights[2], 18.0)
+    np.testing.assert_allclose(heights[3], 18.0 * (1.0 - 0.4 * np.linspace(0.0, 1.0, 9)), rtol=1e-6)
     ax = Figure().add_subplot()
     with open_run(plain) as without:
         _peak_stress(ax, Scene(without))
-    assert len(ax.lines) == 2
+    assert len(ax.lines) == 3
 
 
 def violet(picture: Path) -> int:

@@ -90,7 +90,9 @@ class FirstBond:
     hours : list of float
         Times of the history, h before its breaking (negative).
     tension, shear : list of float
-        Pa.
+        Pa, at these times.
+    peak : list of float
+        Largest tension in any sub-step since the record before, Pa; empty for files that do not hold it.
     """
 
     bond: int
@@ -102,6 +104,7 @@ class FirstBond:
     hours: list[float]
     tension: list[float]
     shear: list[float]
+    peak: list[float]
 
 
 @dataclass
@@ -111,7 +114,7 @@ class Breakup:
     ``closure`` is the residual of the whole parent over the sum of the sizes of the forces on it, at the last record at
     which it was afloat: how well the recomputed forces explain the recorded acceleration. ``highest`` is the largest
     tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
-    below `SUDDEN` of the strength.
+    below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
     """
 
     fragment: int
@@ -130,6 +133,7 @@ class Breakup:
     first_bonds: list[FirstBond]
     highest: float
     sudden: bool
+    peak: float | None
     history: list[Load]
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)

@@ -126,6 +126,7 @@ class Cut:
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             highest=highest,
             sudden=self.highest_stress(of_what_is_left=True) < SUDDEN * self.scene.parameters.fracture.normal_strength,
+            peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
@@ -207,16 +208,17 @@ class Cut:
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 
-    def highest_stress(self, *, of_what_is_left: bool = False) -> float:
+    def highest_stress(self, of: str = "normal_stress", *, of_what_is_left: bool = False) -> float:
         """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
 
-        With ``of_what_is_left`` each is divided by the part of the strength that damage has left at that record.
+        With ``of="peak_stress"`` it is that of the sub-steps up to this record, since the one before. With
+        ``of_what_is_left`` each is divided by the part of the strength that damage has left at that record.
         """
         record = max(int(np.searchsorted(self.scene.times, self.broken_at[self.bonds[0]])) - 1, 0)
         body = self.body(record)
         held = body[self.run["first"].values] & body[self.run["second"].values]
         held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[record])
-        stress = self.run["normal_stress"].isel(time=record).values[held]
+        stress = self.run[of].isel(time=record).values[held]
         if of_what_is_left and "damage" in self.run:
             stress = stress / (1.0 - self.run["damage"].isel(time=record).values[held])
         return float(stress.max(initial=0.0))
@@ -231,7 +233,8 @@ class Cut:
         strength = scene.parameters.fracture.normal_strength * float(run["strength"].values[bond])
         if "damage" in run:  # a bond keeps the damage with which it broke
             strength *= 1.0 - float(run["damage"].values[bond, -1])
-        history = run[["normal_stress", "shear_stress"]].isel(bond=bond, time=rows)
+        names = [name for name in ("normal_stress", "shear_stress", "peak_stress") if name in run]
+        history = run[names].isel(bond=bond, time=rows)
         return FirstBond(
             bond=bond,
             time=iso(self.broken_at[bond]),
@@ -242,6 +245,7 @@ class Cut:
             hours=[round(float(h), 4) for h in hours[rows]],
             tension=[float(s) for s in history["normal_stress"].values],
             shear=[float(s) for s in history["shear_stress"].values],
+            peak=[float(s) for s in history["peak_stress"].values] if "peak_stress" in run else [],
         )
 
 

@@ -128,15 +128,7 @@ def _paragraph(b: Breakup) -> str:
         + ".",
     ]
     if b.sudden:
-        text.append(
-            f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before: it broke within the long step"
-            + (
-                ", on impact."
-                if load.aground
-                else ", in the ringing after the kick of the slow forces"
-                + ("." if b.controls else " (--controls tries half the long step).")
-            )
-        )
+        text.append(_sudden_words(b))
     leading, value = b.causes[0]
     if value > 0.0:
         text.append(
@@ -149,6 +141,20 @@ def _paragraph(b: Breakup) -> str:
     return " ".join(text)
 
 
+def _sudden_words(b: Breakup) -> str:
+    """Return how a break came that the record before does not show."""
+    told = f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before"
+    if b.decisive.aground:
+        return told + ": it broke within the long step, on impact."
+    hint = "." if b.controls else " (--controls tries half the long step)."
+    if b.peak is None:
+        return told + ": it broke within the long step, in the ringing after the kick of the slow forces" + hint
+    return (
+        told + f", but {b.peak / 1e3:.1f} kPa between that and the one before it: it broke in the ringing after the"
+        " kicks of the slow forces" + hint
+    )
+
+
 def _fate_words(fate: str) -> str:
     """Return what `removed_by` found as people write it: ``still`` for what was not removed, no seconds."""
     if fate == "removed":
@@ -159,12 +165,14 @@ def _fate_words(fate: str) -> str:
 def _stress_words(bond: FirstBond) -> str:
     if not bond.tension:
         return f"No record shows its stress; its strength is {bond.strength / 1e3:.3g} kPa."
-    told = [f"{bond.tension[-1] / 1e3:.1f} kPa {-bond.hours[-1]:.1f} h before"]
+    stress = bond.peak or bond.tension
+    told = [f"{stress[-1] / 1e3:.1f} kPa {abs(bond.hours[-1]):.1f} h before"]
     for hours in (6.0, 24.0):
         k = int(np.argmin(np.abs(np.array(bond.hours) + hours)))
         if abs(bond.hours[k] + hours) < 0.5 * hours and k != len(bond.hours) - 1:
-            told.append(f"{bond.tension[k] / 1e3:.1f} kPa {-bond.hours[k]:.0f} h before")
-    return f"Its tensile stress was {', '.join(reversed(told))}; its strength is {bond.strength / 1e3:.3g} kPa."
+            told.append(f"{stress[k] / 1e3:.1f} kPa {-bond.hours[k]:.0f} h before")
+    which = "largest tensile stress between records" if bond.peak else "tensile stress"
+    return f"Its {which} was {', '.join(reversed(told))}; its strength is {bond.strength / 1e3:.3g} kPa."
 
 
 def _share_words(causes: Sequence[tuple[str, float]]) -> str:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FORMAT = 2
 """Number of the layout; raised when an older Riftberg could not read the file."""
 
-ADDED = frozenset({"bond_damage"})
+ADDED = frozenset({"bond_damage", "bond_peak_stress"})
 """Variables that layout 1 did not have; states of its time had their default values."""
 
 

@@ -35,7 +35,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.io.background import append_background
 from riftberg.io.provenance import run_attributes
 from riftberg.io.restart import fragment_rows
-from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Variable
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Variable
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -46,8 +46,12 @@ DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
 SHAPE: Final = ("length", "width", "mass")
 """Variables of the elements written once, at the start."""
 
-BOND_HISTORY: Final = ("normal_stress", "shear_stress")
-"""Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state."""
+BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
+"""Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state.
+
+A record is a moment, and ice rings within a long step: ``peak_stress`` is the largest ``normal_stress`` of any sub-step
+since the record before.
+"""
 
 BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded")
 
@@ -112,6 +116,7 @@ class RunWriter:
         self._last_flush = self._pause = 0.0
         self._next = 0.0
         self._latest = float("nan")
+        self._peak: Floats = np.zeros(0)
         self._names: dict[str, str] = {}
 
     def start(self, model: Model) -> None:
@@ -124,11 +129,13 @@ class RunWriter:
             _define(file, model, self._names)
             file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
         self.records, self._held, self._next = 0, [], model.time
+        self._peak = model.bonds.normal_stress.copy()
         self._take(model)
         self._flush(model)
 
     def record(self, model: Model) -> None:
         """Hold a record where one is due, and write what has been held for long enough."""
+        np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         if model.time >= self._next - _ROUND:
             self._take(model)
             if clock.monotonic() - self._last_flush >= self._pause:
@@ -143,7 +150,8 @@ class RunWriter:
             append_background(self.path, model)
 
     def _take(self, model: Model) -> None:
-        self._held.append(_Record(model))
+        self._held.append(_Record(model, self._peak))
+        self._peak = model.bonds.normal_stress.copy()
         self._latest = model.time
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
@@ -186,11 +194,12 @@ class RunWriter:
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, peak: Floats) -> None:
         self.time = float(model.time)
         self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
+        self.bonds["peak_stress"] = peak.astype("f4")
 
 
 def element_history() -> list[Variable]:
@@ -362,7 +371,10 @@ def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
         if name == "status":
             stored.flag_values = np.arange(3, dtype="i4")
     for name in bond_history(model):
-        _create(file, name, "f4", ("bond", "time"), **_described(registry[name], {}))
+        attributes = _described(registry[name], {})
+        if name == "peak_stress":
+            attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
+        _create(file, name, "f4", ("bond", "time"), **attributes)
 
 
 def _define_fragments(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:

@@ -97,6 +97,14 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
 
 
 @kernel
+def keep_peaks(rows, count):
+    """Keep the largest tensile stress (Pa) of each row in this long step; a loop of its own, which vectorises."""
+    stress, peak = rows.normal_stress, rows.peak_stress
+    for r in range(count):
+        peak[r] = stress[r] if stress[r] > peak[r] else peak[r]
+
+
+@kernel
 def sum_over_bonds(rows, fx, fy, torque):
     """Sum forces (N) and torques (N m) over the bonds of each element, in order of slot."""
     slots, count = rows.slot.shape

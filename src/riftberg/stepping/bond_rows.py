@@ -74,6 +74,7 @@ class BondRows(NamedTuple):
     torque2: Floats
     normal_stress: Floats
     shear_stress: Floats
+    peak_stress: Floats
     length: Floats
     relative_rotation: Floats
     slot: Indices
@@ -152,13 +153,14 @@ def _copy_unbroken(rows, bonds, p):
     row_bond, row_first, row_second, alive = rows.bond, rows.first, rows.second, rows.alive
     sx, sy, row_turned, normal, shear = rows.sx, rows.sy, rows.relative_rotation, rows.normal_limit, rows.shear_limit
     row_strength, row_damage = rows.strength, rows.damage
+    stress, peak = bonds.normal_stress, rows.peak_stress
     count = 0
     for b in range(first.size):
         if status[b] != 0:
             continue
         row_bond[count], row_first[count], row_second[count], alive[count] = b, first[b], second[b], 1.0
         sx[count], sy[count], row_turned[count] = shear_x[b], shear_y[b], turned[b]
-        row_strength[count], row_damage[count] = strength[b], damage[b]
+        row_strength[count], row_damage[count], peak[count] = strength[b], damage[b], stress[b]
         normal[count], shear[count] = limits_left(p.normal_strength, p.shear_strength, strength[b], damage[b])
         count += 1
     return count
@@ -219,6 +221,6 @@ def store_rows(rows: BondRows, count: int, bonds: Bonds) -> None:
             continue  # broken in this long step: the state keeps what held when it broke
         bonds.shear_x[b], bonds.shear_y[b] = rows.sx[r], rows.sy[r]
         bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
-        bonds.bond_length[b] = rows.length[r]
+        bonds.peak_stress[b], bonds.bond_length[b] = rows.peak_stress[r], rows.length[r]
         bonds.relative_rotation[b] = rows.relative_rotation[r]
         bonds.damage[b] = rows.damage[r]

@@ -66,7 +66,7 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
         bonds.shear_x[b], bonds.shear_y[b] = rows.sx[r], rows.sy[r]
         bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
         bonds.bond_length[b], bonds.relative_rotation[b] = rows.length[r], rows.relative_rotation[r]
-        bonds.damage[b] = rows.damage[r]
+        bonds.peak_stress[b], bonds.damage[b] = rows.peak_stress[r], rows.damage[r]
         el.bond_count[rows.first[r]] -= 1
         el.bond_count[rows.second[r]] -= 1
         rows.alive[r] = 0.0

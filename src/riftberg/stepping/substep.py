@@ -11,7 +11,7 @@ from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.bond_law import bond_forces, gather_ends, sum_over_bonds, unwrap_ends
+from riftberg.stepping.bond_law import bond_forces, gather_ends, keep_peaks, sum_over_bonds, unwrap_ends
 from riftberg.stepping.bond_rows import BondRows
 from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, break_overloaded
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
@@ -112,6 +112,7 @@ def dem_accelerations(
         rows, count, dt, p.latlon, p.earth_radius, p.youngs_modulus, p.poisson, p.objective_damping, p.no_shear,
         p.linear_bending,
     )  # fmt: skip
+    keep_peaks(rows, count)
     scratch.accel_x[:] = 0.0
     scratch.accel_y[:] = 0.0
     if pairs.count[0] > 0:

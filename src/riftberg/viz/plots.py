@@ -192,7 +192,8 @@ def draw_stress(
     scene = Scene(run)
     records = chosen(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
-    tension = {r: np.maximum(run["normal_stress"].isel(time=r).values, 0.0) / 1e3 for r in records}
+    stress = scene.tension()
+    tension = {r: stress[r] / 1e3 for r in records}
     top = max(1e-3, *(float(np.nanmax(values, initial=0.0)) for values in tension.values()))
     strength = fracture.normal_strength / 1e3
     beyond = fracture.enabled and top >= strength
@@ -270,7 +271,7 @@ def _before_breakups(scene: Scene) -> list[int]:
     births = sorted(birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None)
     records = {max(0, int(np.searchsorted(scene.times, birth)) - 1) for birth in births[:4]}
     if not records:
-        stress = scene.run["normal_stress"].transpose("time", "bond").values
+        stress = scene.tension()
         records = {int(np.argmax(stress.max(axis=1)))} if stress.size else {0}
     return sorted(records)
 
@@ -333,9 +334,12 @@ def _areas(ax: Axes, scene: Scene) -> None:
 
 
 def _peak_stress(ax: Axes, scene: Scene) -> None:
-    stress = scene.run["normal_stress"].transpose("time", "bond").values
-    if stress.shape[1]:
-        ax.plot(scene.times, np.where(scene.unbroken, stress, 0.0).max(axis=1) / 1e3, color="#CF2A27", lw=1.3)
+    """Draw the largest tension between records and, thinner, at the records: what is between both is ringing and impact."""
+    peak = scene.tension().max(axis=1, initial=0.0)
+    ax.plot(scene.times, peak / 1e3, color="#CF2A27", lw=1.3, label="between records")
+    if "peak_stress" in scene.run:
+        at_records = np.where(scene.unbroken, scene.run["normal_stress"].transpose("time", "bond").values, 0.0)
+        ax.plot(scene.times, at_records.max(axis=1, initial=0.0) / 1e3, color="#555555", lw=0.8, label="at the records")
     fracture = scene.parameters.fracture
     if fracture.enabled:
         ax.axhline(fracture.normal_strength / 1e3, color="#555555", ls="--", lw=1.0)
@@ -350,6 +354,6 @@ def _peak_stress(ax: Axes, scene: Scene) -> None:
     lowest = scene.lowest_strength()
     if lowest is not None:
         ax.plot(scene.times, lowest / 1e3, color="#63308F", ls="--", lw=1.2, label="lowest strength left by damage")
-        ax.legend(fontsize=8, loc="center left", framealpha=0.9)
+    ax.legend(fontsize=8, loc="center left", framealpha=0.9)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)

@@ -178,9 +178,8 @@ class ReplayContent:
         return self.run[name].transpose("time", "trajectory").values[self.records].astype(np.float64)
 
     def _element_stress(self) -> Floats:
-        """Return the largest tensile stress (Pa) over the unbroken bonds of each element at each record."""
-        stress = self.run["normal_stress"].transpose("time", "bond").values[self.records]
-        return self._largest_of_bonds(np.where(self.scene.unbroken[self.records], np.maximum(stress, 0.0), 0.0))
+        """Return the largest tensile stress (Pa) over the bonds of each element, since the record before."""
+        return self._largest_of_bonds(self.scene.tension()[self.records])
 
     def _largest_of_bonds(self, values: Floats) -> Floats:
         """Return the largest value over the bonds of each element, from values (record, bond) of at least 0."""
@@ -197,7 +196,7 @@ class ReplayContent:
         return None if lowest is None else pack(lowest[self.records], "uint16")
 
     def _peak(self) -> dict[str, Any]:
-        """Return the largest tensile stress over all unbroken bonds at each record."""
+        """Return the largest tensile stress over all bonds, since the record before."""
         stress = self._element_stress()
         return pack(stress.max(axis=1) if stress.size else np.zeros(len(self.records)), "uint16")
 

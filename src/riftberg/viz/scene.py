@@ -77,6 +77,19 @@ class Scene:
         holds: NDArray[np.bool_] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > self.times[:, None])
         return holds
 
+    def tension(self) -> Floats:
+        """Largest tensile stress (Pa) of each bond since the record before, (time, bond); 0 for bonds broken earlier.
+
+        Files without ``peak_stress`` give the stress at the records, of the bonds that hold then.
+        """
+        if "peak_stress" in self.run:
+            broken_at, before = self.run["break_time"].values, np.r_[self.times[:1], self.times[:-1]]
+            held = np.isnat(broken_at)[None, :] | (broken_at[None, :] > before[:, None])
+            stress = self.run["peak_stress"].transpose("time", "bond").values
+        else:
+            held, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
+        return np.where(held, np.maximum(stress, 0.0), 0.0)
+
     def bond_damage(self) -> Floats | None:
         """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
         if "damage" not in self.run:

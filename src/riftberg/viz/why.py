@@ -115,12 +115,18 @@ def _bonds(ax: Axes, b: Breakup) -> None:
     for k, bond in enumerate(b.first_bonds):
         end = _hours(bond.time, b.time)
         hours = [*(end + h for h in bond.hours), end]
-        stress = [*(s / 1e3 for s in bond.tension), bond.strength / 1e3]
+        stress = [*(s / 1e3 for s in bond.peak or bond.tension), bond.strength / 1e3]
         ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{_when(bond.time)[5:]}")
+        if bond.peak:
+            ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
         ax.plot(end, bond.strength / 1e3, "x", color="#A50026", ms=7, mew=1.8)
     ax.axhline(strength, color="#555555", ls="--", lw=1.0)
     ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
+    if b.first_bonds[0].peak:
+        ax.plot([], [], lw=0.8, ls=":", color="#222222", label="at the records")
     ax.legend(fontsize=7, loc="center left", title="bonds, by time of failure", title_fontsize=7)
+    if b.first_bonds[0].peak:
+        ax.set_ylabel("largest between records", fontsize=8)
     ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
     ax.set_xlabel(f"hours before {_when(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
