@@ -133,6 +133,8 @@ class Model:
 
         Between two steps ``elements.u`` lacks the last slow half kick, which the next step begins with.
         """
+        if self.step_number == 0:
+            return self.elements.u.copy(), self.elements.v.copy()
         return self._stepper.synchronised(self)
 
     def step(self) -> None:

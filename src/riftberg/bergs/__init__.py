@@ -1,1 +1,1 @@
-"""bergs of Riftberg."""
+"""Bergs at the start: lattices of elements from outlines, masks, tables or rectangles, their bonds and rifts."""

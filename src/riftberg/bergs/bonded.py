@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from riftberg.bergs import report as reports
 from riftberg.bergs import rifts
 from riftberg.bergs.assembly import radius_of
 from riftberg.constants import EARTH_RADIUS_A68
@@ -17,24 +16,9 @@ from riftberg.state import Bonds, Elements, copy_state
 
 @dataclass(frozen=True)
 class BondedBerg:
-    """A lattice of ice columns joined by bonds; `riftberg.bergs.iceberg.Iceberg` adds the ways to make one.
+    """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
 
-    Attributes
-    ----------
-    elements, bonds : Elements, Bonds
-        The state at the start.
-    packing : {"square", "hexagonal"}
-        Packing of the lattice.
-    radius : float
-        Radius of the inscribed circle of an element (mean), m.
-    report : dict
-        How the berg was made: source, outline area (m2), relative error of the lattice's area, seeds.
-    latlon : bool
-        Whether positions are degrees.
-    earth_radius : float
-        Radius of the sphere, m.
-    density : float
-        Ice density, kg m-3.
+    `riftberg.bergs.iceberg.Iceberg` adds the ways to make one, and tells the attributes.
     """
 
     elements: Elements
@@ -79,10 +63,6 @@ class BondedBerg:
         rest = (radius[self.bonds.first] + radius[self.bonds.second])[intact]
         strain = self.bonds.bond_length[intact] / rest - 1.0
         return float(strain[np.argmax(np.abs(strain))])
-
-    def describe(self) -> str:
-        """Return what the berg is, in plain words."""
-        return reports.describe(self)
 
     def with_rifts(
         self, rift: Any, *, strength: float = 0.0, broken: bool = False, crs: str | None = None, threshold: float = 0.5

@@ -25,6 +25,7 @@ from riftberg.bergs.placement import (
 )
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.bergs.regions import mask_region, outline_region
+from riftberg.bergs.report import describe
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
@@ -64,6 +65,10 @@ class Iceberg(BondedBerg):
     density : float
         Ice density, kg m-3.
     """
+
+    def describe(self) -> str:
+        """Return what the berg is, in plain words."""
+        return describe(self)
 
     @classmethod
     def from_outline(

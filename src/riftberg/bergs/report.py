@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separation
 from riftberg.constants import RHO_SEAWATER
 from riftberg.state import Floats
-
-if TYPE_CHECKING:
-    from riftberg.bergs.bonded import BondedBerg
 
 
 def describe(berg: BondedBerg) -> str:

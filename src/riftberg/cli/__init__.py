@@ -1,1 +1,1 @@
-"""cli of Riftberg."""
+"""The command line: one file per command, which turns options into calls and errors into sentences."""

@@ -1,1 +1,1 @@
-"""io of Riftberg."""
+"""Files of runs: trajectories and restarts of Riftberg, and in `kid` the directories of the reference."""

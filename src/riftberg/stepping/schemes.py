@@ -34,7 +34,7 @@ class Stepper(Protocol):
         """Take the environment that the elements carry between two steps from the forcing."""
 
     def synchronised(self, model: Model) -> tuple[Floats, Floats]:
-        """Return the velocity (m s-1) at the time of the positions; the state stays as it is."""
+        """Return the velocity (m s-1) at the time of the positions, after a step; the state stays as it is."""
 
 
 def make_stepper(model: Model) -> Stepper:
@@ -184,8 +184,6 @@ class MultipleStepper:
 
     def synchronised(self, model: Model) -> tuple[Floats, Floats]:
         """Complete the slow half kick that the next step begins with, on a copy of the elements."""
-        if model.step_number == 0:
-            return model.elements.u.copy(), model.elements.v.copy()
         c, dt = model.constants, model.parameters.stepping.time_step
         el, _ = copy_state(model.elements, model.bonds)
         sizes = interaction_sizes(el, c)
@@ -298,8 +296,6 @@ class VerletStepper(SingleStepper):
 
     def synchronised(self, model: Model) -> tuple[Floats, Floats]:
         """Take the velocity that the next step begins with, on a copy of the elements."""
-        if model.step_number == 0:
-            return model.elements.u.copy(), model.elements.v.copy()
         c, dt = model.constants, model.parameters.stepping.time_step
         el, _ = copy_state(model.elements, model.bonds)
         sizes = interaction_sizes(el, c)
