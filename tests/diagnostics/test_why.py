@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -209,3 +210,35 @@ def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: p
     budget = why.explain(aground).breakups[0].budgets["both"]
     assert budget.residual is not None
     assert np.hypot(*budget.residual) < 1e-6 * 4.8e9
+
+
+def test_no_force_is_blamed_for_a_cut_that_carries_little(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Named for a piece that hung on one bond: its cut carried 0.8 kPa, and was said to have broken by ocean drag."""
+    breakup = explained(run, monkeypatch, field((5e8, 0.0), (-3e9 / 18, 0.0)))
+    assert breakup.decisive.nominal < 0.25 * 18e3
+    reasons = why.explain(run)
+    reasons.breakups[:] = [breakup]
+    (text,) = why.words(reasons)
+    assert "no force parts the cut as a whole" in text
+    assert "broke because" not in text
+
+
+def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    pull = field((5e9, 0.0), (-3e10 / 18, 0.0))
+    parts = {"ocean drag": 0.5, "Coriolis": 2.0, "surface slope": -1.0}
+    forces = {name: parts.get(name, 0.0) * pull for name in FORCES}
+    monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", lambda run, record, p: forces)
+    reasons = why.explain(run)
+    (text,) = why.words(reasons)
+    nominal = reasons.breakups[0].decisive.nominal
+    assert f"(Coriolis and surface slope, {nominal / 1.5 / 1e3:+.1f} kPa)" in text
+    assert "as in a sheared current" in text
+
+
+def test_a_break_soon_after_the_start_is_told_as_one(run: xr.Dataset) -> None:
+    reasons = why.explain(run)
+    assert reasons.breakups[0].hours_since_start == 24.0
+    assert "after the start" not in why.words(reasons)[0]
+    early = dataclasses.replace(reasons.breakups[0], hours_since_start=2.5)
+    reasons.breakups[:] = [early]
+    assert "This is 2.5 h after the start" in why.words(reasons)[0]

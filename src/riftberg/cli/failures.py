@@ -24,7 +24,10 @@ def say(text: str) -> None:
 
 
 def reported(command: Callable[P, R]) -> Callable[P, R]:
-    """Turn errors that Riftberg raises on purpose into a message and exit code 2, an interrupt into 130."""
+    """Turn errors that Riftberg raises on purpose, and files that cannot be used, into a message and exit code 2.
+
+    An interrupt has the code 130.
+    """
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -32,6 +35,13 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
             return command(*args, **kwargs)
         except RiftbergError as error:
             say(f"Error: {error}")
+            raise typer.Exit(EXIT_ERROR) from error
+        except OSError as error:
+            if error.filename is None:
+                raise
+            say(
+                f"Error: {error.filename}: {(error.strerror or 'cannot be used').lower()}. Name a place that can be used"
+            )
             raise typer.Exit(EXIT_ERROR) from error
         except KeyboardInterrupt as error:
             say("Interrupted.")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from riftberg.diagnostics.track import DailyTrack
     from riftberg.model import Model, Recorder
 
-COMPILE_TIME = "one to three minutes"
+COMPILE_TIME = "about a minute on a free core"
 """About how long the first run compiles, as announced."""
 
 Name = Annotated[str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")]

@@ -29,6 +29,12 @@ def why(
             "--controls", help="Run the experiment again without each of its parts, and with half the long step."
         ),
     ] = False,
+    experiment: Annotated[
+        str | None,
+        typer.Option(
+            "--experiment", help="Experiment or YAML file of the run, for the controls.  [default: as it says]"
+        ),
+    ] = None,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of data files, for the controls.")] = None,
     everything: Annotated[bool, typer.Option("--all", help="Tell of every piece, however small.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -45,7 +51,7 @@ def why(
     with open_run(run) as dataset:
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
         if controls:
-            add_controls(dataset, reasons, quiet=quiet, data=data)
+            add_controls(dataset, reasons, experiment=experiment, quiet=quiet, data=data)
     if as_json:
         typer.echo(json.dumps(reasons.as_dict(), indent=1))
     else:
@@ -61,7 +67,9 @@ def why(
     say("Written: " + ", ".join(str(path) for path in written))
 
 
-def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False, data: Path | None = None) -> None:
+def add_controls(
+    run: xr.Dataset, reasons: Reasons, *, experiment: str | None = None, quiet: bool = False, data: Path | None = None
+) -> None:
     """Run the experiment again without each of its parts, and with half the long step; note what became of each break-up.
 
     Parameters
@@ -70,24 +78,42 @@ def add_controls(run: xr.Dataset, reasons: Reasons, *, quiet: bool = False, data
         The full run; names its experiment and parameters.
     reasons : Reasons
         Its break-ups; ``controls`` of each is filled.
+    experiment : str, optional
+        Built-in experiment or YAML file that made the run; by default the built-in one that the run names.
     quiet : bool, optional
         Show no progress.
     data : pathlib.Path, optional
         Folder of data files, for experiments that need one.
     """
     from riftberg.diagnostics.why import removed_by
+
+    name, parts_of_it = _experiment(experiment or reasons.experiment)
+    changes = {f"without {part}": ({part}, 1) for part in parts_of_it} | {"with half the long step": (set[str](), 2)}
+    with TemporaryDirectory(prefix="riftberg-controls-") as folder:
+        for number, (change, (parts, split)) in enumerate(changes.items()):
+            if not quiet:
+                say(f"Control {change}:")
+            control = _control(run, name, parts, split, Path(folder) / f"{number}.nc", quiet, data)
+            for breakup in reasons.breakups:
+                breakup.controls[change] = removed_by(breakup, control)
+            control.close()
+
+
+def _experiment(given: str) -> tuple[str, tuple[str, ...]]:
+    """Return the experiment as `riftberg.experiments.build` takes it, and its parts; files have none."""
     from riftberg.experiments import find
 
-    entry = find(reasons.experiment)
-    changes = {f"without {part}": ({part}, 1) for part in entry.parts} | {"with half the long step": (set[str](), 2)}
-    with TemporaryDirectory(prefix="riftberg-controls-") as folder:
-        for number, (name, (parts, split)) in enumerate(changes.items()):
-            if not quiet:
-                say(f"Control {name}:")
-            control = _control(run, entry.name, parts, split, Path(folder) / f"{number}.nc", quiet, data)
-            for breakup in reasons.breakups:
-                breakup.controls[name] = removed_by(breakup, control)
-            control.close()
+    if Path(given).is_file():
+        return given, ()
+    try:
+        entry = find(given)
+    except InputError as error:
+        raise InputError(
+            f"{given!r} is no built-in experiment",
+            where="--controls",
+            remedy="Name the YAML file of the run by --experiment FILE",
+        ) from error
+    return entry.name, tuple(entry.parts)
 
 
 def _control(

@@ -115,6 +115,7 @@ class Breakup:
     which it was afloat: how well the recomputed forces explain the recorded acceleration. ``highest`` is the largest
     tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
     below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
+    ``hours_since_start`` tells when the first bond failed.
     """
 
     fragment: int
@@ -133,6 +134,7 @@ class Breakup:
     first_bonds: list[FirstBond]
     highest: float
     sudden: bool
+    hours_since_start: float
     peak: float | None
     history: list[Load]
     members: list[int] = field(default_factory=list)

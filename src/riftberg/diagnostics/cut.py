@@ -126,6 +126,7 @@ class Cut:
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             highest=highest,
             sudden=self.highest_stress(of_what_is_left=True) < SUDDEN * self.scene.parameters.fracture.normal_strength,
+            hours_since_start=float((self.broken_at[self.bonds[0]] - self.scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
             members=[int(n) for n in run["trajectory"].values[self.inside]],

@@ -116,7 +116,9 @@ class FragmentTree:
 
     def _describe(self, inside: np.ndarray, el: Elements, bonds: Bonds, time: float, p: KernelParameters) -> Fragment:
         parent = int(el.berg[inside][0]) if self.rows else 0
-        cut = (bonds.status != 0) & (inside[bonds.first] != inside[bonds.second])
+        # Not those to pieces that had left the parent before: they set these free.
+        together = el.berg[bonds.first] == el.berg[bonds.second]
+        cut = (bonds.status != 0) & (inside[bonds.first] != inside[bonds.second]) & together
         aground = (draft_of(1.0, p.rho_ice) * el.thickness > el.depth)[inside].any() and p.ground_coefficient > 0.0
         lon, lat = centroid(el.lon[inside], el.lat[inside], el.mass[inside], p.period)
         return Fragment(

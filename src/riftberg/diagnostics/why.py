@@ -16,10 +16,18 @@ from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
 from riftberg.viz.scene import SMALL, Scene
 
+GEOSTROPHIC: Final = "Coriolis and surface slope"
+"""These two forces nearly balance on each part, and each alone says little: reasons weigh them together."""
+
+SMALL_LOAD: Final = 0.25
+"""No force is called the reason of a break whose cut as a whole carried less than this part of the strength."""
+
+STARTING: Final = 24.0
+"""Time (h) after the start in which a berg may break by being set in motion."""
+
 CAUSES: Final = {
     "ocean drag": "the current drags on its parts differently",
-    "surface slope": "the sea surface slopes differently under its parts",
-    "Coriolis": "its parts move differently on the turning Earth",
+    GEOSTROPHIC: "Coriolis force and slope of the sea surface do not balance on its parts alike, as in a sheared current",
     "wind drag": "the wind drags on its parts differently",
     "waves": "waves push its parts differently",
     "sea floor": "the sea floor holds a part of it",
@@ -129,16 +137,17 @@ def _paragraph(b: Breakup) -> str:
     ]
     if b.sudden:
         text.append(_sudden_words(b))
-    leading, value = b.causes[0]
-    if value > 0.0:
+    text.append(_cause_words(b, first.strength))
+    if b.hours_since_start < STARTING:
         text.append(
-            f"{'What loads the cut:' if b.sudden and not load.aground else 'It broke because'} {CAUSES[leading]} ({leading})."
+            f"This is {b.hours_since_start:.1f} h after the start: being set in motion loads a berg too; see whether it breaks"
+            " when it starts with the velocity of the water."
         )
     if b.closure is not None:
         text.append(f"The forces explain the recorded motion to {100.0 * b.closure:.1f} % of their sum.")
     for part, fate in b.controls.items():
         text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
-    return " ".join(text)
+    return " ".join(part for part in text if part)
 
 
 def _sudden_words(b: Breakup) -> str:
@@ -153,6 +162,19 @@ def _sudden_words(b: Breakup) -> str:
         told + f", but {b.peak / 1e3:.1f} kPa between that and the one before it: it broke in the ringing after the"
         " kicks of the slow forces" + hint
     )
+
+
+def _cause_words(b: Breakup, strength: float) -> str:
+    """Return which force loads the cut, or that none does much."""
+    shares = dict(b.causes)
+    shares[GEOSTROPHIC] = shares.pop("Coriolis") + shares.pop("surface slope")
+    leading = max(shares, key=lambda name: shares[name])
+    if b.decisive.nominal < SMALL_LOAD * strength and not b.decisive.aground:
+        return "That is little beside the strength: no force parts the cut as a whole, it failed bond by bond."
+    if shares[leading] <= 0.0:
+        return ""
+    begin = "What loads the cut:" if b.sudden and not b.decisive.aground else "It broke because"
+    return f"{begin} {CAUSES[leading]} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
 
 
 def _fate_words(fate: str) -> str:

@@ -234,7 +234,10 @@ def open_run(path: str | Path) -> xr.Dataset:
     file = path / "run.nc" if path.is_dir() else path
     if not file.exists():
         raise InputError("no such file", where=str(file), remedy="Name run.nc or the folder that 'riftberg run' made")
-    dataset = xr.open_dataset(file)
+    try:
+        dataset = xr.open_dataset(file)
+    except (OSError, ValueError) as error:
+        raise InputError("not a NetCDF file, or a damaged one", where=str(file), remedy="Name a run.nc") from error
     if "trajectory" not in dataset.dims or dataset.attrs.get("featureType") != "trajectory":
         dataset.close()
         raise InputError("not the trajectory file of a run", where=str(file), remedy="Name a run.nc")

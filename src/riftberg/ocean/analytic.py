@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any, Self
+
 import numpy as np
 
+from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 
@@ -36,6 +40,25 @@ class Steady:
         depth: float = 1e4,
     ) -> None:
         self.current, self.wind, self.slope, self.sea_ice, self.water = current, wind, slope, sea_ice, depth
+
+    @classmethod
+    def balanced(cls, current: tuple[float, float], latitude: float, **others: Any) -> Self:
+        """Return an environment whose sea surface slopes in geostrophic balance with the current.
+
+        ``f v = g d(eta)/dx`` and ``-f u = g d(eta)/dy`` with ``f = 2 Omega sin(latitude)``: water that flows freely on the
+        turning Earth has this slope, and without it a berg does not follow the water but drifts off to the side.
+
+        Parameters
+        ----------
+        current : tuple of float
+            Eastward and northward ocean current, m s-1.
+        latitude : float
+            Latitude of the balance, degrees.
+        **others
+            Wind, sea ice and depth as for the class.
+        """
+        f = 2.0 * EARTH_ROTATION * math.sin(math.radians(latitude))
+        return cls(current, slope=(f * current[1] / GRAVITY, -f * current[0] / GRAVITY), **others)
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""

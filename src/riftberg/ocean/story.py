@@ -66,6 +66,8 @@ class StoryNumbers:
         Days on which the shear has grown and decayed to half; each takes about a day.
     wind : tuple of float
         Eastward and northward wind, m s-1.
+    fitted_with : str
+        Numerics by which it was fitted, for titles, if not Riftberg's own.
     shoal : tuple of float
         Longitude and latitude (degrees), length scale (m), height above the floor (m) and depth of the floor (m).
     """
@@ -92,6 +94,7 @@ class StoryNumbers:
     shear_flow: float = 0.0
     shear_start: float = -math.inf
     wind: tuple[float, float] = (5.0, -2.0)
+    fitted_with: str = ""
 
 
 OWN = StoryNumbers(
@@ -140,6 +143,7 @@ OWN = StoryNumbers(
 
 
 REFERENCE = StoryNumbers(
+    fitted_with=" with the reference's numerics",
     path_x=(-3.04797e-4, 0.0129882, -0.197984, 1.30416, -4.19217, 23.207, -115.233),
     path_y=(2.24966e-4, -0.00939015, 0.144074, -0.951043, 1.36853, -0.696596, 86.7088),
     last_day=14.5,
@@ -224,12 +228,12 @@ class StoryOcean:
     """
 
     grid: Grid | None = None
-    title = "currents fitted to the observed drift, not measured"
     citations = ("Huth, A., Adcroft, A., Sergienko, O., Khan, N. (2022), doi:10.1126/sciadv.abq6974",)
 
     def __init__(self, numbers: StoryNumbers = OWN, *, shoal: bool = True, shear: bool = True) -> None:
         self.numbers = numbers if shear else replace(numbers, jet_speed=0.0, counter_speed=0.0, shear_flow=0.0)
         self.has_shoal = shoal
+        self.title = f"currents fitted to the observed drift{numbers.fitted_with}, not measured"
 
     def instant(self, time: float) -> _Instant:
         """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC."""

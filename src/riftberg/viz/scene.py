@@ -145,13 +145,14 @@ class Scene:
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Numbers of the fragments that are large enough to be named, largest first at the end of the run."""
+        """Numbers of the fragments that are large enough to be named, largest first at the end of the run; at least one."""
         sizes: dict[int, float] = {}
         for record in sorted({0, len(self.times) // 2, len(self.times) - 1}):
             for number, area in self._areas(record).items():
                 sizes[number] = area
         whole = float(self.area.sum())
-        return sorted((n for n in sizes if sizes[n] >= SMALL * whole), key=lambda n: (-sizes[n], n))
+        ranked = sorted(sizes, key=lambda n: (-sizes[n], n))
+        return [n for n in ranked if sizes[n] >= SMALL * whole] or ranked[:1]
 
     def _areas(self, record: int) -> dict[int, float]:
         number, index = np.unique(self.berg[record], return_inverse=True)
@@ -194,6 +195,8 @@ class Scene:
         """Return the extent of the named fragments, at a record or over the whole run."""
         chosen = range(0, len(self.times), max(1, len(self.times) // 50)) if record is None else [record]
         rows = [np.isin(self.berg[k], self.numbers) for k in (*chosen, -1 if record is None else record)]
+        # A berg that shattered has no fragment with a name; then all of its elements count.
+        rows = [row if row.any() else ~row for row in rows]
         x = np.concatenate([self.x[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
         y = np.concatenate([self.y[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
         half = 0.5 * math.sqrt(float(self.area.max())) / 1e3 * self.units_per_km()
