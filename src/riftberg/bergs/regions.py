@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from riftberg.bergs.feature import needed
 from riftberg.bergs.lattice import Booleans, Region
-from riftberg.bergs.outline import needed
 from riftberg.bergs.placement import Plane
 from riftberg.bergs.raster import Raster
 from riftberg.constants import DEGREE
