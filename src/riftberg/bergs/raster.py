@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from riftberg.bergs.feature import needed
+from riftberg.bergs.lattice import Booleans
 from riftberg.errors import BergError
 from riftberg.state import Floats
 
@@ -18,43 +21,92 @@ _LAT = ("lat", "latitude", "nav_lat", "y")
 
 @dataclass(frozen=True)
 class Raster:
-    """Values on a longitude-latitude grid.
+    """Values on a longitude-latitude grid, or on the grid of a map projection.
 
     Attributes
     ----------
     lon, lat : ndarray
-        Rising coordinates, degrees (m for Cartesian bergs), of shape (n,) and (m,).
+        Rising coordinates, degrees (m for Cartesian bergs and for projected grids), of shape (n,) and (m,).
     values : ndarray
         Shape (m, n); NaN where nothing is known.
     name : str
         File and variable, for messages.
+    crs : str or None
+        Coordinate system of projected coordinates; None where they are longitude and latitude.
     """
 
     lon: Floats
     lat: Floats
     values: Floats
     name: str
+    crs: str | None = None
 
     def cells(self) -> tuple[Floats, Floats]:
         """Widths of the cells along longitude and latitude, in the units of the coordinates."""
         return np.gradient(self.lon), np.gradient(self.lat)
 
+    def above(self, least: float) -> Raster:
+        """Return the raster with gaps where the values are not above ``least``."""
+        with np.errstate(invalid="ignore"):
+            return replace(self, values=np.where(self.values > least, self.values, np.nan))
+
     def sample(self, lon: Floats, lat: Floats) -> Floats:
         """Return bilinear values at points; gaps are left out of the mean, NaN outside and where all four are gaps."""
-        middle = 0.5 * (self.lon[0] + self.lon[-1])
-        if self.lon[-1] - self.lon[0] <= 360 and abs(self.lon).max() <= 540:
+        total, weight = np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
+        for value, share in self._corners(lon, lat):
+            known = np.isfinite(value)
+            total += np.where(known, value, 0.0) * share
+            weight += known * share
+        with np.errstate(invalid="ignore"):
+            return np.where(weight > 0, total / weight, np.nan)
+
+    def heaviest(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the value of that of the four points around that weighs most and is no gap; NaN without any."""
+        best, weight = np.full(np.shape(lon), np.nan), np.zeros(np.shape(lon))
+        for value, share in self._corners(lon, lat):
+            better = np.isfinite(value) & (share > weight)
+            best, weight = np.where(better, value, best), np.where(better, share, weight)
+        return best
+
+    def _corners(self, lon: Floats, lat: Floats) -> Iterator[tuple[Floats, Floats]]:
+        """Yield values and bilinear weights of the four points around; no weight outside."""
+        if self.crs is not None:
+            lon, lat = projection(self.crs).transform(lon, lat)
+        elif self.lon[-1] - self.lon[0] <= 360 and abs(self.lon).max() <= 540:
+            middle = 0.5 * (self.lon[0] + self.lon[-1])
             lon = middle + (lon - middle + 180) % 360 - 180
         i, a, in_lon = _bracket(self.lon, lon)
         j, b, in_lat = _bracket(self.lat, lat)
-        total, weight = np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
         for dj, wj in ((0, 1 - b), (1, b)):
             for di, wi in ((0, 1 - a), (1, a)):
-                value = self.values[j + dj, i + di]
-                known = np.isfinite(value)
-                total += np.where(known, value, 0.0) * wi * wj
-                weight += known * wi * wj
-        with np.errstate(invalid="ignore"):
-            return np.where(in_lon & in_lat & (weight > 0), total / weight, np.nan)
+                yield self.values[j + dj, i + di], wi * wj * (in_lon & in_lat)
+
+
+def projection(crs: str) -> Any:
+    """Return the transformer from longitude and latitude (degrees) to a projection (m)."""
+    return needed("pyproj").Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+
+
+def joined(raster: Raster, there: Booleans) -> Raster:
+    """Return a raster whose longitudes begin in the widest gap of the marked cells, so that no seam cuts these.
+
+    Parameters
+    ----------
+    raster : Raster
+        Longitudes in degrees.
+    there : ndarray of bool
+        Marked cells, of the shape of the values; at least one.
+    """
+    lon = np.sort(raster.lon[there.any(axis=0)])
+    gaps = np.append(np.diff(lon), lon[0] + 360.0 - lon[-1])
+    k = int(np.argmax(gaps))
+    if raster.crs is not None or k == len(gaps) - 1:
+        return raster
+    cut = 0.5 * (lon[k] + lon[k + 1])
+    turned = np.where(raster.lon > cut, raster.lon - 360.0, raster.lon)
+    # A grid from 0 to 360 has its first column twice.
+    _, order = np.unique(np.round(turned, 9), return_index=True)
+    return replace(raster, lon=turned[order], values=raster.values[:, order])
 
 
 def _bracket(axis: Floats, points: Floats) -> tuple[Any, Floats, Any]:
