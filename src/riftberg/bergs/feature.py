@@ -38,13 +38,13 @@ class Feature:
         return ", ".join(f"{k}={v}" for k, v in self.properties.items() if len(str(v)) < 40) or "no properties"
 
 
-def needed(module: str) -> Any:
+def needed(module: str, why: str = "outlines need it", extra: str = "outline") -> Any:
     """Import an optional package or say which extra holds it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
         raise RiftbergError(
-            f"{module.split('.')[0]} is not installed but outlines need it: pip install 'riftberg[outline]'"
+            f"{module.split('.')[0]} is not installed but {why}: pip install 'riftberg[{extra}]'"
         ) from error
 
 

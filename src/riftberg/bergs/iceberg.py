@@ -193,7 +193,7 @@ class Iceberg(BondedBerg):
         Parameters
         ----------
         source : path, DataArray, Dataset or Raster
-            Grid with one-dimensional longitude and latitude.
+            Grid with one-dimensional longitude and latitude, or a GeoTIFF, also in a map projection (`read_raster`).
         thickness : float, path, DataArray or Raster, optional
             Ice thickness, m. By default the values of ``source`` itself are thicknesses.
         variable, date : str, optional

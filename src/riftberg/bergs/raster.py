@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,9 @@ import numpy as np
 import xarray as xr
 
 from riftberg.bergs.feature import needed
+from riftberg.bergs.geotiff import SUFFIXES, read_band
 from riftberg.bergs.lattice import Booleans
+from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Floats
 
@@ -82,9 +86,10 @@ class Raster:
                 yield self.values[j + dj, i + di], wi * wj * (in_lon & in_lat)
 
 
+@cache
 def projection(crs: str) -> Any:
     """Return the transformer from longitude and latitude (degrees) to a projection (m)."""
-    return needed("pyproj").Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    return needed("pyproj", "projected grids need it", "geotiff").Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
 def joined(raster: Raster, there: Booleans) -> Raster:
@@ -109,6 +114,43 @@ def joined(raster: Raster, there: Booleans) -> Raster:
     return replace(raster, lon=turned[order], values=raster.values[:, order])
 
 
+_MOST_CELLS = 4_000_000
+"""Cells of a grid of longitude and latitude to which a projected mask is brought at most."""
+
+
+def unprojected(raster: Raster, there: Booleans) -> Raster:
+    """Return the part of a projected raster around the marked cells on longitudes and latitudes.
+
+    The new cells are half as wide as the old ones at the middle of the marked ones, for their edges lie askew; values are
+    bilinear.
+
+    Parameters
+    ----------
+    raster : Raster
+        In a map projection; without gaps.
+    there : ndarray of bool
+        Marked cells, of the shape of the values; at least one.
+    """
+    assert raster.crs is not None
+    to_lonlat = partial(projection(raster.crs).transform, direction="INVERSE")
+    lon, lat = to_lonlat(*(c[there] for c in np.meshgrid(raster.lon, raster.lat)))
+    order = np.sort(lon)
+    gaps = np.append(np.diff(order), order[0] + 360.0 - order[-1])
+    k = int(np.argmax(gaps))
+    if k < len(gaps) - 1:
+        lon = np.where(lon > order[k], lon - 360.0, lon)
+    dx, dy = (np.diff(axis).min() for axis in (raster.lon, raster.lat))
+    x, y = projection(raster.crs).transform(lon.mean(), lat.mean())
+    lons, lats = to_lonlat(np.array([x, x + dx, x]), np.array([y, y, y + dy]))
+    narrow = math.cos(lats[0] * DEGREE)
+    step = 0.5 * float(np.hypot(((lons[1:] - lons[0] + 180) % 360 - 180) * narrow, lats[1:] - lats[0]).min())
+    step = max(step, math.sqrt(np.ptp(lon) * narrow * np.ptp(lat) / _MOST_CELLS))
+    fine_lon = np.arange(lon.min() - 2 * step / narrow, lon.max() + 2 * step / narrow, step / narrow)
+    fine_lat = np.arange(lat.min() - 2 * step, lat.max() + 2 * step, step)
+    values = np.nan_to_num(raster.sample(*np.meshgrid(fine_lon, fine_lat)))
+    return Raster(fine_lon, fine_lat, values, raster.name)
+
+
 def _bracket(axis: Floats, points: Floats) -> tuple[Any, Floats, Any]:
     """Lower index, weight of the upper one, and whether the point lies within the grid's outer cell edges."""
     i = np.clip(np.searchsorted(axis, points, side="right") - 1, 0, len(axis) - 2)
@@ -123,9 +165,10 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
     Parameters
     ----------
     source : path or xarray.DataArray or xarray.Dataset
-        Anything that xarray opens, with one-dimensional longitude and latitude.
+        Anything that xarray opens, with one-dimensional longitude and latitude; or a GeoTIFF (``.tif``), also in a map
+        projection.
     variable : str, optional
-        Needed where the file holds several two-dimensional variables.
+        Needed where the file holds several two-dimensional variables (number or description of a band).
     date : str, optional
         Nearest time to take where there is a time axis.
     """
@@ -136,8 +179,15 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
         where = str(source)
         if not Path(source).exists():
             raise BergError("file not found", where=where, remedy="Check the path")
-        with xr.open_dataset(source) as opened:
-            source = opened.load()
+        if Path(source).suffix.lower() in SUFFIXES:
+            return _tiff(Path(source), variable, date)
+        try:
+            with xr.open_dataset(source) as opened:
+                source = opened.load()
+        except (OSError, ValueError) as error:
+            raise BergError(
+                f"not a grid ({str(error).splitlines()[0]})", where=where, remedy="Give NetCDF or GeoTIFF"
+            ) from error
     names = [str(n) for n, v in source.data_vars.items() if v.ndim >= 2]
     if variable is None and len(names) == 1:
         variable = names[0]
@@ -148,6 +198,12 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
             remedy=f"Name one with variable=: {', '.join(names) or 'none there'}",
         )
     return _raster(source[variable], f"{where}, {variable}", date)
+
+
+def _tiff(path: Path, variable: str | None, date: str | None) -> Raster:
+    if date is not None:
+        raise BergError("a GeoTIFF has no dates", where=str(path), remedy="Leave out date=")
+    return Raster(*read_band(path, variable))
 
 
 def _coordinate(array: xr.DataArray, names: tuple[str, ...], standard: str, where: str) -> str:

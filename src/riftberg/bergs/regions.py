@@ -11,7 +11,7 @@ import numpy as np
 from riftberg.bergs.feature import needed
 from riftberg.bergs.lattice import Booleans, Region
 from riftberg.bergs.placement import Plane
-from riftberg.bergs.raster import Raster, joined
+from riftberg.bergs.raster import Raster, joined, unprojected
 from riftberg.bergs.rifts import pieces as connected
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
@@ -72,8 +72,10 @@ class Ice:
                 remedy="Lower threshold= or choose another variable",
             )
         if threshold > 0.0 and values.min() >= 0.0 and values.max() <= 1.0 + 1e-9:
-            return cls(joined(replace(mask, values=values), there), threshold)
-        return cls(joined(replace(mask, values=there.astype(np.float64)), there), 0.5)
+            fraction, level = replace(mask, values=values), threshold
+        else:
+            fraction, level = replace(mask, values=there.astype(np.float64)), 0.5
+        return cls(joined(fraction, there) if mask.crs is None else unprojected(fraction, there), level)
 
     @property
     def there(self) -> Booleans:

@@ -42,8 +42,10 @@ class Outline(Section):
 class Mask(Section):
     """Shape from a grid of ones and zeros, or of thickness."""
 
-    file: str = key(..., "", "NetCDF or GeoTIFF grid with longitude and latitude")
-    variable: str | None = key(None, "", "variable of the file")
+    file: str = key(
+        ..., "", "NetCDF grid with longitude and latitude, or GeoTIFF (extra geotiff), also in a map projection"
+    )
+    variable: str | None = key(None, "", "variable of the file; of a GeoTIFF the number or description of a band")
     threshold: float | None = key(None, "", "value above which a point is ice")
     date: str | None = key(None, "", "time of the file")
 
