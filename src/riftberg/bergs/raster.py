@@ -159,6 +159,13 @@ def _bracket(axis: Floats, points: Floats) -> tuple[Any, Floats, Any]:
     return i, np.clip(weight, 0.0, 1.0), (weight >= -0.5) & (weight <= 1.5)
 
 
+def is_map(source: Any) -> bool:
+    """Whether something is a grid, or the name of a file that holds one."""
+    if isinstance(source, str | Path):
+        return Path(source).suffix.lower() in (*SUFFIXES, ".nc", ".nc4", ".cdf", ".zarr")
+    return isinstance(source, Raster | xr.DataArray | xr.Dataset)
+
+
 def read_raster(source: Any, variable: str | None = None, *, date: str | None = None) -> Raster:
     """Read a two-dimensional grid.
 
