@@ -308,7 +308,8 @@ def mask_table(data: Path) -> str:
         "berg", "elements", "bonds", "area, km²", "mass, Gt", "nearest element, m rms", "at most", "centroid off, m", "IoU",
         "IoU, centroids laid on each other",
     )  # fmt: skip
-    return table(head, rows) + '\n… is `variable="b_id", thickness=200.0, shift=(0.0, -0.1)`.\n'
+    call = ", ".join(f'{key}="{v}"' if isinstance(v, str) else f"{key}={v}" for key, v in common.items())
+    return f"{table(head, rows).rstrip()}\n\nHere … is `{call}`."
 
 
 def sizes(elements: Any, bonds: Any) -> tuple[str, ...]:
