@@ -293,9 +293,11 @@ def mask_table(data: Path) -> str:
     published, bonds = start.elements, start.bonds
     common: dict[str, Any] = {"variable": "b_id", "thickness": 200.0, "shift": SHIFT}
     made = {
-        "`from_mask`": Iceberg.from_mask(data / "a68a" / MASK, **common),
-        "`from_mask`, hexagonal": Iceberg.from_mask(data / "a68a" / MASK, packing="hexagonal", **common),
-        '`from_mask`, `rules="makeberg"`': Iceberg.from_mask(
+        "`from_mask(mask, …)`": Iceberg.from_mask(data / "a68a" / MASK, **common),
+        '`from_mask(mask, …, packing="hexagonal")`': Iceberg.from_mask(
+            data / "a68a" / MASK, packing="hexagonal", **common
+        ),
+        f'`from_mask(mask, …, rules="makeberg", reference_latitude={REFERENCE_LATITUDE})`': Iceberg.from_mask(
             data / "a68a" / MASK, rules="makeberg", reference_latitude=REFERENCE_LATITUDE, **common
         ),
     }
@@ -306,7 +308,8 @@ def mask_table(data: Path) -> str:
         "berg", "elements", "bonds", "area, km²", "mass, Gt", "nearest element, m rms", "at most", "centroid off, m", "IoU",
         "IoU, centroids laid on each other",
     )  # fmt: skip
-    return table(head, rows)
+    call = ", ".join(f'{key}="{v}"' if isinstance(v, str) else f"{key}={v}" for key, v in common.items())
+    return f"{table(head, rows).rstrip()}\n\nHere … is `{call}`."
 
 
 def sizes(elements: Any, bonds: Any) -> tuple[str, ...]:

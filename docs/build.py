@@ -99,7 +99,7 @@ def parameters_page() -> str:
 
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
-    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, Outline, Rectangle
+    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, Outline, Rectangle, Rift, Strength
     from riftberg.experiments.yaml_file import sections
 
     text = [
@@ -113,6 +113,8 @@ def experiment_page() -> str:
         ("berg.mask", Mask),
         ("berg.rectangle", Rectangle),
         ("berg.lattice", LatticeRows),
+        ("berg.rifts, each", Rift),
+        ("berg.strength", Strength),
     )
     for name, fields in (*sections(), *((name, kind.model_fields) for name, kind in shapes)):
         text.append(f"## {name or 'top level'}\n")

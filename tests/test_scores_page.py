@@ -57,7 +57,9 @@ def test_the_reference_rules_give_the_published_berg_in_the_table(script: Module
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]] for line in script.mask_table(shared / "data").splitlines()
     ]
-    published, made, _, rules = rows[2:]
+    published, made, _, rules = rows[2:6]
+    assert 'rules="makeberg", reference_latitude=-55.2' in rules[0]
+    assert script.mask_table(shared / "data") in script.PAGE.read_text("utf-8"), "run: benchmarks/scores.py --write"
     assert published[1:5] == rules[1:5] == ["472", "874", "4248", "722.2"]
     assert rules[5:] == ["0", "0", "0", "1.000", "1.000"]
     assert 0 < float(made[5]) < 2121  # half a diagonal of an element

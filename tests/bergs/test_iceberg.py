@@ -223,3 +223,149 @@ def test_separate_pieces_are_counted():
     berg = Iceberg.from_points([0.0, 3000.0, 9000.0], np.zeros(3), thickness=200.0, latlon=False)
     assert berg.elements.berg.tolist() == [1, 1, 2]
     assert "pieces: 2" in berg.describe()
+
+
+def slab(value: float, outside: float, step: float = 0.02) -> xr.DataArray:
+    """A box of ice, ``outside`` around it."""
+    return grid(
+        lambda lon, lat: np.where((abs(lon + 39) < 0.5) & (abs(lat + 55) < 0.3), value, outside), step=step, name="h"
+    )
+
+
+@pytest.mark.parametrize("outside", [0.0, np.nan])
+def test_a_gridded_slab_is_not_thinned_at_its_rim(outside):
+    """Bilinear means with the nothing around made a slab of 200 m as thin as 117 m at its rim."""
+    slab_of, plain = slab(200.0, outside), slab(1.0, outside)
+    berg = Iceberg.from_mask(slab_of)
+    np.testing.assert_allclose(berg.elements.thickness, 200.0, rtol=1e-12)
+    as_mask = Iceberg.from_mask(plain, thickness=200.0)
+    np.testing.assert_array_equal(berg.elements.lon, as_mask.elements.lon)
+    np.testing.assert_array_equal(berg.elements.lat, as_mask.elements.lat)
+
+
+def test_thickness_at_the_edge_of_a_mask_is_that_of_the_ice_beside():
+    mask, heights = slab(1.0, 0.0), slab(1.0, 0.0) * (250 + 50 * (slab(1.0, 0.0).lon + 39))
+    berg = Iceberg.from_mask(mask, thickness=heights)
+    expected = 250 + 50 * (berg.elements.lon + 39)
+    # A point beyond the last column of ice has the value of that column, at most half a cell (0.5 m) away.
+    assert np.abs(berg.elements.thickness - expected).max() < 0.51
+    assert np.median(np.abs(berg.elements.thickness - expected)) < 1e-3
+
+
+@pytest.mark.parametrize("outside", [0.0, np.nan, -9999.0])
+def test_a_thickness_map_that_ends_at_the_outline_leaves_the_rim_whole(outside):
+    pytest.importorskip("shapely")
+    box = [(-39.5, -55.3), (-38.5, -55.3), (-38.5, -54.7), (-39.5, -54.7)]
+    berg = Iceberg.from_outline(box, thickness=slab(200.0, outside))
+    np.testing.assert_allclose(berg.elements.thickness, 200.0, rtol=1e-12)
+    far = [(-39.8, -55.3), (-38.5, -55.3), (-38.5, -54.7), (-39.8, -54.7)]
+    with pytest.raises(BergError, match=r"no thickness for \d+ of \d+ elements, the first at -39"):
+        Iceberg.from_outline(far, thickness=slab(200.0, outside))
+
+
+@pytest.mark.parametrize("outside", [0.0, np.nan])
+@pytest.mark.parametrize("value", [1.0, 7.0, 200.0])
+def test_ice_of_a_mask_ends_half_way_to_the_cells_without(value, outside):
+    """Whatever number stands for ice, the berg is that of ones and noughts."""
+    berg = Iceberg.from_mask(slab(value, outside), thickness=200.0, radius=400.0, conformal=False)
+    plain = Iceberg.from_mask(slab(1.0, 0.0), thickness=200.0, radius=400.0, conformal=False)
+    np.testing.assert_array_equal(berg.elements.lon, plain.elements.lon)
+    assert np.abs(berg.elements.lat + 55).max() < 0.3
+
+
+def boxes(gap: float) -> list[tuple[float, float, float, float]]:
+    """Bounds (degrees) of two boxes of 30 km x 33 km with a gap (m) between them."""
+    metre = 1.0 / (np.radians(1.0) * 6371e3 * np.cos(np.radians(55.75)))
+    middle = -38 + 30e3 * metre
+    return [(-38, -56, middle, -55.7), (middle + gap * metre, -56, middle + (30e3 + gap) * metre, -55.7)]
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("gap", [300.0, 1000.0, 1500.0, 2000.0, 3000.0, 4000.0])
+def test_pieces_of_an_outline_are_not_bonded_to_each_other(gap, packing):
+    """How wide the gap is must not matter, nor where the lattice happens to lie."""
+    shapely = pytest.importorskip("shapely")
+    outline = shapely.MultiPolygon([shapely.box(*bounds) for bounds in boxes(gap)])
+    berg = Iceberg.from_outline(outline, thickness=200.0, packing=packing)
+    middle = 0.5 * (boxes(gap)[0][2] + boxes(gap)[1][0])
+    west = berg.elements.lon < middle
+    assert (west[berg.bonds.first] == west[berg.bonds.second]).all()
+    assert berg.elements.berg.max() == 2
+    np.testing.assert_array_equal(west, west[0] == (berg.elements.berg == berg.elements.berg[0]))
+    assert (berg.report["outline_pieces"], abs(berg.report["area_error"]) < 0.02) == (2, True)
+    assert "pieces: 2, not bonded to each other" in berg.describe()
+    assert np.array_equal(np.bincount(np.r_[berg.bonds.first, berg.bonds.second]), berg.elements.bond_count)
+
+
+@pytest.mark.parametrize("height", [1.0, 200.0])
+def test_separate_regions_of_a_mask_are_not_bonded_to_each_other(height):
+    """One column of water, 0.64 km, parts them; without it they are one."""
+    made = {"thickness": 200.0} if height == 1.0 else {}
+    whole = slab(height, 0.0, step=0.01)
+    cut = whole.where(abs(whole.lon + 39.005) > 0.004, 0.0)
+    berg = Iceberg.from_mask(cut, **made)
+    west = berg.elements.lon < -39.005
+    assert (west[berg.bonds.first] == west[berg.bonds.second]).all()
+    assert (berg.elements.berg.max(), berg.report["outline_pieces"]) == (2, 2)
+    assert Iceberg.from_mask(whole, **made).elements.berg.max() == 1
+
+
+def test_regions_that_touch_at_a_corner_are_separate():
+    mask = grid(lambda lon, lat: (((lon < -39) & (lat < -55)) | ((lon > -39) & (lat > -55))).astype(float), step=0.05)
+    mask = mask.where((abs(mask.lon + 39) < 0.4) & (abs(mask.lat + 55) < 0.3), 0.0)
+    berg = Iceberg.from_mask(mask, thickness=200.0)
+    assert (berg.elements.berg.max(), berg.report["outline_pieces"]) == (2, 2)
+    assert len(set(berg.elements.berg[berg.elements.lat < -55])) == 1
+
+
+def test_pieces_too_small_for_an_element_are_told():
+    shapely = pytest.importorskip("shapely")
+    outline = shapely.MultiPolygon([shapely.box(-38, -56, -37, -55.7), shapely.box(-36.5, -56, -36.499, -55.999)])
+    text = Iceberg.from_outline(outline, thickness=200.0).describe()
+    assert "pieces: 1 (the outline has 2)" in text
+
+
+def test_a_mask_across_greenwich_or_the_date_line_is_joined():
+    """Longitudes from 0 to 360, as a whole circle or cropped to both of its ends, or from -180 to 180."""
+    here = grid(
+        lambda lon, lat: ((abs(lon) < 0.5) & (abs(lat + 60) < 0.3)).astype(float), west=-2, east=2, south=-61, north=-59
+    )
+    plain = Iceberg.from_mask(here, thickness=200.0)
+    cropped = here.assign_coords(lon=here.lon % 360).sortby("lon")
+    lon = np.arange(0.01, 360, 0.02)
+    circle = here.assign_coords(lon=np.round(here.lon % 360, 6)).reindex(lon=np.round(lon, 6), fill_value=0.0)
+    twice = xr.concat([circle, circle.isel(lon=[0]).assign_coords(lon=[360.01])], "lon")
+    for mask in (cropped, circle, twice):
+        berg = Iceberg.from_mask(mask, thickness=200.0)
+        np.testing.assert_allclose(berg.elements.lon, plain.elements.lon, atol=1e-9)
+        thick = Iceberg.from_mask(mask * 200.0)
+        np.testing.assert_allclose(thick.elements.thickness, 200.0)
+        assert len(thick.elements.id) == len(plain.elements.id)
+    east = here.assign_coords(lon=(here.lon + 360) % 360 - 180).sortby("lon")
+    berg = Iceberg.from_mask(east, thickness=200.0)
+    np.testing.assert_allclose(berg.elements.lon + 180, plain.elements.lon, atol=1e-9)
+
+
+@pytest.mark.parametrize("thickness", [200, np.float32(200), np.int64(200), np.array(200.0), [200.0], (200,)])
+def test_thickness_may_be_a_number_of_any_kind(thickness):
+    pytest.importorskip("shapely")
+    for berg in (
+        Iceberg.from_outline(OUTLINE, thickness=thickness),
+        Iceberg.rectangle(30e3, 12e3, thickness=thickness, placement=(-39.0, -55.0)),
+        Iceberg.from_mask(slab(1.0, 0.0), thickness=thickness),
+    ):
+        assert (berg.elements.thickness == 200.0).all()
+
+
+@pytest.mark.parametrize("thickness", [[200.0, 210.0], np.full((4, 5), 200.0), "thick", {"a": 1}, None, [[1], [2, 3]]])
+def test_thickness_that_is_neither_number_nor_map_is_refused(thickness):
+    pytest.importorskip("shapely")
+    with pytest.raises(BergError, match=r"thickness|file not found|kind of file"):
+        Iceberg.from_outline(OUTLINE, thickness=thickness)
+
+
+def test_thickness_may_be_a_list_with_one_number_per_element():
+    pytest.importorskip("shapely")
+    count = len(Iceberg.from_outline(OUTLINE, thickness=200.0).elements.id)
+    given = [200.0 + k for k in range(count)]
+    np.testing.assert_array_equal(Iceberg.from_outline(OUTLINE, thickness=given).elements.thickness, given)

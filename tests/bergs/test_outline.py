@@ -214,3 +214,104 @@ def test_observed_outlines_of_a68a_are_read(shared):
         assert abs(berg.report["area_error"]) < 5e-3
         assert berg.centroid == pytest.approx((-39.2454, -55.0194), abs=0.01)
         assert abs(berg.initial_strain) < 1e-8
+
+
+RIFT = [(-39.1, -55.3), (-39.0, -55.05), (-39.2, -54.8)]
+
+
+def rift_files(folder):
+    """Write a bent rift in every format; return the paths."""
+    rows = [f"{lon},{lat}" for lon, lat in RIFT]
+    (folder / "rift.csv").write_text("lon,lat\n" + "\n".join(rows) + "\n")
+    (folder / "semicolon.csv").write_text("Longitude;Latitude\n" + "\n".join(r.replace(",", ";") for r in rows))
+    decimal = [f"{lon};{lat}".replace(".", ",") for lon, lat in RIFT]
+    (folder / "comma.csv").write_text("Longitude;Latitude\n" + "\n".join(decimal))
+    (folder / "rift.geojson").write_text(json.dumps({"type": "LineString", "coordinates": RIFT}))
+    text = " ".join(f"{lon},{lat},0" for lon, lat in RIFT)
+    (folder / "rift.kml").write_text(
+        f"<kml><Placemark><LineString><coordinates>{text}</coordinates></LineString></Placemark></kml>"
+    )
+    return [folder / n for n in ("rift.csv", "semicolon.csv", "comma.csv", "rift.geojson", "rift.kml")]
+
+
+def test_a_rift_cuts_the_same_bonds_from_csv_geojson_kml_and_array(tmp_path):
+    """The vertices of a table are an open line: a closing segment would cut bonds that the rift does not reach."""
+    berg = Iceberg.from_outline(SHELL, thickness=200.0)
+    expected = berg.with_rifts(np.array(RIFT), broken=True).bonds.status
+    assert (expected == 2).sum() > 10
+    for path in rift_files(tmp_path):
+        np.testing.assert_array_equal(berg.with_rifts(path, broken=True).bonds.status, expected, err_msg=path.name)
+
+
+def test_a_table_of_rifts_holds_lines_of_two_points_and_several_lines(tmp_path):
+    path = tmp_path / "rifts.csv"
+    path.write_text("rift,lon,lat\na,-39.1,-55.3\na,-39.1,-54.8\nb,-38.7,-55.3\nb,-38.7,-54.8\n")
+    got = line_strings(path)
+    assert [line.tolist() for line in got] == [
+        [[-39.1, -55.3], [-39.1, -54.8]],
+        [[-38.7, -55.3], [-38.7, -54.8]],
+    ]
+    berg = Iceberg.from_outline(SHELL, thickness=200.0)
+    assert berg.with_rifts(path, broken=True).elements.berg.max() == 3
+    path.write_text("id,lon,lat\n1,-39.1,-55.3\n2,-39.1,-54.8\n")
+    with pytest.raises(BergError, match=r"a line of 1 vertex. A line needs at least 2 rows"):
+        line_strings(path)
+
+
+def test_projected_lines_of_an_array_are_brought_to_longitude_and_latitude():
+    pyproj = pytest.importorskip("pyproj")
+    to_polar = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:3031", always_xy=True)
+    points = np.stack(to_polar.transform(*np.array(RIFT).T), axis=1)
+    np.testing.assert_allclose(line_strings(points, "EPSG:3031")[0], RIFT, atol=1e-9)
+
+
+def kml_of(coordinates: str) -> str:
+    return (
+        "<kml><Placemark><Polygon><outerBoundaryIs><LinearRing><coordinates>"
+        f"{coordinates}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></kml>"
+    )
+
+
+@pytest.mark.parametrize("form", ["{}, {}", "{} , {}", "{}, {}, 0", "{},{},0,", "{},{}"])
+def test_spaces_after_the_commas_of_kml_are_read(form, tmp_path):
+    path = tmp_path / "a.kml"
+    path.write_text(kml_of("\n".join(form.format(*point) for point in SHELL)))
+    (feature,) = read_features(path)
+    np.testing.assert_array_equal(shapely.get_coordinates(feature.geometry), SHELL)
+
+
+@pytest.mark.parametrize("text", ["x,y x,y x,y", "1, 2, 3, 4", "1 2 3 4", "1,2,3,4 5,6 7,8"])
+def test_coordinates_of_kml_that_cannot_be_read_are_named(text, tmp_path):
+    path = tmp_path / "a.kml"
+    path.write_text(kml_of(text))
+    with pytest.raises(BergError, match=r"a\.kml: coordinates that cannot be read"):
+        read_features(path)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])
+def test_tables_in_other_encodings_are_read(encoding, tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(("name,lon,lat\n" + "\n".join(f"Ré,{x},{y}" for x, y in SHELL)).encode(encoding))
+    (feature,) = read_features(path)
+    assert feature.properties == {"name": "Ré"}
+    np.testing.assert_array_equal(shapely.get_coordinates(feature.geometry), SHELL)
+
+
+def test_polygons_and_lines_of_a_geometry_collection_are_found(tmp_path):
+    line = {"type": "LineString", "coordinates": RIFT}
+    members = [{"type": "Point", "coordinates": SHELL[0]}, line, {"type": "Polygon", "coordinates": [SHELL]}]
+    nested = {"type": "GeometryCollection", "geometries": [{"type": "GeometryCollection", "geometries": members}]}
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": nested}))
+    berg, plain = (Iceberg.from_outline(source, thickness=200.0) for source in (path, SHELL))
+    np.testing.assert_array_equal(berg.elements.lon, plain.elements.lon)
+    path.write_text(json.dumps({"type": "GeometryCollection", "geometries": [members[0], line]}))
+    np.testing.assert_array_equal(line_strings(path)[0], RIFT)
+    with pytest.raises(BergError, match="0 of 0 outlines"):
+        Iceberg.from_outline(path, thickness=200.0)
+
+
+def test_columns_are_found_by_name_in_any_order(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("lat,lon\n" + "\n".join(f"{lat},{lon}" for lon, lat in SHELL))
+    np.testing.assert_array_equal(shapely.get_coordinates(read_features(path)[0].geometry), SHELL)

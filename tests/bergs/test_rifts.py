@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.rifts import pieces, scatter
+from riftberg.bergs.rifts import pieces
+from riftberg.bergs.strength import scatter
 from riftberg.errors import BergError
 
 
@@ -165,3 +166,70 @@ def test_pieces_are_those_of_a_plain_search(size, data):
             label[a] = label[b] = min(label[a], label[b])
     order = {root: n for n, root in enumerate(sorted(set(label)), start=1)}
     assert got.tolist() == [order[root] for root in label]
+
+
+def test_given_strengths_are_those_of_the_bonds_and_multiply(block):
+    count = len(block.bonds.first)
+    values = np.linspace(0.5, 1.5, count)
+    for given_values in (values, values.tolist(), values.astype(np.float32)):
+        np.testing.assert_allclose(block.with_strength(given_values).bonds.strength, values, rtol=1e-7)
+    twice = block.with_strength(values).with_strength(values)
+    np.testing.assert_allclose(twice.bonds.strength, values**2)
+    assert twice.report["scatter"] == {"distribution": "given", "least": 0.5, "largest": 1.5}
+    assert (block.bonds.strength == 1.0).all()
+
+
+def sloping() -> tuple[Iceberg, xr.DataArray]:
+    """A berg of 30 km x 12 km, and a strength that rises by 1 per degree of longitude, 0.25 per degree of latitude."""
+    berg = Iceberg.rectangle(30e3, 12e3, thickness=100.0, placement=(10.0, -60.0))
+    lon, lat = np.linspace(9.5, 10.5, 21), np.linspace(-60.2, -59.8, 9)
+    values = 1.0 + (lon[None] - 10.0) + 0.25 * (lat[:, None] + 60.0)
+    return berg, xr.DataArray(values, coords={"lat": lat, "lon": lon}, dims=("lat", "lon"), name="strength")
+
+
+def test_a_map_of_strength_is_read_at_the_middles_of_the_bonds(tmp_path):
+    berg, field = sloping()
+    field.to_netcdf(tmp_path / "strength.nc")
+    i, j = berg.bonds.first, berg.bonds.second
+    lon, lat = (0.5 * (a[i] + a[j]) for a in (berg.elements.lon, berg.elements.lat))
+    for source in (field, tmp_path / "strength.nc", str(tmp_path / "strength.nc")):
+        got = berg.with_strength(source).bonds.strength
+        np.testing.assert_allclose(got, 1.0 + (lon - 10.0) + 0.25 * (lat + 60.0), rtol=1e-12)
+    with pytest.raises(BergError, match=r"no strength for \d+ of \d+ bonds, the first at 10"):
+        berg.with_strength(field.where(field.lon < 10))
+    with pytest.raises(BergError, match="are not positive numbers"):
+        berg.with_strength(field - 1.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "match"),
+    [
+        ([1.0, 2.0], r"values of shape \(2,\) for 38 bonds"),
+        (0.5, r"values of shape \(\) for 38 bonds"),
+        (np.full(38, 0.0), "strength, bond 0: strength 0 .38 of 38"),
+        (np.r_[np.ones(37), np.nan], "strength, bond 37: strength nan .1 of 38"),
+        (np.r_[np.inf, np.ones(37)], "strength inf"),
+        (np.r_[np.ones(37), -1.0], "strength -1"),
+        (["a", "b"], "one per bond"),
+        ({"a": 1}, "one per bond"),
+        (None, "38 bonds"),
+        ("strong.nc", r"strong\.nc: file not found"),
+    ],
+)
+def test_impossible_given_strengths_are_refused(block, values, match):
+    with pytest.raises(BergError, match=match):
+        block.with_strength(values)
+
+
+def test_given_strengths_take_no_seed(block):
+    with pytest.raises(BergError, match="belong to a distribution"):
+        block.with_strength(np.ones(38), seed=1)
+
+
+def test_a_rift_mask_may_be_a_file(tmp_path):
+    berg, field = sloping()
+    mask = (abs(field.lon - 10.0) < 0.03) * xr.ones_like(field)
+    mask.to_netcdf(tmp_path / "rift.nc")
+    one, other = (berg.with_rifts(source, strength=0.2) for source in (mask, tmp_path / "rift.nc"))
+    np.testing.assert_array_equal(one.bonds.strength, other.bonds.strength)
+    assert (one.bonds.strength == 0.2).sum() >= 4

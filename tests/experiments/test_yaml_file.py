@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from riftberg.errors import InputError
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import BergError, InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.yaml_file import build_berg, read_file
 
@@ -133,3 +136,103 @@ def test_files_that_are_no_experiments_are_refused(tmp_path: Path) -> None:
 def test_parts_can_be_left_out_of_named_oceans_only(slab: Path) -> None:
     with pytest.raises(InputError, match="has no named parts"):
         build(str(slab), Options(without=frozenset({"shoal"})))
+
+
+def with_berg_keys(slab: Path, text: str) -> Path:
+    """Add keys to the berg of the file."""
+    slab.write_text(SLAB.replace("  rotation: 20\n", text))
+    return slab
+
+
+def built(slab: Path) -> Iceberg:
+    experiment, parameters, _ = read_file(slab)
+    return build_berg(experiment, parameters, slab.parent)
+
+
+def test_rifts_and_strength_are_those_of_the_calls(slab: Path) -> None:
+    plain = built(with_berg_keys(slab, ""))
+    line = [[-39.2, -55.2], [-39.2, -54.8]]
+    (slab.parent / "rift.csv").write_text("lon,lat\n-38.8,-55.2\n-38.8,-54.8\n")
+    text = """\
+  rifts:
+    - {points: [[-39.2, -55.2], [-39.2, -54.8]], strength: 30 %}
+    - {file: rift.csv, broken: yes}
+  strength: {weibull: 6, seed: 3}
+"""
+    berg = built(with_berg_keys(slab, text))
+    called = plain.with_rifts(line, strength=0.3).with_rifts(slab.parent / "rift.csv", broken=True)
+    called = called.with_strength("weibull", shape=6.0, seed=3)
+    np.testing.assert_array_equal(berg.bonds.strength, called.bonds.strength)
+    np.testing.assert_array_equal(berg.bonds.status, called.bonds.status)
+    assert ((berg.bonds.status == 2).sum(), berg.elements.berg.max()) == (5, 2)
+    model, _ = build(str(slab))
+    np.testing.assert_array_equal(model.bonds.strength, berg.bonds.strength)
+
+
+@pytest.mark.parametrize(("text", "call"), [
+    ("{normal: 0.2}", ("normal", {"spread": 0.2, "seed": 1})),
+    ("{uniform: 10 %, seed: 5}", ("uniform", {"spread": 0.1, "seed": 5})),
+])  # fmt: skip
+def test_distributions_of_strength(slab: Path, text: str, call: tuple[str, dict[str, Any]]) -> None:
+    berg = built(with_berg_keys(slab, f"  strength: {text}\n"))
+    expected = built(with_berg_keys(slab, "")).with_strength(call[0], **call[1])
+    np.testing.assert_array_equal(berg.bonds.strength, expected.bonds.strength)
+
+
+def test_masks_of_rifts_and_maps_of_strength_are_files(slab: Path) -> None:
+    lon, lat = np.linspace(-40.0, -38.0, 101), np.linspace(-55.5, -54.5, 51)
+    coords = {"lat": lat, "lon": lon}
+    one = xr.DataArray(np.ones((51, 101)), coords, ("lat", "lon"))
+    fields = {"rift": 1.0 * (abs(one.lon + 39) < 0.03) * one, "strength": 0.5 * one}
+    xr.Dataset(fields).to_netcdf(slab.parent / "weak.nc")
+    text = """\
+  rifts: [{file: weak.nc, variable: rift, strength: 0.2}]
+  strength: {file: weak.nc, variable: strength}
+"""
+    berg = built(with_berg_keys(slab, text))
+    assert sorted(set(np.round(berg.bonds.strength, 12))) == [0.1, 0.5]
+    assert (berg.bonds.strength < 0.2).sum() >= 5
+
+
+BERG_MISTAKES = [
+    ("rifts: {file: a.geojson}", "line 8, berg.rifts", "is no list of sections. Each has the keys file, points"),
+    ("rifts: [a.geojson]", "line 8, berg.rifts.0", "'a.geojson' is not a section"),
+    ("rifts: [{fille: a}]", "line 8, berg.rifts.0.fille", "Did you mean 'file'"),
+    ("rifts: [{file: a, strength: 2}]", "line 8, berg.rifts.0.strength", "Allowed: a number >= 0 and <= 1"),
+    ("rifts: [{file: a, strength: 3 kPa}]", "line 8, berg.rifts.0.strength", "measured in"),
+    (
+        "rifts:\n    - {points: [[0, 1], [2, 3]]}\n    - {strength: 0.1}",
+        "line 10, berg.rifts.1",
+        "one of file and points",
+    ),
+    ("rifts: [{points: [[0, 1]]}]", "line 8, berg.rifts.0", "at least two"),
+    ("rifts: [{points: [[0, 1], [2]]}]", "line 8, berg.rifts.0.points.1.1", "missing"),
+    ("rifts: [{file: a, broken: yes, strength: 0.1}]", "line 8, berg.rifts.0", "either a strength or broken"),
+    ("strength: 0.5", "line 8, berg.strength", "0.5 is not a section. It has the keys weibull"),
+    ("strength: {weibul: 5}", "line 8, berg.strength.weibul", "Did you mean 'weibull'"),
+    ("strength: {weibull: 0}", "line 8, berg.strength.weibull", "Allowed: a number > 0"),
+    ("strength: {uniform: 1}", "line 8, berg.strength.uniform", "Allowed: a number >= 0 and < 1"),
+    ("strength: {weibull: 5, normal: 0.1}", "line 8, berg.strength", "exactly one of weibull, normal"),
+    ("strength: {weibull: 5, seed: -1}", "line 8, berg.strength.seed", "Allowed: a whole number >= 0"),
+    ("strength: {seed: 1}", "line 8, berg.strength", "exactly one of weibull, normal"),
+]
+
+
+@pytest.mark.parametrize(("text", "place", "message"), BERG_MISTAKES)
+def test_mistakes_in_rifts_and_strength_are_shown_with_line_and_key(
+    slab: Path, text: str, place: str, message: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read_file(with_berg_keys(slab, f"  {text}\n"))
+    assert f"{slab}, {place}: " in str(caught.value)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("rifts: [{points: [[0, 1], [2, 3]]}]", "berg.rifts.0, rift: the rift crosses no bond"),
+    ("rifts: [{file: none.geojson}]", r"berg.rifts.0, .*none.geojson: file not found"),
+    ("strength: {file: none.nc}", r"berg.strength, .*none.nc: file not found"),
+])  # fmt: skip
+def test_rifts_and_strengths_that_do_not_fit_name_their_key(slab: Path, text: str, message: str) -> None:
+    with pytest.raises(BergError, match=message):
+        built(with_berg_keys(slab, f"  {text}\n"))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import element_area
 from riftberg.bergs.raster import Raster
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.state import Elements, Floats, new_elements
+from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
@@ -52,7 +54,7 @@ def make_elements(
         Whether positions are degrees.
     """
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(np.asarray(thickness, dtype=np.float64), lon.shape)
+    thickness = np.broadcast_to(numbers(thickness, len(lon), "thickness"), lon.shape)
     _check(lon, lat, radius, thickness, density, latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
@@ -116,28 +118,57 @@ def radius_of(elements: Elements, packing: Packing) -> Floats:
     return np.sqrt(elements.length * elements.width / element_area(1.0, packing))
 
 
+def numbers(values: Any, size: int, what: str) -> Floats:
+    """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
+    try:
+        given = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BergError(
+            f"{what} {values!r} is no number"[:200], remedy=f"Give one number, {size} numbers, or a map"
+        ) from error
+    if given.size == 1:
+        return given.reshape(())
+    if given.shape != (size,):
+        raise BergError(
+            f"{what} of shape {given.shape}",
+            remedy=f"Give one number, {size} numbers (one each), or a map with longitude and latitude",
+        )
+    return given
+
+
 def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
     """Return thickness at positions: a number, one value per element, or a map that is sampled.
 
+    Of a map only ice counts, values above zero: the zeros and gaps around a berg are left out of the bilinear mean, or
+    they would thin its rim.
+
     Parameters
     ----------
-    source : float, ndarray, Raster, path or DataArray
+    source : float, array_like, Raster, path, DataArray or Dataset
         The thickness, m.
     lon, lat : ndarray
         Positions of the elements.
     read : callable
         Reader of maps (`riftberg.bergs.raster.read_raster`).
     """
-    if isinstance(source, int | float) or (isinstance(source, np.ndarray) and source.shape in ((), lon.shape)):
-        return source
+    if not isinstance(source, str | Path | Raster | xr.DataArray | xr.Dataset):
+        return numbers(source, len(lon), "thickness")
     raster: Raster = source if isinstance(source, Raster) else read(source)
-    values = raster.sample(lon, lat)
+    values = raster.above(0.0).sample(lon, lat)
     missing = ~np.isfinite(values)
     if missing.any():
         k = int(np.argmax(missing))
         raise BergError(
             f"no thickness for {missing.sum()} of {len(lon)} elements, the first at {lon[k]:.4f}, {lat[k]:.4f}",
             where=raster.name,
-            remedy="Extend the map, fill its gaps, or give one number",
+            remedy="Extend the map, fill its gaps and zeros, or give one number",
         )
     return values
+
+
+def within_pieces(bonds: Bonds, piece: Ints) -> Bonds:
+    """Return the bonds whose ends lie in the same piece."""
+    held = piece[bonds.first] == piece[bonds.second]
+    kept = new_bonds(bonds.first[held], bonds.second[held])
+    kept.bond_length[:] = bonds.bond_length[held]
+    return kept

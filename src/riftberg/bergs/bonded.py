@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from riftberg.bergs import rifts
+from riftberg.bergs import rifts, strength
 from riftberg.bergs.assembly import radius_of
+from riftberg.bergs.raster import is_map
 from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, copy_state
 
@@ -72,7 +75,9 @@ class BondedBerg:
         Parameters
         ----------
         rift : array_like, list of array_like, path, geometry, DataArray or Raster
-            Lines as arrays (n, 2) of longitude and latitude, a file or geometry of lines, or a gridded mask.
+            Lines as arrays (n, 2) of longitude and latitude, a file or geometry of lines, or a gridded mask, also as NetCDF
+            or GeoTIFF; where the berg lies now, after shift, placement and rotation. A table (CSV) holds open lines, one
+            for each date, id, name, ring, part or line that it tells.
         strength : float
             Factor from 0 to 1 on the strength of the crossed bonds.
         broken : bool
@@ -96,25 +101,49 @@ class BondedBerg:
 
     def with_strength(
         self,
-        distribution: rifts.Distribution = "weibull",
+        distribution: Any = "weibull",
         *,
         shape: float | None = None,
         spread: float | None = None,
         seed: int | None = None,
     ) -> Self:
-        """Return the berg with scattered bond strengths of mean 1; see `riftberg.bergs.rifts.scatter`.
+        """Return the berg with scattered bond strengths.
+
+        Strengths are factors on the fracture thresholds; they multiply what is there.
 
         Parameters
         ----------
-        distribution : {"weibull", "normal", "uniform"}
-            Distribution.
+        distribution : {"weibull", "normal", "uniform"}, array_like, path, DataArray or Raster
+            Distribution of mean 1 (`riftberg.bergs.strength.scatter`); or one value per bond, in the order of ``bonds``;
+            or a map, read at the middles of the bonds where the berg lies. Given values must be positive.
         shape, spread : float, optional
             Weibull modulus; standard deviation or half width.
         seed : int, optional
             Seed. One is drawn if none is given; the report names it, so that every berg can be made again.
+
+        Raises
+        ------
+        BergError
+            If values are missing or not positive.
         """
-        seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
         elements, bonds = copy_state(self.elements, self.bonds)
-        bonds.strength[:] *= rifts.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
-        made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
+        drawn = isinstance(distribution, str) and not is_map(distribution)
+        if not drawn and (shape, spread, seed) != (None, None, None):
+            raise BergError(
+                "shape, spread and seed belong to a distribution",
+                where="strength",
+                remedy="Leave them out where strengths are given",
+            )
+        made: dict[str, Any]
+        if drawn:
+            seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+            factors = strength.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
+            made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
+        else:
+            if is_map(distribution) or isinstance(distribution, Path):
+                factors = strength.mapped(distribution, elements, bonds)
+            else:
+                factors = strength.listed(distribution, len(bonds.first))
+            made = {"distribution": "given", "least": float(factors.min()), "largest": float(factors.max())}
+        bonds.strength[:] *= factors
         return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": made})

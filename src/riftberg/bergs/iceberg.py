@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.bergs import outline as outlines
 from riftberg.bergs import rifts
-from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at
+from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at, within_pieces
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
@@ -23,8 +23,8 @@ from riftberg.bergs.placement import (
     relax,
     turned,
 )
-from riftberg.bergs.raster import Raster, read_raster
-from riftberg.bergs.regions import mask_region, outline_region
+from riftberg.bergs.raster import Raster, joined, read_raster
+from riftberg.bergs.regions import Ice, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
@@ -42,6 +42,7 @@ class Body(NamedTuple):
     spin: float
     earth_radius: float
     latlon: bool = True
+    pieces: Any = None
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,17 @@ class Iceberg(BondedBerg):
     ) -> Iceberg:
         """Fill an outline with elements.
 
+        Elements in different pieces of an outline (polygons of a MultiPolygon) are not bonded to each other, also where
+        the gap between them is narrower than an element.
+
         Parameters
         ----------
         source : path, geometry, dict or array_like
             GeoJSON, shapefile, CSV (columns lon and lat; optionally date, id, ring), KML; a shapely geometry; an array
             (n, 2) of longitude and latitude. See `riftberg.bergs.outline.read_features`.
         thickness : float, path, DataArray or Raster
-            Ice thickness, m; a map is sampled where the outline was drawn, before rotation and shift.
+            Ice thickness, m; a map is sampled where the outline was drawn, before rotation and shift. Zeros and gaps of a
+            map are left out of the bilinear mean.
         radius : float
             Radius of the inscribed circle of an element, m.
         packing : {"square", "hexagonal"}
@@ -148,8 +153,11 @@ class Iceberg(BondedBerg):
         heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), placement, shift)
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], rotation)
-        report = {"source": where, "feature": chosen.label(), "outline_area": region.area}
-        body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
+        report = {
+            "source": where, "feature": chosen.label(), "outline_area": region.area, "outline_pieces": region.pieces,
+        }  # fmt: skip
+        piece = region.piece_of(lattice)
+        body = Body(heights, radius, packing, density, velocity, spin, earth_radius, pieces=piece)
         return cls._placed(x + centre[0], y + centre[1], moved, body, conformal=conformal, report=report)
 
     @classmethod
@@ -178,16 +186,21 @@ class Iceberg(BondedBerg):
     ) -> Iceberg:
         """Fill a gridded mask or a gridded thickness with elements.
 
+        Elements in different pieces of the mask are not bonded to each other, also where the gap between them is narrower
+        than an element; cells that touch at a corner only belong to different pieces (see `riftberg.bergs.regions.Ice`).
+        ``rules="makeberg"`` bonds all neighbours, as the reference does.
+
         Parameters
         ----------
         source : path, DataArray, Dataset or Raster
-            Grid with one-dimensional longitude and latitude.
+            Grid with one-dimensional longitude and latitude, or a GeoTIFF, also in a map projection (`read_raster`).
         thickness : float, path, DataArray or Raster, optional
             Ice thickness, m. By default the values of ``source`` itself are thicknesses.
         variable, date : str, optional
             Which variable and time of the file.
         threshold : float, optional
-            Bilinear value above which a point is ice; 0.5 for masks, 0 where ``source`` is a thickness.
+            Value above which there is ice; 0.5 for masks, 0 where ``source`` is a thickness. In masks of fractions the
+            edge lies where bilinear values reach it, in others half way between cells of ice and others.
         rules : {"lattice", "makeberg"}
             ``"makeberg"``: exactly the elements of the reference's script (spec 10.5); it implies ``conformal=False``,
             longitudes from 0 to 360, and neither rotation, placement nor offset.
@@ -217,18 +230,18 @@ class Iceberg(BondedBerg):
             body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
             made = {"source": mask.name, "rules": "makeberg"}
             return cls._placed(lattice.x, lattice.y, plane, body, conformal=False, report=made)
-        region, plane_of, centroid = mask_region(
-            mask, threshold, lambda b, c: filling_plane(b, c, conformal, earth_radius)
-        )
+        ice = Ice.of(mask, threshold)
+        region, plane_of, centroid = mask_region(ice, lambda b, c: filling_plane(b, c, conformal, earth_radius))
         lattice = fill(region, radius, packing, offset)
-        heights = thickness_at(
-            mask if thickness is None else thickness, *plane_of.inverse(lattice.x, lattice.y), read_raster
-        )
+        if thickness is None:
+            thickness = joined(mask, ice_cells(mask, threshold)).above(threshold)
+        heights = thickness_at(thickness, *plane_of.inverse(lattice.x, lattice.y), read_raster)
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, rotation)
-        body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
+        piece = region.piece_of(lattice)
+        body = Body(heights, radius, packing, density, velocity, spin, earth_radius, pieces=piece)
         moved = centroid_moved(plane_of, centroid, placement, shift)
-        report = {"source": mask.name, "outline_area": region.area}
+        report = {"source": mask.name, "outline_area": region.area, "outline_pieces": region.pieces}
         return cls._placed(x + cx, y + cy, moved, body, conformal=conformal, report=report)
 
     @classmethod
@@ -325,6 +338,7 @@ class Iceberg(BondedBerg):
         spin: float = 0.0,
         static: Any = False,
         bond_length: float | None = None,
+        pieces: Any = None,
         latlon: bool = True,
         period: float = 0.0,
         earth_radius: float = EARTH_RADIUS_A68,
@@ -343,6 +357,8 @@ class Iceberg(BondedBerg):
             Elements that never move.
         bond_length : float, optional
             Bond elements closer than this (m) instead of closer than 1.25 (R1 + R2).
+        pieces : array_like of int, optional
+            Piece to which each element belongs; elements of different pieces are not bonded, however close they are.
         period : float
             Zonal period in degrees (m if not ``latlon``); 0 if there is none.
         packing, density, spin, latlon, earth_radius
@@ -366,6 +382,8 @@ class Iceberg(BondedBerg):
         metric = Metric(latlon, earth_radius, period)
         refuse_overlap(elements, packing, metric)
         bonds = form_bonds(elements, BondRule(bond_length, packing), metric)
+        if pieces is not None:
+            bonds = within_pieces(bonds, np.broadcast_to(np.asarray(pieces, dtype=np.int64), lon.shape))
         rifts.number_pieces(elements, bonds)
         return cls(
             elements, bonds, packing, float(np.mean(radius)), {"source": "points"}, latlon, earth_radius, density

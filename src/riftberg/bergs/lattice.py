@@ -37,12 +37,23 @@ class Region:
         x and y in m.
     inside : callable
         Takes arrays x, y (m) and returns whether each point lies in the figure.
+    piece : callable, optional
+        Takes arrays x, y (m) of points of the figure and returns numbers of the separate pieces in which they lie, from
+        1; None where the figure is one piece.
+    pieces : int
+        Number of separate pieces.
     """
 
     bounds: tuple[float, float, float, float]
     area: float
     centroid: tuple[float, float]
     inside: Callable[[Floats, Floats], Booleans]
+    piece: Callable[[Floats, Floats], Ints] | None = None
+    pieces: int = 1
+
+    def piece_of(self, lattice: Lattice) -> Ints | None:
+        """Return the number of the piece of each point of a lattice, None where there is one piece."""
+        return None if self.piece is None or self.pieces == 1 else self.piece(lattice.x, lattice.y)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 from riftberg.bergs.lattice import Lattice, lattice_points
 from riftberg.bergs.placement import ReferencePlane
 from riftberg.bergs.raster import Raster
+from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Floats
 
@@ -46,6 +47,10 @@ def makeberg_lattice(
     earth_radius : float
         Radius of the sphere, m.
     """
+    if mask.crs is not None:
+        raise BergError(
+            "a projected mask", where=mask.name, remedy='rules="makeberg" needs a grid of longitude and latitude'
+        )
     lon = mask.lon + shift[0]
     lon = lon + 360 if lon[0] < 0 else lon
     lat = mask.lat + shift[1]

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from riftberg.bergs.feature import needed
+from riftberg.bergs.geotiff import SUFFIXES, read_band
+from riftberg.bergs.lattice import Booleans
+from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Floats
 
@@ -18,43 +25,130 @@ _LAT = ("lat", "latitude", "nav_lat", "y")
 
 @dataclass(frozen=True)
 class Raster:
-    """Values on a longitude-latitude grid.
+    """Values on a longitude-latitude grid, or on the grid of a map projection.
 
     Attributes
     ----------
     lon, lat : ndarray
-        Rising coordinates, degrees (m for Cartesian bergs), of shape (n,) and (m,).
+        Rising coordinates, degrees (m for Cartesian bergs and for projected grids), of shape (n,) and (m,).
     values : ndarray
         Shape (m, n); NaN where nothing is known.
     name : str
         File and variable, for messages.
+    crs : str or None
+        Coordinate system of projected coordinates; None where they are longitude and latitude.
     """
 
     lon: Floats
     lat: Floats
     values: Floats
     name: str
+    crs: str | None = None
 
     def cells(self) -> tuple[Floats, Floats]:
         """Widths of the cells along longitude and latitude, in the units of the coordinates."""
         return np.gradient(self.lon), np.gradient(self.lat)
 
+    def above(self, least: float) -> Raster:
+        """Return the raster with gaps where the values are not above ``least``."""
+        with np.errstate(invalid="ignore"):
+            return replace(self, values=np.where(self.values > least, self.values, np.nan))
+
     def sample(self, lon: Floats, lat: Floats) -> Floats:
         """Return bilinear values at points; gaps are left out of the mean, NaN outside and where all four are gaps."""
-        middle = 0.5 * (self.lon[0] + self.lon[-1])
-        if self.lon[-1] - self.lon[0] <= 360 and abs(self.lon).max() <= 540:
+        total, weight = np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
+        for value, share in self._corners(lon, lat):
+            known = np.isfinite(value)
+            total += np.where(known, value, 0.0) * share
+            weight += known * share
+        with np.errstate(invalid="ignore"):
+            return np.where(weight > 0, total / weight, np.nan)
+
+    def heaviest(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the value of that of the four points around that weighs most and is no gap; NaN without any."""
+        best, weight = np.full(np.shape(lon), np.nan), np.zeros(np.shape(lon))
+        for value, share in self._corners(lon, lat):
+            better = np.isfinite(value) & (share > weight)
+            best, weight = np.where(better, value, best), np.where(better, share, weight)
+        return best
+
+    def _corners(self, lon: Floats, lat: Floats) -> Iterator[tuple[Floats, Floats]]:
+        """Yield values and bilinear weights of the four points around; no weight outside."""
+        if self.crs is not None:
+            lon, lat = projection(self.crs).transform(lon, lat)
+        elif self.lon[-1] - self.lon[0] <= 360 and abs(self.lon).max() <= 540:
+            middle = 0.5 * (self.lon[0] + self.lon[-1])
             lon = middle + (lon - middle + 180) % 360 - 180
         i, a, in_lon = _bracket(self.lon, lon)
         j, b, in_lat = _bracket(self.lat, lat)
-        total, weight = np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
         for dj, wj in ((0, 1 - b), (1, b)):
             for di, wi in ((0, 1 - a), (1, a)):
-                value = self.values[j + dj, i + di]
-                known = np.isfinite(value)
-                total += np.where(known, value, 0.0) * wi * wj
-                weight += known * wi * wj
-        with np.errstate(invalid="ignore"):
-            return np.where(in_lon & in_lat & (weight > 0), total / weight, np.nan)
+                yield self.values[j + dj, i + di], wi * wj * (in_lon & in_lat)
+
+
+@cache
+def projection(crs: str) -> Any:
+    """Return the transformer from longitude and latitude (degrees) to a projection (m)."""
+    return needed("pyproj", "projected grids need it", "geotiff").Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+
+
+def joined(raster: Raster, there: Booleans) -> Raster:
+    """Return a raster whose longitudes begin in the widest gap of the marked cells, so that no seam cuts these.
+
+    Parameters
+    ----------
+    raster : Raster
+        Longitudes in degrees.
+    there : ndarray of bool
+        Marked cells, of the shape of the values; at least one.
+    """
+    lon = np.sort(raster.lon[there.any(axis=0)])
+    gaps = np.append(np.diff(lon), lon[0] + 360.0 - lon[-1])
+    k = int(np.argmax(gaps))
+    if raster.crs is not None or k == len(gaps) - 1:
+        return raster
+    cut = 0.5 * (lon[k] + lon[k + 1])
+    turned = np.where(raster.lon > cut, raster.lon - 360.0, raster.lon)
+    # A grid from 0 to 360 has its first column twice.
+    _, order = np.unique(np.round(turned, 9), return_index=True)
+    return replace(raster, lon=turned[order], values=raster.values[:, order])
+
+
+_MOST_CELLS = 4_000_000
+"""Cells of a grid of longitude and latitude to which a projected mask is brought at most."""
+
+
+def unprojected(raster: Raster, there: Booleans) -> Raster:
+    """Return the part of a projected raster around the marked cells on longitudes and latitudes.
+
+    The new cells are half as wide as the old ones at the middle of the marked ones, for their edges lie askew; values are
+    bilinear.
+
+    Parameters
+    ----------
+    raster : Raster
+        In a map projection; without gaps.
+    there : ndarray of bool
+        Marked cells, of the shape of the values; at least one.
+    """
+    assert raster.crs is not None
+    to_lonlat = partial(projection(raster.crs).transform, direction="INVERSE")
+    lon, lat = to_lonlat(*(c[there] for c in np.meshgrid(raster.lon, raster.lat)))
+    order = np.sort(lon)
+    gaps = np.append(np.diff(order), order[0] + 360.0 - order[-1])
+    k = int(np.argmax(gaps))
+    if k < len(gaps) - 1:
+        lon = np.where(lon > order[k], lon - 360.0, lon)
+    dx, dy = (np.diff(axis).min() for axis in (raster.lon, raster.lat))
+    x, y = projection(raster.crs).transform(lon.mean(), lat.mean())
+    lons, lats = to_lonlat(np.array([x, x + dx, x]), np.array([y, y, y + dy]))
+    narrow = math.cos(lats[0] * DEGREE)
+    step = 0.5 * float(np.hypot(((lons[1:] - lons[0] + 180) % 360 - 180) * narrow, lats[1:] - lats[0]).min())
+    step = max(step, math.sqrt(np.ptp(lon) * narrow * np.ptp(lat) / _MOST_CELLS))
+    fine_lon = np.arange(lon.min() - 2 * step / narrow, lon.max() + 2 * step / narrow, step / narrow)
+    fine_lat = np.arange(lat.min() - 2 * step, lat.max() + 2 * step, step)
+    values = np.nan_to_num(raster.sample(*np.meshgrid(fine_lon, fine_lat)))
+    return Raster(fine_lon, fine_lat, values, raster.name)
 
 
 def _bracket(axis: Floats, points: Floats) -> tuple[Any, Floats, Any]:
@@ -65,15 +159,23 @@ def _bracket(axis: Floats, points: Floats) -> tuple[Any, Floats, Any]:
     return i, np.clip(weight, 0.0, 1.0), (weight >= -0.5) & (weight <= 1.5)
 
 
+def is_map(source: Any) -> bool:
+    """Whether something is a grid, or the name of a file that holds one."""
+    if isinstance(source, str | Path):
+        return Path(source).suffix.lower() in (*SUFFIXES, ".nc", ".nc4", ".cdf", ".zarr")
+    return isinstance(source, Raster | xr.DataArray | xr.Dataset)
+
+
 def read_raster(source: Any, variable: str | None = None, *, date: str | None = None) -> Raster:
     """Read a two-dimensional grid.
 
     Parameters
     ----------
     source : path or xarray.DataArray or xarray.Dataset
-        Anything that xarray opens, with one-dimensional longitude and latitude.
+        Anything that xarray opens, with one-dimensional longitude and latitude; or a GeoTIFF (``.tif``), also in a map
+        projection.
     variable : str, optional
-        Needed where the file holds several two-dimensional variables.
+        Needed where the file holds several two-dimensional variables (number or description of a band).
     date : str, optional
         Nearest time to take where there is a time axis.
     """
@@ -84,8 +186,15 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
         where = str(source)
         if not Path(source).exists():
             raise BergError("file not found", where=where, remedy="Check the path")
-        with xr.open_dataset(source) as opened:
-            source = opened.load()
+        if Path(source).suffix.lower() in SUFFIXES:
+            return _tiff(Path(source), variable, date)
+        try:
+            with xr.open_dataset(source) as opened:
+                source = opened.load()
+        except (OSError, ValueError) as error:
+            raise BergError(
+                f"not a grid ({str(error).splitlines()[0]})", where=where, remedy="Give NetCDF or GeoTIFF"
+            ) from error
     names = [str(n) for n, v in source.data_vars.items() if v.ndim >= 2]
     if variable is None and len(names) == 1:
         variable = names[0]
@@ -96,6 +205,12 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
             remedy=f"Name one with variable=: {', '.join(names) or 'none there'}",
         )
     return _raster(source[variable], f"{where}, {variable}", date)
+
+
+def _tiff(path: Path, variable: str | None, date: str | None) -> Raster:
+    if date is not None:
+        raise BergError("a GeoTIFF has no dates", where=str(path), remedy="Leave out date=")
+    return Raster(*read_band(path, variable))
 
 
 def _coordinate(array: xr.DataArray, names: tuple[str, ...], standard: str, where: str) -> str:

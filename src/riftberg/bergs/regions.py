@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from riftberg.bergs.feature import needed
 from riftberg.bergs.lattice import Booleans, Region
-from riftberg.bergs.outline import needed
 from riftberg.bergs.placement import Plane
-from riftberg.bergs.raster import Raster
+from riftberg.bergs.raster import Raster, joined, unprojected
+from riftberg.bergs.rifts import pieces as connected
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
-from riftberg.state import Floats
+from riftberg.state import Floats, Ints
 
 
 def outline_region(geometry: Any, plane: Plane) -> Region:
@@ -22,54 +24,120 @@ def outline_region(geometry: Any, plane: Plane) -> Region:
     flat = shapely.transform(geometry, plane.forward, interleaved=False)
     shapely.prepare(flat)
     centroid = (flat.centroid.x, flat.centroid.y)
-    return Region(flat.bounds, flat.area, centroid, lambda x, y: shapely.contains_xy(flat, x, y))
+    parts = list(getattr(flat, "geoms", [flat]))
+
+    def piece(x: Floats, y: Floats) -> Ints:
+        number = np.zeros(np.shape(x), dtype=np.int64)
+        for k, part in enumerate(parts, start=1):
+            number[shapely.contains_xy(part, x, y)] = k
+        return number
+
+    return Region(flat.bounds, flat.area, centroid, lambda x, y: shapely.contains_xy(flat, x, y), piece, len(parts))
+
+
+def ice_cells(mask: Raster, threshold: float) -> Booleans:
+    """Return the cells whose values are above a threshold."""
+    found: Booleans = np.nan_to_num(mask.values) > threshold
+    return found
+
+
+@dataclass(frozen=True)
+class Ice:
+    """A mask as fractions of ice.
+
+    Attributes
+    ----------
+    fraction : Raster
+        From 0 to 1, without gaps, on longitudes and latitudes that no seam cuts.
+    level : float
+        There is ice where the bilinear fraction is above this.
+    """
+
+    fraction: Raster
+    level: float
+
+    @classmethod
+    def of(cls, mask: Raster, threshold: float) -> Ice:
+        """Return the ice of a mask, of a fraction or of a thickness.
+
+        Values from 0 to 1 with a positive threshold are fractions, and the edge of the ice lies where they reach the
+        threshold. All others are ice or not, cell by cell, and the edge lies half way between: the bilinear values of
+        a thickness of 200 m beside nothing would exceed any small threshold almost a whole cell outside the ice.
+        """
+        values, there = np.nan_to_num(mask.values), ice_cells(mask, threshold)
+        if not there.any():
+            raise BergError(
+                f"no value above {threshold:g}; the largest is {values.max():g}",
+                where=mask.name,
+                remedy="Lower threshold= or choose another variable",
+            )
+        if threshold > 0.0 and values.min() >= 0.0 and values.max() <= 1.0 + 1e-9:
+            fraction, level = replace(mask, values=values), threshold
+        else:
+            fraction, level = replace(mask, values=there.astype(np.float64)), 0.5
+        return cls(joined(fraction, there) if mask.crs is None else unprojected(fraction, there), level)
+
+    @property
+    def there(self) -> Booleans:
+        """Cells of ice."""
+        found: Booleans = self.fraction.values > self.level
+        return found
+
+    def pieces(self) -> Floats:
+        """Return the numbers (from 1) of the separate pieces of ice, NaN without ice.
+
+        Cells that only touch at a corner are separate: there the bilinear fraction of two full cells is 0.5, which is
+        not above the level, and a corner has no cross-section that could carry a bond.
+        """
+        there = self.there
+        cell = np.full(there.shape, -1, dtype=np.int64)
+        cell[there] = np.arange(there.sum())
+        beside, above = there[:, :-1] & there[:, 1:], there[:-1] & there[1:]
+        first = np.concatenate([cell[:, :-1][beside], cell[:-1][above]])
+        second = np.concatenate([cell[:, 1:][beside], cell[1:][above]])
+        numbers = np.full(there.shape, np.nan)
+        numbers[there] = connected(int(there.sum()), first, second)
+        return numbers
 
 
 def mask_region(
-    mask: Raster,
-    threshold: float,
-    plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], Plane],
+    ice: Ice, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], Plane]
 ) -> tuple[Region, Plane, tuple[float, float]]:
     """Return a mask as a region of the plane that suits it, the plane, and the mask's centroid in degrees.
 
     Parameters
     ----------
-    mask : Raster
-        Mask, fraction or thickness.
-    threshold : float
-        Value above which there is ice.
+    ice : Ice
+        Where there is ice.
     plane_at : callable
         Makes a plane from bounds and centroid (degrees).
     """
-    values = np.nan_to_num(mask.values)
-    ice = values > threshold
-    if not ice.any():
-        raise BergError(
-            f"no value above {threshold:g}; the largest is {values.max():g}",
-            where=mask.name,
-            remedy="Lower threshold= or choose another variable",
-        )
+    mask, there = ice.fraction, ice.there
     width, height = mask.cells()
     lon, lat = np.meshgrid(mask.lon, mask.lat)
     cell = np.outer(height, width) * np.cos(lat * DEGREE)
-    weight = np.where(ice, cell, 0.0)
+    weight = np.where(there, cell, 0.0)
     centroid = (float((weight * lon).sum() / weight.sum()), float((weight * lat).sum() / weight.sum()))
-    west, east = (lon - 0.5 * width)[ice].min(), (lon + 0.5 * width)[ice].max()
-    south, north = (lat - 0.5 * height[:, None])[ice].min(), (lat + 0.5 * height[:, None])[ice].max()
+    west, east = (lon - 0.5 * width)[there].min(), (lon + 0.5 * width)[there].max()
+    south, north = (lat - 0.5 * height[:, None])[there].min(), (lat + 0.5 * height[:, None])[there].max()
     plane = plane_at((west, south, east, north), centroid)
     edges_x, edges_y = plane.forward(*_edge(west, south, east, north))
     bounds = (float(edges_x.min()), float(edges_y.min()), float(edges_x.max()), float(edges_y.max()))
-    # In a fractional mask a cell counts by its fraction; elsewhere it is ice or not.
-    share = values if values.min() >= 0.0 and values.max() <= 1.0 + 1e-9 else ice
-    area = float((share * cell).sum()) * _square_degree(plane, centroid)
+    area = float((mask.values * cell).sum()) * _square_degree(plane, centroid)
 
     def inside(x: Floats, y: Floats) -> Booleans:
-        found: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > threshold
+        found: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > ice.level
         return found
 
-    x, y = plane.forward(lon[ice], lat[ice])
-    middle = (float(np.average(x, weights=cell[ice])), float(np.average(y, weights=cell[ice])))
-    return Region(bounds, area, middle, inside), plane, centroid
+    numbers = ice.pieces()
+    numbered = replace(mask, values=numbers)
+
+    def piece(x: Floats, y: Floats) -> Ints:
+        return np.nan_to_num(numbered.heaviest(*plane.inverse(x, y))).astype(np.int64)
+
+    x, y = plane.forward(lon[there], lat[there])
+    middle = (float(np.average(x, weights=cell[there])), float(np.average(y, weights=cell[there])))
+    return Region(bounds, area, middle, inside, piece, int(np.nanmax(numbers))), plane, centroid
 
 
 def _edge(west: float, south: float, east: float, north: float) -> tuple[Floats, Floats]:

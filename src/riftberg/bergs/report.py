@@ -33,7 +33,9 @@ def describe(berg: BondedBerg) -> str:
     gone, weak = int((b.status != 0).sum()), int(((b.strength < 1) & (b.status == 0)).sum())
     lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
     count = int(e.berg.max())
-    lines.append("  pieces: 1" if count == 1 else f"  pieces: {count}, not bonded to each other")
+    drawn = berg.report.get("outline_pieces", count)
+    told = f" (the outline has {drawn})" if drawn != count else ""
+    lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{told}")
     lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
     return "\n".join(lines)
 

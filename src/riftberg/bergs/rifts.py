@@ -1,27 +1,24 @@
-"""Rifts and scatter of strength: bonds weakened or removed before a run starts.
+"""Rifts: bonds weakened or removed before a run starts.
 
-`riftberg.state.Bonds.strength` multiplies the fracture thresholds of a bond (1 is nominal). Rifts and scatter both
-multiply what is there, so they may be combined in any order.
+`riftberg.state.Bonds.strength` multiplies the fracture thresholds of a bond (1 is nominal). Rifts and scatter
+(`riftberg.bergs.strength`) both multiply what is there, so they may be combined in any order.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from riftberg.bergs.bonding import count_bonds
 from riftberg.bergs.lattice import Booleans
 from riftberg.bergs.outline import line_strings
-from riftberg.bergs.raster import Raster, read_raster
+from riftberg.bergs.raster import Raster, is_map, read_raster
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
-from riftberg.state import Bonds, Elements, Floats, Ints
-
-Distribution = Literal["weibull", "normal", "uniform"]
+from riftberg.state import Bonds, Elements, Ints
 
 GONE = 2
 """Status of a bond that no longer exists (`riftberg.state`)."""
@@ -76,7 +73,7 @@ def crossed_by(
     elements: Elements, bonds: Bonds, rift: Any, *, latlon: bool, crs: str | None = None, threshold: float = 0.5
 ) -> Booleans:
     """Return which unbroken bonds a rift crosses: a mask, or lines in any form that `line_strings` reads."""
-    if isinstance(rift, Raster | xr.DataArray):
+    if is_map(rift):
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
         crossed = crossed_by_mask(elements, bonds, mask, threshold)
     else:
@@ -123,37 +120,3 @@ def pieces(size: int, first: Ints, second: Ints) -> Ints:
         label = new
     numbers: Ints = np.unique(label, return_inverse=True)[1].astype(np.int64) + 1
     return numbers
-
-
-def scatter(size: int, distribution: Distribution, *, shape: float | None, spread: float | None, seed: int) -> Floats:
-    """Draw relative strengths of mean 1.
-
-    Parameters
-    ----------
-    size : int
-        Number of bonds.
-    distribution : {"weibull", "normal", "uniform"}
-        Weibull of modulus ``shape`` (default 10); normal of standard deviation ``spread`` (default 0.1), values that
-        are not positive drawn again; uniform between 1 - ``spread`` and 1 + ``spread``.
-    shape, spread : float, optional
-        See above.
-    seed : int
-        Seed of ``numpy.random.default_rng``.
-    """
-    generator = np.random.default_rng(seed)
-    spread = 0.1 if spread is None else spread
-    if distribution == "weibull":
-        modulus = 10.0 if shape is None else shape
-        if not modulus > 0:
-            raise BergError(f"Weibull modulus {modulus}", where="strength", remedy="Give a positive shape")
-        return generator.weibull(modulus, size) / math.gamma(1.0 + 1.0 / modulus)
-    if not 0 <= spread < 1:
-        raise BergError(f"spread {spread}", where="strength", remedy="Give a spread from 0 up to, not including, 1")
-    if distribution == "uniform":
-        return generator.uniform(1.0 - spread, 1.0 + spread, size)
-    if distribution != "normal":
-        raise BergError(f"distribution {distribution!r}", where="strength", remedy="Use weibull, normal or uniform")
-    values = generator.normal(1.0, spread, size)
-    while (low := values <= 0).any():
-        values[low] = generator.normal(1.0, spread, int(low.sum()))
-    return values

@@ -42,8 +42,10 @@ class Outline(Section):
 class Mask(Section):
     """Shape from a grid of ones and zeros, or of thickness."""
 
-    file: str = key(..., "", "NetCDF or GeoTIFF grid with longitude and latitude")
-    variable: str | None = key(None, "", "variable of the file")
+    file: str = key(
+        ..., "", "NetCDF grid with longitude and latitude, or GeoTIFF (extra geotiff), also in a map projection"
+    )
+    variable: str | None = key(None, "", "variable of the file; of a GeoTIFF the number or description of a band")
     threshold: float | None = key(None, "", "value above which a point is ice")
     date: str | None = key(None, "", "time of the file")
 
@@ -62,8 +64,56 @@ class LatticeRows(Section):
     cell_radius: float = key(1500.0, "m", "half the side of a cell of these rows", gt=0)
 
 
+class Rift(Section):
+    """Bonds weakened or removed along lines, or where a mask says."""
+
+    file: str | None = key(None, "", "lines (GeoJSON, shapefile, CSV, KML) or a mask (NetCDF, GeoTIFF)")
+    points: list[Pair] | None = key(
+        None, "degree", "longitude and latitude of the vertices of a line, instead of a file"
+    )
+    strength: float = key(0.0, "1", "factor on the strength of the bonds crossed", ge=0, le=1)
+    broken: bool = key(False, "", "remove the bonds crossed instead")
+    crs: str | None = key(None, "", "coordinate system of projected coordinates of lines, such as EPSG:3031")
+    variable: str | None = key(None, "", "variable of a mask")
+    threshold: float = key(0.5, "", "value of a mask above which there is a rift")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Rift:
+        if (self.file is None) == (self.points is None):
+            raise ValueError("a rift needs exactly one of file and points")
+        if self.points is not None and len(self.points) < 2:
+            raise ValueError("the points of a rift are at least two")
+        if self.broken and "strength" in self.model_fields_set:
+            raise ValueError("a rift has either a strength or broken: true")
+        return self
+
+
+STRENGTHS = ("weibull", "normal", "uniform", "file")
+"""Ways to give the strengths of the bonds."""
+
+
+class Strength(Section):
+    """Relative strengths of the bonds: drawn with mean 1, or from a map."""
+
+    weibull: float | None = key(None, "1", "modulus of a Weibull distribution", gt=0)
+    normal: float | None = key(None, "1", "standard deviation of a normal distribution, values above zero", ge=0, lt=1)
+    uniform: float | None = key(None, "1", "half width of a uniform distribution", ge=0, lt=1)
+    file: str | None = key(None, "", "map of relative strength (NetCDF, GeoTIFF), read at the middles of the bonds")
+    variable: str | None = key(None, "", "variable of the map")
+    seed: int = key(1, "", "seed of the distribution: the same seed gives the same strengths", ge=0)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Strength:
+        given = [name for name in STRENGTHS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"the strength needs exactly one of {', '.join(STRENGTHS)}")
+        if given[0] == "file" and "seed" in self.model_fields_set:
+            raise ValueError("a map of strength has no seed")
+        return self
+
+
 class Berg(Section):
-    """The iceberg: one shape, thickness, elements and place."""
+    """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
     outline: Outline | None = None
     mask: Mask | None = None
@@ -77,6 +127,8 @@ class Berg(Section):
     shift: Pair = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
     velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
     spin: float = key(0.0, "rad s-1", "angular velocity at the start, counter-clockwise")
+    rifts: list[Rift] = key([], "", "weak or missing bonds where the berg lies at the start, a list of sections")
+    strength: Strength | None = key(None, "", "scatter of the strength of the bonds, a section of its own")
 
     @model_validator(mode="after")
     def _one_shape(self) -> Berg:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from riftberg.errors import InputError
+from riftberg.errors import BergError, InputError
 from riftberg.experiments import Info, Options, nearest
 from riftberg.experiments.changes import (
     allowed,
@@ -21,7 +22,15 @@ from riftberg.experiments.changes import (
     plain_value,
     reference_numerics,
 )
-from riftberg.experiments.schema import PRESETS, ConstantForcing, Experiment, ExperimentForcing, FileForcing
+from riftberg.experiments.schema import (
+    PRESETS,
+    ConstantForcing,
+    Experiment,
+    ExperimentForcing,
+    FileForcing,
+    Rift,
+    Strength,
+)
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 if TYPE_CHECKING:
@@ -157,6 +166,11 @@ def _prepared(values: Any, section: type[BaseModel], place: Place, document: Doc
 
 
 def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> Any:
+    listed = _sections_listed(field)
+    if listed is not None:
+        if not isinstance(value, list):
+            raise document.error(f"{value!r} is no list of sections", place, f"Each has the keys {_keys(listed)}")
+        return [_prepared(item, listed, (*place, index), document) for index, item in enumerate(value)]
     inner = _section_of(value, field, place, document)
     if inner is not None:
         return _prepared(value, inner, place, document)
@@ -190,6 +204,14 @@ def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) 
     return _KINDS[kind]
 
 
+def _sections_listed(field: FieldInfo) -> type[BaseModel] | None:
+    """Return the section of which a field holds a list, None for other fields."""
+    if get_origin(field.annotation) is not list:
+        return None
+    (kind,) = get_args(field.annotation)
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
 def _explained(error: ValidationError, document: Document) -> InputError:
     """Turn the first finding of pydantic into a message with its place."""
     first = error.errors()[0]
@@ -206,12 +228,14 @@ def _explained(error: ValidationError, document: Document) -> InputError:
 def _field_at(place: Place) -> FieldInfo | None:
     """Return the field of the schema at a place."""
     section: type[BaseModel] = Experiment
-    for depth, part in enumerate(place):
-        choices = _KINDS.values() if place[:depth] == ("forcing",) else (section,)
-        field = next((c.model_fields[str(part)] for c in choices if str(part) in c.model_fields), None)
-        if field is None or depth == len(place) - 1:
+    names = [part for part in place if isinstance(part, str)]  # without the numbers of what stands in lists
+    for depth, part in enumerate(names):
+        choices = _KINDS.values() if names[:depth] == ["forcing"] else (section,)
+        field = next((c.model_fields[part] for c in choices if part in c.model_fields), None)
+        if field is None or depth == len(names) - 1:
             return field
         inner = [k for k in kinds_of(field.annotation) if isinstance(k, type) and issubclass(k, BaseModel)]
+        inner = [listed] if (listed := _sections_listed(field)) else inner
         if not inner:
             return field
         section = inner[0]
@@ -284,7 +308,50 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
 
 
 def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
-    """Build the berg of an experiment."""
+    """Build the berg of an experiment, with its rifts and the strengths of its bonds."""
+    berg = _whole_berg(experiment, parameters, folder)
+    for index, rift in enumerate(experiment.berg.rifts):
+        with _named(f"berg.rifts.{index}"):
+            berg = _with_rift(berg, rift, folder)
+    if experiment.berg.strength is not None:
+        with _named("berg.strength"):
+            berg = _with_strength(berg, experiment.berg.strength, folder)
+    return berg
+
+
+@contextmanager
+def _named(key: str) -> Iterator[None]:
+    """Name the key of the file in errors about what it holds."""
+    try:
+        yield
+    except BergError as error:
+        where = f"{key}, {error.where}" if error.where else key
+        raise BergError(error.what, where=where, remedy=error.remedy) from error
+
+
+def _with_rift(berg: Iceberg, rift: Rift, folder: Path) -> Iceberg:
+    from riftberg.bergs.raster import is_map, read_raster
+
+    source: Any = rift.points
+    if rift.file is not None:
+        path = folder / rift.file
+        source = read_raster(path, rift.variable) if is_map(path) else path
+    return berg.with_rifts(source, strength=rift.strength, broken=rift.broken, crs=rift.crs, threshold=rift.threshold)
+
+
+def _with_strength(berg: Iceberg, strength: Strength, folder: Path) -> Iceberg:
+    from riftberg.bergs.raster import read_raster
+
+    if strength.file is not None:
+        return berg.with_strength(read_raster(folder / strength.file, strength.variable))
+    if strength.weibull is not None:
+        return berg.with_strength("weibull", shape=strength.weibull, seed=strength.seed)
+    if strength.normal is not None:
+        return berg.with_strength("normal", spread=strength.normal, seed=strength.seed)
+    return berg.with_strength("uniform", spread=strength.uniform, seed=strength.seed)
+
+
+def _whole_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
     berg = experiment.berg

@@ -1,0 +1,74 @@
+"""Grids from GeoTIFF files, in longitude and latitude or in a map projection.
+
+Needs the optional packages of the extra ``geotiff`` (rasterio, pyproj), imported when first used.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from riftberg.bergs.feature import needed
+from riftberg.errors import BergError
+from riftberg.state import Floats
+
+SUFFIXES = (".tif", ".tiff", ".gtiff")
+
+
+def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, Floats, str, str | None]:
+    """Read a band of a GeoTIFF.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    variable : str, optional
+        Number (from 1) or description of the band; needed where there are several.
+
+    Returns
+    -------
+    x, y : ndarray
+        Rising coordinates of the centres of the cells: degrees, or m where projected.
+    values : ndarray
+        Shape (len(y), len(x)); NaN where the file says that there is no data.
+    name : str
+        File and band, for messages.
+    crs : str or None
+        Coordinate system of projected coordinates.
+    """
+    rasterio = needed("rasterio", "GeoTIFF files need it", "geotiff")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with rasterio.open(path) as file:
+                band = _band(file, variable, str(path))
+                values = np.ma.filled(file.read(band, masked=True).astype(np.float64), np.nan)
+                transform, system = file.transform, file.crs
+    except rasterio.errors.RasterioIOError as error:
+        raise BergError(f"not a GeoTIFF ({error})", where=str(path), remedy="Write the grid again") from error
+    where = f"{path}, band {band}"
+    if system is None or transform.is_identity:
+        raise BergError("no coordinates", where=where, remedy="Write a GeoTIFF with transform and coordinate system")
+    if transform.b or transform.d:
+        raise BergError("a turned grid", where=where, remedy="Warp it to a grid along its coordinates")
+    if min(values.shape) < 2:
+        raise BergError(f"shape {values.shape}", where=where, remedy="Give a grid of at least 2 by 2 points")
+    x = transform.c + transform.a * (np.arange(values.shape[1]) + 0.5)
+    y = transform.f + transform.e * (np.arange(values.shape[0]) + 0.5)
+    columns, rows = np.argsort(x), np.argsort(y)
+    crs = None if system.is_geographic else str(system.to_wkt())
+    return x[columns], y[rows], values[np.ix_(rows, columns)], where, crs
+
+
+def _band(file: Any, variable: str | None, where: str) -> int:
+    """Return the number of the band that is meant."""
+    names = {str(number): number for number in file.indexes}
+    names |= {text: number for number, text in zip(file.indexes, file.descriptions, strict=True) if text}
+    if variable is None and file.count == 1:
+        return 1
+    if variable not in names:
+        raise BergError(f"no band {variable!r}", where=where, remedy=f"Name one with variable=: {', '.join(names)}")
+    return int(names[variable])

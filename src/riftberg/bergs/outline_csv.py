@@ -1,0 +1,109 @@
+"""Outlines and lines from tables of vertices (CSV)."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from riftberg.bergs.feature import Feature, needed, polygon
+from riftberg.errors import BergError
+
+LON_NAMES = ("lon", "longitude", "long", "x", "easting")
+LAT_NAMES = ("lat", "latitude", "y", "northing")
+FEATURE_COLUMNS = ("date", "time", "id", "name", "feature", "fragment", "variable")
+RING_COLUMNS = ("ring", "part", "polygon")
+LINE_COLUMNS = ("line", "rift", "segment")
+"""Columns that part the vertices of rifts into lines, besides those of features and rings."""
+
+Points = list[tuple[float, float]]
+
+
+def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
+    """Return the features of a table of vertices, one row each.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Table with columns of longitude and latitude, separated by commas, semicolons or tabs. Rows belong together
+        that are alike in all of `FEATURE_COLUMNS` and `RING_COLUMNS` (for lines also `LINE_COLUMNS`) that are there.
+    lines : bool
+        Join the vertices to open lines instead of closed rings.
+    """
+    rows, separator = _rows(path)
+    columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
+    lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))
+    if lon is None or lat is None:
+        raise BergError(
+            f"no columns of longitude and latitude among {', '.join(columns) or 'none'}",
+            where=str(path),
+            remedy="Name them lon and lat in the first line",
+        )
+    keys = [columns[n] for n in FEATURE_COLUMNS if n in columns]
+    parts = [columns[n] for n in (*RING_COLUMNS, *(LINE_COLUMNS if lines else ())) if n in columns]
+    groups: dict[tuple[str, ...], dict[tuple[str, ...], Points]] = {}
+    for number, row in enumerate(rows, start=2):
+        try:
+            point = (_number(row[lon], separator), _number(row[lat], separator))
+        except (TypeError, ValueError) as error:
+            raise BergError(
+                f"'{row[lon]}', '{row[lat]}' are not numbers",
+                where=f"{path}, line {number}",
+                remedy="Write decimal degrees",
+            ) from error
+        key, part = tuple(row[k] for k in keys), tuple(row[k] for k in parts)
+        groups.setdefault(key, {}).setdefault(part, []).append(point)
+    combined = _lines if lines else _rings
+    return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
+
+
+def _rows(path: Path) -> tuple[list[dict[str, str]], str]:
+    """Return the rows of a table by column, and its separator."""
+    text = _text(path.read_bytes())
+    header = text.partition("\n")[0]
+    separator = max(",;\t", key=header.count)
+    lines = [line for line in text.splitlines() if line.strip(" ,;\t")]
+    return list(csv.DictReader(lines, delimiter=separator)), separator
+
+
+def _text(content: bytes) -> str:
+    """Decode a table; programs that do not write UTF-8 write UTF-16 with a mark, or an 8-bit set (names only)."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _number(text: str, separator: str) -> float:
+    """Return a number; where commas do not separate columns they may stand for the decimal point."""
+    return float(text if separator == "," else text.replace(",", "."))
+
+
+def _rings(rings: list[Points], path: Path) -> Any:
+    """Combine rings by the even-odd rule, so that a ring inside a ring is a hole."""
+    geometry: Any = None
+    for ring in rings:
+        area = polygon(ring, [], str(path))
+        if geometry is not None and not (area.is_valid and geometry.is_valid):
+            raise BergError("a ring crosses itself", where=str(path), remedy="Repair the ring or leave it out")
+        geometry = area if geometry is None else geometry.symmetric_difference(area)
+    return geometry
+
+
+def _lines(lines: list[Points], path: Path) -> Any:
+    for line in lines:
+        if len(line) < 2:
+            raise BergError(
+                "a line of 1 vertex",
+                where=str(path),
+                remedy="A line needs at least 2 rows; rows of a line are alike in "
+                + ", ".join((*FEATURE_COLUMNS, *RING_COLUMNS, *LINE_COLUMNS)),
+            )
+        if not np.isfinite(line).all():
+            raise BergError("vertices that are not numbers", where=str(path), remedy="Remove them")
+    return needed("shapely").MultiLineString(lines)

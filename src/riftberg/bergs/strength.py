@@ -1,0 +1,96 @@
+"""Strengths of bonds: drawn from a distribution, given one by one, or read from a map.
+
+`riftberg.state.Bonds.strength` multiplies the fracture thresholds of a bond (1 is nominal).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from riftberg.bergs.raster import Raster, read_raster
+from riftberg.errors import BergError
+from riftberg.state import Bonds, Elements, Floats
+
+Distribution = Literal["weibull", "normal", "uniform"]
+DISTRIBUTIONS = get_args(Distribution)
+
+
+def listed(values: Any, size: int) -> Floats:
+    """Return given relative strengths, one for each of ``size`` bonds, if they are that."""
+    try:
+        strengths = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BergError(f"{error}", where="strength", remedy=f"Give {size} numbers, one per bond") from error
+    if strengths.shape != (size,):
+        raise BergError(
+            f"values of shape {strengths.shape} for {size} bonds",
+            where="strength",
+            remedy="Give one value per bond, in the order of berg.bonds, a map, or a distribution",
+        )
+    _check(strengths, [f"bond {k}" for k in range(size)])
+    return strengths
+
+
+def mapped(source: Any, elements: Elements, bonds: Bonds) -> Floats:
+    """Return the values of a map (Raster, DataArray, file) at the middles of the bonds."""
+    raster = source if isinstance(source, Raster) else read_raster(source)
+    lon, lat = (0.5 * (a[bonds.first] + a[bonds.second]) for a in (elements.lon, elements.lat))
+    values = raster.sample(lon, lat)
+    places = [f"{x:.4f}, {y:.4f}" for x, y in zip(lon, lat, strict=True)]
+    missing = np.isnan(values)
+    if missing.any():
+        raise BergError(
+            f"no strength for {missing.sum()} of {len(values)} bonds, the first at {places[int(np.argmax(missing))]}",
+            where=raster.name,
+            remedy="Extend the map or fill its gaps",
+        )
+    _check(values, places)
+    return values
+
+
+def _check(strengths: Floats, places: list[str]) -> None:
+    bad = ~(np.isfinite(strengths) & (strengths > 0.0))
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise BergError(
+            f"strength {strengths[k]:g} ({bad.sum()} of {len(bad)} values are not positive numbers)",
+            where=f"strength, {places[k]}",
+            remedy="Give positive factors, 1 where a bond is as strong as the parameters say",
+        )
+
+
+def scatter(size: int, distribution: Distribution, *, shape: float | None, spread: float | None, seed: int) -> Floats:
+    """Draw relative strengths of mean 1.
+
+    Parameters
+    ----------
+    size : int
+        Number of bonds.
+    distribution : {"weibull", "normal", "uniform"}
+        Weibull of modulus ``shape`` (default 10); normal of standard deviation ``spread`` (default 0.1), values that
+        are not positive drawn again; uniform between 1 - ``spread`` and 1 + ``spread``.
+    shape, spread : float, optional
+        See above.
+    seed : int
+        Seed of ``numpy.random.default_rng``.
+    """
+    generator = np.random.default_rng(seed)
+    spread = 0.1 if spread is None else spread
+    if distribution == "weibull":
+        modulus = 10.0 if shape is None else shape
+        if not modulus > 0:
+            raise BergError(f"Weibull modulus {modulus}", where="strength", remedy="Give a positive shape")
+        return generator.weibull(modulus, size) / math.gamma(1.0 + 1.0 / modulus)
+    if not 0 <= spread < 1:
+        raise BergError(f"spread {spread}", where="strength", remedy="Give a spread from 0 up to, not including, 1")
+    if distribution == "uniform":
+        return generator.uniform(1.0 - spread, 1.0 + spread, size)
+    if distribution != "normal":
+        raise BergError(f"distribution {distribution!r}", where="strength", remedy=f"Use {', '.join(DISTRIBUTIONS)}")
+    values = generator.normal(1.0, spread, size)
+    while (low := values <= 0).any():
+        values[low] = generator.normal(1.0, spread, int(low.sum()))
+    return values
