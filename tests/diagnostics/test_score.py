@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 import xarray as xr
 from matplotlib.image import imread
 
@@ -17,11 +18,13 @@ from fakes import FakeModel
 from riftberg.diagnostics.observed import Fix, Observed
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
+    WORST,
     aligned_overlap,
     axis_difference,
     distance,
     group_fragments,
     overlap,
+    pair_cost,
     polygon_moments,
 )
 from riftberg.diagnostics.score import score_run
@@ -202,7 +205,44 @@ def test_overlap_of_squares() -> None:
     a, b = shapely.box(0, 0, 2, 1), shapely.box(1, 0, 3, 1)
     assert overlap(a, b) == pytest.approx(1.0 / 3.0)
     assert aligned_overlap(a, b) == pytest.approx(1.0)
-    assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(90, 0, 91, 1)]) == [[1], [2]]
+    assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(53, 0, 54, 1)]) == [[1], [2]]
+
+
+def test_the_tip_that_stayed_behind_is_the_piece_beside_it_not_the_larger_one_far_away() -> None:
+    """Bug: of two observed pieces that nothing overlaps the larger one took the fragment, 186 km away, like A68F that of A68D.
+
+    Sizes and distances (km) are about those of 24 December.
+    """
+    berg, finger, tip = shapely.box(0, 0, 45, 77), shapely.box(20, -40, 40, -15), shapely.box(-60, 180, -43, 196)
+    seen_berg, seen_finger = shapely.box(3, 4, 43, 68), shapely.box(45, -45, 65, -15)
+    seen_tip, seen_other = shapely.box(-37, 177, -25, 189), shapely.box(70, 40, 85, 55)
+    pieces = [seen_berg, seen_finger, seen_other, seen_tip]
+    assert [p.area for p in pieces] == sorted((p.area for p in pieces), reverse=True)
+    assert group_fragments({1: berg, 3: finger, 2: tip}, pieces) == [[1], [3], [], [2]]
+    # The best for all: the one piece that two fragments may be goes to the fragment that has no other.
+    assert group_fragments({1: shapely.box(0, 0, 10, 10), 2: shapely.box(24, 0, 34, 10)},
+                           [shapely.box(12, 0, 22, 10), shapely.box(-13, 0, -3, 10)]) == [[2], [1]]  # fmt: skip
+
+
+def test_beyond_three_diameters_or_four_times_the_area_a_piece_is_no_fragment() -> None:
+    square = shapely.box(0, 0, 1, 1)  # diameter of the circle of its area: 1.128
+    near, far = shapely.box(3.35, 0, 4.35, 1), shapely.box(3.45, 0, 4.45, 1)
+    assert math.isfinite(pair_cost(square, near))
+    assert pair_cost(square, far) == math.inf
+    assert pair_cost(square, far, main=True) < WORST  # the berg itself is known
+    large, larger = shapely.box(1.1, 0, 3.05, 2), shapely.box(1.1, 0, 3.15, 2)
+    for pair in ((square, large), (large, square)):
+        assert math.isfinite(pair_cost(*pair))
+    for pair in ((square, larger), (larger, square)):
+        assert pair_cost(*pair) == math.inf
+    # A chip of a broken berg that lies on the piece may be it, a whole berg that lies on a chip is not.
+    whole = shapely.box(0, 0, 3, 3)
+    assert math.isfinite(pair_cost(square, whole))
+    assert pair_cost(whole, square) == math.inf
+    assert pair_cost(square, square) == 0.0
+    # Scale does not matter.
+    wide = (shapely.affinity.scale(a, 1e3, 1e3, origin=(0, 0)) for a in (square, near))
+    assert pair_cost(*wide) == pytest.approx(pair_cost(square, near))
 
 
 def test_headings_are_drawn_without_jumps_also_where_the_axes_come_to_lie_across_each_other() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.diagnostics.assignment import best_pairs
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.viz.plane import Plane
@@ -18,9 +19,21 @@ if TYPE_CHECKING:
 TWINS: Final = 0.8
 """Two outlines of a day that overlap more than this (intersection over union) are one piece drawn twice."""
 
+REACH: Final = 3.0
+"""Mean diameters between the centroids beyond which a fragment and a piece that do not overlap are not the same."""
+
+LARGEST_RATIO: Final = 4.0
+"""Ratio of areas beyond which a fragment is not the piece."""
+
+WORST: Final = 3.0
+"""Cost of a pair that may just be, and of a piece that stays without a fragment."""
+
 
 def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry]) -> list[list[int]]:
     """Return which fragments make up each observed piece.
+
+    Each piece gets at most one fragment first, all pieces together in the best way (`pair_cost`). A fragment that is
+    left joins the piece whose overlap, centroid on centroid, it makes better.
 
     Parameters
     ----------
@@ -32,17 +45,19 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
     Returns
     -------
     list of list of int
-        Numbers of fragments for each piece.
+        Numbers of fragments for each piece; empty where none may be it.
     """
     union = shapely_module().union_all
+    numbers = list(shapes)
+    cost = np.array(
+        [[pair_cost(shapes[n], p, main=i == k == 0) for i, n in enumerate(numbers)] for k, p in enumerate(pieces)]
+    )
     groups: list[list[int]] = [[] for _ in pieces]
     free = dict(shapes)
-    pairs = sorted(((overlap(s, p), n, k) for n, s in shapes.items() for k, p in enumerate(pieces)), reverse=True)
-    for iou, number, k in pairs:
-        if iou > 0.0 and number in free and not groups[k]:
-            groups[k] = [number]
-            del free[number]
-    for number, shape in list(free.items()):
+    for k, column in best_pairs(cost.reshape(len(pieces), len(numbers)), alone=WORST):
+        groups[k] = [numbers[column]]
+        del free[numbers[column]]
+    for number, shape in free.items():
         gains = [
             aligned_overlap(union([shapes[n] for n in (*group, number)]), piece)
             - aligned_overlap(union([shapes[n] for n in group]), piece)
@@ -50,16 +65,36 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
             else 0.0
             for group, piece in zip(groups, pieces, strict=True)
         ]
-        if max(gains) > 0.0 and shape.area > 0.0:
+        if max(gains, default=0.0) > 0.0 and shape.area > 0.0:
             groups[int(np.argmax(gains))].append(number)
-            del free[number]
-    for k, piece in enumerate(pieces):
-        # A piece that nothing overlaps is taken to be the nearest fragment left.
-        if not groups[k] and free:
-            nearest = min(free, key=lambda n: free[n].centroid.distance(piece.centroid))
-            groups[k] = [nearest]
-            del free[nearest]
     return groups
+
+
+def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -> float:
+    """Return how badly a fragment answers to an observed piece, 0 to `WORST`; infinite where it is not that piece.
+
+    The cost is the sum of three parts from 0 to 1: what the overlap (intersection over union) lacks, the distance of the
+    centroids as a part of the largest that may be, and the logarithm of the ratio of areas as a part of that of
+    `LARGEST_RATIO`. A fragment is not the piece if it has more than `LARGEST_RATIO` times its area; or if they do not overlap
+    and it has less than that part of it, or lies further away than `REACH` times the mean diameter of both (of circles of
+    their areas).
+
+    Parameters
+    ----------
+    shape, piece : shapely Polygon or MultiPolygon
+        Outlines of the fragment and the piece, m.
+    main : bool, optional
+        Both are the largest there is: the berg is known however far the run has gone astray.
+    """
+    if min(shape.area, piece.area) <= 0.0:
+        return math.inf
+    iou, ratio = overlap(shape, piece), float(shape.area / piece.area)
+    diameters = [2.0 * math.sqrt(a.area / math.pi) for a in (shape, piece)]
+    away = float(shape.centroid.distance(piece.centroid)) / (REACH * 0.5 * sum(diameters))
+    unlike = abs(math.log(ratio)) / math.log(LARGEST_RATIO)
+    if ratio > LARGEST_RATIO or (iou == 0.0 and (unlike > 1.0 or (away > 1.0 and not main))):
+        return math.inf
+    return 1.0 - iou + min(away, 1.0) + min(unlike, 1.0)
 
 
 def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
