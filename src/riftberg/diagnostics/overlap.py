@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,11 +26,16 @@ REACH: Final = 3.0
 LARGEST_RATIO: Final = 4.0
 """Ratio of areas beyond which a fragment is not the piece."""
 
+KEPT: Final = 0.5
+"""Part of its cost that a pair has if it held the time before: a fragment does not change its name without need."""
+
 WORST: Final = 3.0
 """Cost of a pair that may just be, and of a piece that stays without a fragment."""
 
 
-def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry]) -> list[list[int]]:
+def group_fragments(
+    shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry], before: Mapping[int, int] | None = None
+) -> list[list[int]]:
     """Return which fragments make up each observed piece.
 
     Each piece gets at most one fragment first, all pieces together in the best way (`pair_cost`). A fragment that is
@@ -41,6 +47,8 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
         Outlines of the fragments, largest first.
     pieces : sequence
         Observed outlines, largest first.
+    before : mapping, optional
+        Fragments that answered to a piece (by its index) the time before: such a pair costs only `KEPT` of its cost.
 
     Returns
     -------
@@ -48,13 +56,14 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
         Numbers of fragments for each piece; empty where none may be it.
     """
     union = shapely_module().union_all
-    numbers = list(shapes)
-    cost = np.array(
-        [[pair_cost(shapes[n], p, main=i == k == 0) for i, n in enumerate(numbers)] for k, p in enumerate(pieces)]
-    )
+    numbers, before = list(shapes), before or {}
+    cost = np.empty((len(pieces), len(numbers)))
+    for (k, piece), (i, number) in product(enumerate(pieces), enumerate(numbers)):
+        same = KEPT if before.get(k) == number else 1.0
+        cost[k, i] = same * pair_cost(shapes[number], piece, main=i == k == 0)
     groups: list[list[int]] = [[] for _ in pieces]
     free = dict(shapes)
-    for k, column in best_pairs(cost.reshape(len(pieces), len(numbers)), alone=WORST):
+    for k, column in best_pairs(cost, alone=WORST):
         groups[k] = [numbers[column]]
         del free[numbers[column]]
     for number, shape in free.items():
@@ -68,6 +77,14 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
         if max(gains, default=0.0) > 0.0 and shape.area > 0.0:
             groups[int(np.argmax(gains))].append(number)
     return groups
+
+
+def same_pieces(earlier: Sequence[BaseGeometry], pieces: Sequence[BaseGeometry]) -> dict[int, int]:
+    """Return which piece (by its index) is which one of an earlier time, all in the best way."""
+    cost = np.empty((len(pieces), len(earlier)))
+    for (k, piece), (i, other) in product(enumerate(pieces), enumerate(earlier)):
+        cost[k, i] = pair_cost(other, piece)
+    return dict(best_pairs(cost, alone=WORST))
 
 
 def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -> float:
