@@ -173,9 +173,12 @@ def test_a_fragment_goes_by_the_name_seen_when_it_broke_off(run: xr.Dataset) -> 
 
 def test_of_the_names_seen_first_the_berg_is_the_nearest(run: xr.Dataset) -> None:
     """Bug: in a table of all bergs it was the first in the alphabet."""
-    fixes = [Fix(name, datetime(2020, 12, 9), True, lon, -55.0) for name, lon in (("A23A", -45.0), ("A68A", -39.1))]
+    fixes = [
+        Fix(name, datetime(2020, 12, 9), True, lon, -55.0)
+        for name, lon in (("A23A", -45.0), ("A68A", -39.1), ("B1", 120.0))
+    ]
     matches = score_run(run, Observed("all", fixes=fixes)).days[0].matches
-    assert {m.observed: m.fragments for m in matches} == {"A23A": [], "A68A": [1]}
+    assert {m.observed: m.fragments for m in matches} == {"A23A": [], "A68A": [1]}  # B1 is left out
 
 
 def test_a_day_is_compared_at_the_hour_asked_for(run: xr.Dataset) -> None:

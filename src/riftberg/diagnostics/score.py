@@ -56,6 +56,9 @@ FIX_REACH: Final = 100e3
 """Mean distance (m) within which a position can be that of a small fragment: positions have no size, and scatter by tens
 of km between sensors."""
 
+STRANGE: Final = 500e3
+"""Distance (m) beyond which another berg of a table has nothing to do with the run, and is left out."""
+
 DRIFT: Final = 0.2
 """Usual drift of a large berg, m s-1."""
 
@@ -201,14 +204,15 @@ def score_run(
     judge = _Judge(scene, tuple(together))
     start: datetime = scene.times[0].astype("datetime64[s]").item()
     wanted = start.hour + start.minute / 60.0 if hour is None else hour
+    fixes = [f for f in observed.fixes if interpolated or not f.interpolated]
+    names = judge.name_fragments(fixes, wanted)
+    strangers = judge.strangers(fixes, wanted) - set(names)
     groups: dict[datetime, list[Outline | Fix]] = {}
-    items: list[Outline | Fix] = [*observed.outlines, *observed.fixes]
+    items: list[Outline | Fix] = [*observed.outlines, *(f for f in fixes if f.name not in strangers)]
     for item in items:
-        if isinstance(item, Outline) or interpolated or not item.interpolated:
-            when = item.when + timedelta(hours=wanted) if item.day_only else item.when
-            groups.setdefault(when, []).append(item)
+        when = item.when + timedelta(hours=wanted) if item.day_only else item.when
+        groups.setdefault(when, []).append(item)
     days = []
-    names = judge.name_fragments([f for f in observed.fixes if interpolated or not f.interpolated], wanted)
     for when in sorted(groups):
         record = judge.record(when)
         if record is not None and (between is None or between[0] <= when <= between[1]):
@@ -344,6 +348,17 @@ class _Judge:
                 cost[k, i] = apart + DRIFT * self._wait(number, seen[name][0][0])
         alone = float(cost[np.isfinite(cost)].max(initial=FIX_REACH))
         return {main: largest} | {rest[k]: others[i] for k, i in best_pairs(cost, alone)}
+
+    def strangers(self, fixes: list[Fix], hour: float) -> set[str]:
+        """Return the bergs that never came within `STRANGE` of the run's largest fragment: tables may hold all there are."""
+        near: set[str] = set()
+        for fix in fixes:
+            record = self.record(fix.when + timedelta(hours=hour) if fix.day_only else fix.when)
+            if record is not None and fix.name not in near:
+                here = self.position(record, self.fragments(record)[:1])
+                if distance(here.lon, here.lat, fix.lon, fix.lat, self.scene.radius) <= STRANGE:
+                    near.add(fix.name)
+        return {fix.name for fix in fixes} - near
 
     def _wait(self, number: int, record: int) -> float:
         """Return the time between the birth of a fragment and a record, s."""
