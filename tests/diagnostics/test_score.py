@@ -26,6 +26,7 @@ from riftberg.diagnostics.overlap import (
     overlap,
     pair_cost,
     polygon_moments,
+    rectangle_azimuth,
     same_pieces,
 )
 from riftberg.diagnostics.score import score_run
@@ -229,6 +230,19 @@ def test_moments_of_a_rectangle(turn: float) -> None:
         cx, cy, azimuth = polygon_moments(corners)
         assert (cx, cy) == pytest.approx((50.0, -7.0))
         assert axis_difference(azimuth, turn) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 100.0, 170.0])
+def test_the_least_rectangle_of_a_berg_with_a_finger(turn: float) -> None:
+    """Its long side is that of the rectangle, whatever lies within; the axis of the second moment goes by the area."""
+    flag = shapely.Polygon([(0.0, -20.0), (2.0, -20.0), (2.0, 10.0), (8.0, 10.0), (8.0, 20.0), (0.0, 20.0)])
+    turned = shapely.affinity.rotate(flag, -turn, origin=(3.0, 4.0))  # clockwise
+    assert axis_difference(rectangle_azimuth(turned), turn) == pytest.approx(0.0, abs=1e-6)
+    assert axis_difference(rectangle_azimuth(shapely.MultiPoint(turned.exterior.coords)), turn) == pytest.approx(
+        0.0, abs=1e-6
+    )
+    assert 3.0 < axis_difference(polygon_moments(np.asarray(turned.exterior.coords))[2], turn) < 10.0
+    assert math.isnan(rectangle_azimuth(shapely.Point(1.0, 2.0)))
 
 
 def test_overlap_of_squares() -> None:

@@ -170,6 +170,26 @@ def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     return float(cx + ring[0, 0]), float(cy + ring[0, 1]), azimuth
 
 
+def rectangle_azimuth(shape: BaseGeometry) -> float:
+    """Return the azimuth of the long side of the least rectangle around a shape, degrees clockwise from north, 0 to 180.
+
+    This is what `riftberg.experiments.a68a_observed` tells of the observed outlines. It goes by the outermost points, where
+    the axis of the largest second moment (`polygon_moments`) goes by the area: for outlines of A68a both differ by up to
+    10 degrees.
+
+    Parameters
+    ----------
+    shape : shapely geometry
+        Points, lines or polygons, m east and north.
+    """
+    box = shape.minimum_rotated_rectangle
+    if box.geom_type != "Polygon":
+        return math.nan
+    corners = np.asarray(box.exterior.coords)
+    (x, y) = max(np.diff(corners[:3], axis=0), key=lambda side: float(np.hypot(*side)))
+    return float(np.degrees(np.arctan2(x, y)) % 180.0)
+
+
 def polygon_on(plane: Plane, ring: Floats) -> BaseGeometry:
     """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
     shapely = shapely_module()
