@@ -64,6 +64,8 @@ def test_nothing_overprints(run: xr.Dataset, tmp_path: Path, count: int, observe
         assert part.x1 <= whole.x1 + 1
         assert part.y0 >= whole.y0 - 1
         assert part.y1 <= whole.y1 + 1
+    if observed:  # Bug: the currents were of the middle of all dates, here one without an outline.
+        assert figure.axes[0].get_title() == "Observed; currents of 10 Dec"
     ticks = [t.get_window_extent(renderer) for t in figure.axes[-1].get_xticklabels() if t.get_text()]
     assert not any(a.overlaps(b) for a, b in combinations(ticks, 2))
 

@@ -138,14 +138,15 @@ def _date_panel(panel: Panel, record: int, top: float, shown: Outlines) -> None:
 def _observed_panel(
     ax: Axes, scene: Scene, records: Sequence[int], shown: Outlines, water: Water | None, top: float
 ) -> None:
-    """Draw all outlines over the currents of the day in the middle."""
+    """Draw all outlines over the currents of the one in the middle of their days."""
     rings = np.concatenate([ring for day in shown.values() for ring in day])
     box = scene.box().grown(0.03)
     x, y = 0.5 * (rings[:, 0].min() + rings[:, 0].max()), 0.5 * (rings[:, 1].min() + rings[:, 1].max())
     half = 0.56 * max(np.ptp(rings[:, 1]), np.ptp(rings[:, 0]) / scene.stretch(y))
     box = type(box)(x - half * scene.stretch(y), x + half * scene.stretch(y), y - half, y + half)
     panel = Panel(ax, scene, box, water)
-    middle = records[len(records) // 2]
+    seen = [record for record in records if str(scene.times[record])[:10] in shown]
+    middle = seen[len(seen) // 2]
     panel.draw_currents(middle, top, arrows=15)
     panel.draw_floor()
     for k, (day, drawn) in enumerate(shown.items()):
@@ -182,7 +183,7 @@ def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
         bar = figure.colorbar(ScalarMappable(root_scale(top), style.speed_map()), cax=place, orientation="horizontal")
         bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
         bar.ax.tick_params(labelsize=8, length=2)
-        bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6))
+        bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6, steps=[1, 2, 5, 10]))
         high += 0.5
     return high + 0.4
 
