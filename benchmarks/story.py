@@ -17,18 +17,26 @@ from typing import Any
 
 import numpy as np
 
+from riftberg.diagnostics.overlap import axis_difference, rectangle_azimuth, shapely_module
 from riftberg.diagnostics.summary import breakups, fragment_areas
-from riftberg.diagnostics.track import berg_position
+from riftberg.diagnostics.track import Position, berg_position
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import DAYS, story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
 from riftberg.model import Model
-from riftberg.ocean.story import OWN, StoryOcean
+from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import Packing
+from riftberg.physics.drag import draft_of
+from riftberg.viz.plane import Plane
+from riftberg.viz.shapes import element_polygons
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
 KM_PER_DEGREE = 111.07
 """Of latitude, on the sphere of the publication."""
+
+MOMENTS = (93.6, 102.5, 111.1, 125.5, 140.2, 156.3, 168.0, 2.5, 6.2, 5.2, 6.2, 177.7, 169.8)
+"""Azimuths of the axis of the largest second moment of the observed daily outlines, 9 to 21 December, degrees; computed as those
+of the least rectangles in `A68A_OBSERVED`, from the same outlines."""
 
 SMALL = 50.0
 """Pieces below this area (km2) are counted, not listed."""
@@ -134,34 +142,99 @@ def broken_early(model: Model) -> int:
     return int((model.bonds.break_time < limit).sum())
 
 
-def off(model: Model, seen: Observed) -> tuple[float, float]:
-    """Distance (km) and difference of azimuth (degrees) from an observed day, without the pieces that are off by then.
+def off(model: Model, seen: Observed) -> tuple[float, float, float]:
+    """Compare with an observed day, without the pieces that are off by then.
 
     The tip counts until it breaks off, the finger until 23 December: it lay beside the berg.
+
+    Returns
+    -------
+    float
+        Distance of the centroids, km.
+    float
+        Axis of the model's largest second moment minus the observed azimuth (long side of the least rectangle), degrees.
+    float
+        The same with the long side of the least rectangle of both.
     """
     e = model.elements
     gone = [f.number for f in model.fragments.breakups if f.grounded or seen.day > 23]
     on = ~np.isin(e.berg, gone)
     p = berg_position(e.lon[on], e.lat[on], (e.length * e.width)[on])
     east = ((p.lon - seen.lon + 180.0) % 360.0 - 180.0) * math.cos(math.radians(seen.lat))
-    return KM_PER_DEGREE * math.hypot(east, p.lat - seen.lat), (p.azimuth - seen.azimuth + 90.0) % 180.0 - 90.0
+    apart = KM_PER_DEGREE * math.hypot(east, p.lat - seen.lat)
+    turns = (axis_difference(azimuth, seen.azimuth) for azimuth in (p.azimuth, long_side(model, on, p)))
+    return apart, *turns
 
 
-def fastest(ocean: StoryOcean) -> float:
-    """Fastest current (m s-1) within 150 km of the observed path, from 9 to 26 December."""
-    found = 0.0
-    for seen in A68A_OBSERVED:
-        lon, lat = np.meshgrid(seen.lon + np.linspace(-2.5, 2.5, 61), seen.lat + np.linspace(-1.4, 1.4, 61))
-        for hour in range(0, 24, 3):
-            time = (seen.day - 9) * 86400.0 + 3600.0 * hour
-            found = max(found, float(np.hypot(*ocean.currents(lon, lat, time)).max()))
-    return found
+def long_side(model: Model, on: Any, here: Position) -> float:
+    """Azimuth of the long side of the least rectangle around some elements, degrees clockwise from north."""
+    e, p = model.elements, model.parameters
+    corners = element_polygons(
+        e.lon[on],
+        e.lat[on],
+        e.rotation[on],
+        (e.length * e.width)[on],
+        p.bonds.packing,
+        latlon=True,
+        radius=p.earth.radius,
+    ).reshape(-1, 2)
+    x, y = Plane(here.lon, here.lat, p.earth.radius).forward(*corners.T)
+    return rectangle_azimuth(shapely_module().multipoints(np.column_stack([x, y])))
+
+
+def fastest(ocean: StoryOcean) -> tuple[float, float, float, float]:
+    """Search the fastest current within 150 km of the observed path, from 9 to 26 December 13:00.
+
+    Every hour on a grid of 5 km; from the fastest point of each day on in steps of minutes and some ten metres.
+
+    Returns
+    -------
+    speed, lon, lat, day : float
+        m s-1, degrees, and days since the start.
+    """
+    best = (0.0, 0.0, 0.0, 0.0)
+    for seen in A68A_OBSERVED[:-1]:
+        sides, span = (np.linspace(-2.5, 2.5, 63), np.linspace(-1.4, 1.4, 63)), np.arange(25) / 24.0
+        found = _fastest_of(ocean, seen.lon + sides[0], seen.lat + sides[1], seen.day - 9.0 + span)
+        for _ in range(6):
+            sides, span = (sides[0] / 4.0, sides[1] / 4.0), np.linspace(-1.0, 1.0, 9) * (span[1] - span[0])
+            found = max(found, _fastest_of(ocean, found[1] + sides[0], found[2] + sides[1], found[3] + span))
+        best = max(best, found)
+    return best
+
+
+def _fastest_of(ocean: StoryOcean, lon: Any, lat: Any, days: Any) -> tuple[float, float, float, float]:
+    """Return the fastest current (m s-1) at some places and times, and where and when it is."""
+    x, y = np.meshgrid(lon, lat)
+    best = (0.0, 0.0, 0.0, 0.0)
+    for day in days:
+        speed = np.hypot(*ocean.currents(x, y, 86400.0 * day))
+        k = np.unravel_index(int(np.argmax(speed)), speed.shape)
+        best = max(best, (float(speed[k]), float(x[k]), float(y[k]), float(day)))
+    return best
+
+
+def contact_radius(ocean: StoryOcean, draft: float) -> float:
+    """Radius (m) of the shoal within which a keel of a draft (m) touches the floor."""
+    _, _, length, height, floor = ocean.numbers.shoal
+    return length * math.sqrt(math.log(height / (floor - draft)))
+
+
+def shoal_told() -> str:
+    """Return the size of the shoal beside that of the shared description."""
+    model = Run("").model()
+    draft = draft_of(float(model.elements.thickness.max()), model.parameters.ice.density)
+    here, there = (contact_radius(StoryOcean(numbers), draft) / 1e3 for numbers in (OWN, REFERENCE))
+    return (
+        f"{here:.1f} km from its summit, {draft:.0f} m deep ({there:.1f} km in the description's): "
+        f"{here / there:.1f} times as wide, {(here / there) ** 2:.0f} times the area"
+    )
 
 
 def storyline() -> list[tuple[str, ...]]:
     """Run the built-in experiment and return what was asked of it, and what came."""
     model = Run("").model()
-    days: dict[int, tuple[float, float]] = {}
+    days: dict[int, tuple[float, float, float]] = {}
     beside = 0.0
     for seen in A68A_OBSERVED:
         days[seen.day] = off(model, seen)
@@ -169,23 +242,34 @@ def storyline() -> list[tuple[str, ...]]:
             model.advance(0.125)
             beside = max(beside, float(np.hypot(model.elements.uo, model.elements.vo).max()))
     early = np.array([days[day] for day in range(9, 22)])
-    distance, turn = np.sqrt(np.mean(early**2, axis=0))
+    moments = [
+        axis_difference(days[seen.day][1] + seen.azimuth, observed)
+        for seen, observed in zip(A68A_OBSERVED, MOMENTS, strict=False)
+    ]
+    moment = float(np.sqrt(np.mean(np.square(moments))))
+    distance, turn, rectangle = np.sqrt(np.mean(early**2, axis=0))
     tip, finger = (event for event in breakups(model) if event["area_km2"] >= SMALL)
     there = model.elements.berg == next(
         f.number for f in model.fragments.breakups if f.grounded and f.area > 1e6 * SMALL
     )
     lat, lon = model.elements.lat[there].mean(), (model.elements.lon[there].mean() + 180.0) % 360.0 - 180.0
     away = KM_PER_DEGREE * math.hypot((lon + 36.72) * math.cos(math.radians(55.5)), lat + 55.56)
+    speed, lon_fast, lat_fast, day = fastest(StoryOcean())
     return [
         ("centroid, 9 to 21 December, rms", "10 km", f"{distance:.1f} km (largest {early[:, 0].max():.1f})"),
-        ("azimuth, 9 to 21 December, rms", "10°", f"{turn:.1f}° (largest {np.abs(early[:, 1]).max():.0f})"),
+        ("azimuth, 9 to 21 December, rms: second moments against the observed rectangle", "10°",
+         f"{turn:.1f}° (largest {np.abs(early[:, 1]).max():.0f})"),
+        ("the same, second moments of both", "", f"{moment:.1f}° (largest {np.abs(moments).max():.0f})"),
+        ("the same, least rectangles of both", "", f"{rectangle:.1f}° (largest {np.abs(early[:, 2]).max():.0f})"),
         ("centroid on 22, 23, 25 and 26 December", "right", ", ".join(f"{days[d][0]:.1f}" for d in (22, 23, 25, 26)) + " km"),
         ("tip: aground, 16 to 18 December", "80 to 300 km²", told(tip)),
         ("tip (A68D) on 26 December", "stays behind", f"{-lat:.2f} S, {-lon:.2f} W: {away:.0f} km from where it was seen"),
         ("finger: afloat, 19 to 22 December", "450 to 900 km², near 600", told(finger)),
         ("largest piece", "2400 km² or more", f"{fragment_areas(model)[0]:.0f} km²"),
         ("bonds broken by 23 December", "less than 5 %", f"{100 * broken_early(model) / model.bonds.status.size:.1f} %"),
-        ("fastest current", "about 0.5 m/s", f"{beside:.2f} m/s at the berg, {fastest(StoryOcean()):.2f} m/s around it"),
+        ("fastest current", "about 0.5 m/s", f"{beside:.2f} m/s at the berg; {speed:.3f} m/s around it, at {-lat_fast:.2f} S, "
+         f"{-lon_fast:.2f} W on day {day:.1f}"),
+        ("shoal: where the keel touches", "5 km from its summit (shared description)", shoal_told()),
     ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg.bergs.outline import read_features
 from riftberg.diagnostics.observed import parse_date, read_observed
 from riftberg.errors import InputError
 
@@ -75,6 +76,41 @@ def test_byu_tracks_are_read_by_name(tmp_path: Path) -> None:
         ("A68D", 19, -55.6, -36.3, False),
         ("A68D", 20, -55.2, -37.2, True),
     ]
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_score_and_berg_read_the_same_table(tmp_path: Path, separator: str) -> None:
+    """Bug: with semicolons a berg was made of it, but it could not be scored."""
+    path = tmp_path / "o.csv"
+    rows = [
+        ("date", "vertex", "Longitude", "latitude"),
+        *(("2020-12-17", k, x, y) for k, (x, y) in enumerate(RING[:3])),
+        (),
+    ]
+    path.write_text("\n".join(separator.join(map(str, row)) for row in rows) + "\n")
+    (outline,) = read_observed(path).outlines
+    (made,) = read_features(path)
+    assert outline.when == datetime(2020, 12, 17)
+    np.testing.assert_array_equal(outline.ring, np.asarray(made.geometry.exterior.coords)[:-1])
+    assert made.date == "2020-12-17"
+
+
+def test_weekly_tables_of_the_us_national_ice_center(tmp_path: Path) -> None:
+    """Columns of 2014 to 2024 and later; month first, a byte order mark, text in the remarks."""
+    path = tmp_path / "AntarcticIcebergs_20201211.csv"
+    path.write_text(
+        "\ufeffIceberg,Length (NM),Width (NM),Latitude,Longitude,Remarks,Last Update\n"
+        'A68A,82,26,-55.03,-38.9,"calved, 2017",12/10/2020\nA68D,11,5,-55.52,-36.38,,2020-12-23\n'
+    )
+    fixes = read_observed(path).fixes
+    assert [(f.name, f.when, f.day_only, f.lat, f.lon) for f in fixes] == [
+        ("A68A", datetime(2020, 12, 10), True, -55.03, -38.9),
+        ("A68D", datetime(2020, 12, 23), True, -55.52, -36.38),
+    ]
+    other = tmp_path / "o.csv"
+    other.write_text("date,lat,lon\n12/10/2020,-55,-39\n")  # nobody can tell which is the month
+    with pytest.raises(InputError, match="is not a date"):
+        read_observed(other)
 
 
 def test_a_table_of_states_gives_azimuth_and_area(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 import xarray as xr
 from matplotlib.image import imread
 
@@ -17,12 +18,16 @@ from fakes import FakeModel
 from riftberg.diagnostics.observed import Fix, Observed
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
+    WORST,
     aligned_overlap,
     axis_difference,
     distance,
     group_fragments,
     overlap,
+    pair_cost,
     polygon_moments,
+    rectangle_azimuth,
+    same_pieces,
 )
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
@@ -148,6 +153,35 @@ def test_tracks_are_matched_by_name_over_the_run(run: xr.Dataset) -> None:
     assert len(score_run(run, Observed("tracks", fixes=fixes), interpolated=True).days) == 5
 
 
+def test_a_fragment_goes_by_the_name_seen_when_it_broke_off(run: xr.Dataset) -> None:
+    """Bug: A68a's finger, off on 20 December, went by the name of A68F, first seen five days later and somewhat nearer."""
+    tip = run.isel(trajectory=run["berg"].isel(time=-1).values == 2)
+
+    def fix(name: str, day: int, north: float) -> Fix:
+        place = tip.sel(time=START + timedelta(days=day))
+        return Fix(
+            name, datetime(2020, 12, 9 + day), True, float(place["lon"].mean()), float(place["lat"].mean()) + north
+        )
+
+    berg = [Fix("A1", datetime(2020, 12, 9), True, -39.0, -55.0)]
+    early, late = [fix("E", day, 0.2) for day in (2, 3, 4)], [fix("F", 4, 0.15)]
+    names = [{m.observed: m.fragments for m in score_run(run, Observed("t", fixes=[*berg, *seen])).days[-1].matches}
+             for seen in ([*early, *late], late)]  # fmt: skip
+    assert names == [{"E": [2], "F": []}, {"F": [2]}]
+    far = [fix("F", 4, 1.0)]  # 111 km
+    assert score_run(run, Observed("t", fixes=[*berg, *far])).days[-1].matches[0].fragments == []
+
+
+def test_of_the_names_seen_first_the_berg_is_the_nearest(run: xr.Dataset) -> None:
+    """Bug: in a table of all bergs it was the first in the alphabet."""
+    fixes = [
+        Fix(name, datetime(2020, 12, 9), True, lon, -55.0)
+        for name, lon in (("A23A", -45.0), ("A68A", -39.1), ("B1", 120.0))
+    ]
+    matches = score_run(run, Observed("all", fixes=fixes)).days[0].matches
+    assert {m.observed: m.fragments for m in matches} == {"A23A": [], "A68A": [1]}  # B1 is left out
+
+
 def test_a_day_is_compared_at_the_hour_asked_for(run: xr.Dataset) -> None:
     ring = true_outline(0)
     (day,) = score_run(run, Observed("hour", [Outline("", datetime(2020, 12, 9), True, ring)]), hour=19).days
@@ -198,11 +232,94 @@ def test_moments_of_a_rectangle(turn: float) -> None:
         assert axis_difference(azimuth, turn) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("turn", [0.0, 30.0, 100.0, 170.0])
+def test_the_least_rectangle_of_a_berg_with_a_finger(turn: float) -> None:
+    """Its long side is that of the rectangle, whatever lies within; the axis of the second moment goes by the area."""
+    flag = shapely.Polygon([(0.0, -20.0), (2.0, -20.0), (2.0, 10.0), (8.0, 10.0), (8.0, 20.0), (0.0, 20.0)])
+    turned = shapely.affinity.rotate(flag, -turn, origin=(3.0, 4.0))  # clockwise
+    assert axis_difference(rectangle_azimuth(turned), turn) == pytest.approx(0.0, abs=1e-6)
+    assert axis_difference(rectangle_azimuth(shapely.MultiPoint(turned.exterior.coords)), turn) == pytest.approx(
+        0.0, abs=1e-6
+    )
+    assert 3.0 < axis_difference(polygon_moments(np.asarray(turned.exterior.coords))[2], turn) < 10.0
+    assert math.isnan(rectangle_azimuth(shapely.Point(1.0, 2.0)))
+
+
 def test_overlap_of_squares() -> None:
     a, b = shapely.box(0, 0, 2, 1), shapely.box(1, 0, 3, 1)
     assert overlap(a, b) == pytest.approx(1.0 / 3.0)
     assert aligned_overlap(a, b) == pytest.approx(1.0)
-    assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(90, 0, 91, 1)]) == [[1], [2]]
+    assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(53, 0, 54, 1)]) == [[1], [2]]
+
+
+def test_the_tip_that_stayed_behind_is_the_piece_beside_it_not_the_larger_one_far_away() -> None:
+    """Bug: of two observed pieces that nothing overlaps the larger one took the fragment, 186 km away, like A68F that of A68D.
+
+    Sizes and distances (km) are about those of 24 December.
+    """
+    berg, finger, tip = shapely.box(0, 0, 45, 77), shapely.box(20, -40, 40, -15), shapely.box(-60, 180, -43, 196)
+    seen_berg, seen_finger = shapely.box(3, 4, 43, 68), shapely.box(45, -45, 65, -15)
+    seen_tip, seen_other = shapely.box(-37, 177, -25, 189), shapely.box(70, 40, 85, 55)
+    pieces = [seen_berg, seen_finger, seen_other, seen_tip]
+    assert [p.area for p in pieces] == sorted((p.area for p in pieces), reverse=True)
+    assert group_fragments({1: berg, 3: finger, 2: tip}, pieces) == [[1], [3], [], [2]]
+    # The best for all: the one piece that two fragments may be goes to the fragment that has no other.
+    assert group_fragments({1: shapely.box(0, 0, 10, 10), 2: shapely.box(24, 0, 34, 10)},
+                           [shapely.box(12, 0, 22, 10), shapely.box(-13, 0, -3, 10)]) == [[2], [1]]  # fmt: skip
+
+
+def test_a_fragment_keeps_its_piece_from_day_to_day() -> None:
+    """On 26 December the model's finger lies nearer to A68F than to the finger that it was the day before."""
+    berg = shapely.box(-80, 0, -20, 60)
+    fragments = {1: berg, 2: shapely.box(0, 0, 22, 23)}
+    finger, other = shapely.box(0, -75, 20, -50), shapely.box(30, 0, 45, 17)
+    assert group_fragments(fragments, [berg, finger, other]) == [[1], [], [2]]
+    assert group_fragments(fragments, [berg, finger, other], {1: 2}) == [[1], [2], []]
+    gone = shapely.affinity.translate(finger, 0, -100)
+    assert group_fragments(fragments, [berg, gone, other], {1: 2}) == [[1], [], [2]]
+    moved = [shapely.affinity.translate(other, 5, -5), shapely.affinity.translate(finger, -5, 5)]
+    assert same_pieces([finger, other], moved) == {0: 1, 1: 0}
+
+
+def test_the_day_before_counts_in_a_score(run: xr.Dataset) -> None:
+    """The tip (54 km2), seen in its place on one day, is on the next day not the like piece that is nearer to it."""
+    tip = slice(6, 8)
+    first, last = ([seen(day, true_outline(day, columns=slice(0, 6)), "rest")] for day in (3, 4))
+    place = run.isel(trajectory=run["berg"].isel(time=-1).values == 2)
+
+    def at(day: int, east: float) -> np.ndarray:
+        here = place.sel(time=START + timedelta(days=day))
+        ring = true_outline(day, columns=tip)
+        ring = ring - ring.mean(axis=0) + [float(here["lon"].mean()), float(here["lat"].mean())]
+        return np.add(ring, [east / (math.radians(1.0) * RADIUS * math.cos(math.radians(55.0))), 0.0])
+
+    first.append(seen(3, at(3, 0.0), "tip"))
+    last += [seen(4, at(4, -11e3), "tip"), seen(4, at(4, 10e3), "stranger")]
+    alone = score_run(run, Observed("one day", last)).days[-1]
+    both = score_run(run, Observed("both", first + last)).days[-1]
+    assert {m.observed: m.fragments for m in alone.matches} == {"rest": [1], "tip": [], "stranger": [2]}
+    assert {m.observed: m.fragments for m in both.matches} == {"rest": [1], "tip": [2], "stranger": []}
+
+
+def test_beyond_three_diameters_or_four_times_the_area_a_piece_is_no_fragment() -> None:
+    square = shapely.box(0, 0, 1, 1)  # diameter of the circle of its area: 1.128
+    near, far = shapely.box(3.35, 0, 4.35, 1), shapely.box(3.45, 0, 4.45, 1)
+    assert math.isfinite(pair_cost(square, near))
+    assert pair_cost(square, far) == math.inf
+    assert pair_cost(square, far, main=True) < WORST  # the berg itself is known
+    large, larger = shapely.box(1.1, 0, 3.05, 2), shapely.box(1.1, 0, 3.15, 2)
+    for pair in ((square, large), (large, square)):
+        assert math.isfinite(pair_cost(*pair))
+    for pair in ((square, larger), (larger, square)):
+        assert pair_cost(*pair) == math.inf
+    # A chip of a broken berg that lies on the piece may be it, a whole berg that lies on a chip is not.
+    whole = shapely.box(0, 0, 3, 3)
+    assert math.isfinite(pair_cost(square, whole))
+    assert pair_cost(whole, square) == math.inf
+    assert pair_cost(square, square) == 0.0
+    # Scale does not matter.
+    wide = (shapely.affinity.scale(a, 1e3, 1e3, origin=(0, 0)) for a in (square, near))
+    assert pair_cost(*wide) == pytest.approx(pair_cost(square, near))
 
 
 def test_headings_are_drawn_without_jumps_also_where_the_axes_come_to_lie_across_each_other() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -207,7 +208,11 @@ def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: p
     turn = -4.8e9 * x[23] / float((x**2 + y**2 + 9e6 / (2.0 * math.pi)).sum())
     needed = 6 * -4.8e9 / 24 + turn * x[PIECE].sum() + 4.8e9
     assert load.shear["sea floor"] == pytest.approx(needed, rel=2e-3)
-    budget = why.explain(aground).breakups[0].budgets["both"]
+    reasons = why.explain(aground)
+    assert why.FLOOR in why.words(reasons)[0]  # the reader is told that the budget closes by construction
+    (told,) = why.words(replace(reasons, breakups=[replace(reasons.breakups[0], closure=0.012)]))
+    assert "recorded motion when it was last afloat to 1.2 %" in told
+    budget = reasons.breakups[0].budgets["both"]
     assert budget.residual is not None
     assert np.hypot(*budget.residual) < 1e-6 * 4.8e9
 

@@ -82,9 +82,11 @@ def test_the_story() -> None:
     assert_tip_and_finger(model)
     tip = next(f.number for f in model.fragments.breakups if f.grounded and f.area > 5e7)
     there = model.elements.berg == tip
-    # A68D on 26 December: 55.56 S, 36.72 W (outlines of the publication's repository).
-    assert model.elements.lat[there].mean() == pytest.approx(-55.56, abs=0.5)
-    assert model.elements.lon[there].mean() == pytest.approx(-36.72, abs=1.0)
+    # A68D on 26 December: 55.56 S, 36.72 W (outlines of the publication's repository). Free, it would be at 57 S by then.
+    lat, lon = float(model.elements.lat[there].mean()), float(model.elements.lon[there].mean())
+    east = ((lon + 36.72 + 180.0) % 360.0 - 180.0) * math.cos(math.radians(55.56))
+    assert 111.07 * math.hypot(east, lat + 55.56) < 45.0  # km
+    assert lat > -55.6
     assert model.elements.lat[~there].mean() < -56.8
 
 
@@ -129,13 +131,20 @@ def test_other_lattices_tell_the_same_story(radius: float, packing: Packing) -> 
 
 
 def test_currents_are_no_faster_than_products_show() -> None:
-    """About 0.5 m/s is the largest that products show (shared description of the story); 0.75 + 0.1 was its own fit."""
-    fastest = 0.0
-    for step in range(4 * 17 + 1):
-        seen = A68A_OBSERVED[min(step // 4, 17)]
-        lon, lat = np.meshgrid(seen.lon + np.linspace(-2.5, 2.5, 41), seen.lat + np.linspace(-1.4, 1.4, 41))
-        fastest = max(fastest, float(np.hypot(*StoryOcean().currents(lon, lat, step * DAY / 4)).max()))
-    assert 0.45 < fastest < 0.53
+    """About 0.5 m/s is the largest that products show (shared description of the story); 0.75 + 0.1 was its own fit.
+
+    Hourly on 5 km, which misses less than 1e-3 m/s of the 0.527 m/s near 56.66 S 35.41 W on day 11.3: the second derivatives
+    there are those of the jet, sech2 of 26 km, and of its growth, tanh of half a day.
+    """
+    fastest, ocean = (0.0, 0.0), StoryOcean()
+    for hour in range(24 * 17 + 1):
+        seen = A68A_OBSERVED[hour // 24]
+        lon, lat = np.meshgrid(seen.lon + np.linspace(-2.5, 2.5, 63), seen.lat + np.linspace(-1.4, 1.4, 63))
+        fastest = max(fastest, (float(np.hypot(*ocean.currents(lon, lat, 3600.0 * hour)).max()), hour / 24.0))
+    assert 0.526 < fastest[0] < 0.5272
+    assert fastest[1] == pytest.approx(11.33, abs=0.1)
+    at_jet = np.hypot(*ocean.currents(np.array([-35.4062]), np.array([-56.6640]), 11.3317 * DAY))
+    assert fastest[0] <= float(at_jet[0]) + 1e-6 < 0.5272
 
 
 def test_the_numerics_of_the_reference_tell_the_same_story() -> None:

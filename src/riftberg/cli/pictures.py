@@ -11,6 +11,9 @@ from riftberg.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
+    import xarray as xr
+
+    from riftberg.diagnostics.observed import Observed
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
 ObservedFile = Annotated[
@@ -22,7 +25,12 @@ ObservedFile = Annotated[
 ]
 Dates = Annotated[
     list[str] | None,
-    typer.Option("--date", "-d", help="A date to show, for example 2020-12-17T13:00; may be repeated."),
+    typer.Option(
+        "--date",
+        "-d",
+        help="A date to show, for example 2020-12-17T13:00; may be repeated. A day alone means the time of its observed outline, "
+        "else the hour of the start, as in score.",
+    ),
 ]
 
 
@@ -32,28 +40,41 @@ def beside(run: Path, given: Path | None, name: str) -> Path:
     return given if given is not None else folder / name
 
 
-def outlines(path: Path | None) -> dict[str, list[Any]]:
-    """Return observed outlines by day, empty where no file was named."""
-    if path is None:
-        return {}
-    from riftberg.diagnostics.observed import read_observed
+def seen(path: Path | None) -> Observed:
+    """Return observed outlines, none where no file was named."""
+    from riftberg.diagnostics.observed import Observed, read_observed
 
+    if path is None:
+        return Observed("")
     found = read_observed(path)
     if not found.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"
         )
-    return found.rings_by_day()
+    return found
 
 
-def moments(dates: list[str] | None) -> list[np.datetime64]:
-    """Return dates from the command line; a day alone means its noon."""
+def outlines(path: Path | None) -> dict[str, list[Any]]:
+    """Return observed outlines by day, empty where no file was named."""
+    return seen(path).rings_by_day()
+
+
+def moments(dates: list[str] | None, run: xr.Dataset, observed: Observed) -> list[np.datetime64]:
+    """Return dates from the command line.
+
+    A day alone means the time of its observed outline; where that has none, the hour of the start of the run, as in
+    ``riftberg score``.
+    """
     import numpy as np
 
     from riftberg.diagnostics.dates import parse_date
 
+    start = run["time"].values[0]
+    hour = start - start.astype("datetime64[D]")
     found = []
     for text in dates or ():
         when, day_only = parse_date(text, where="--date")
-        found.append(np.datetime64(when.isoformat()) + np.timedelta64(12 if day_only else 0, "h"))
+        timed = sorted(o.when for o in observed.outlines if not o.day_only and o.when.date() == when.date())
+        moment = np.datetime64((timed[0] if day_only and timed else when).isoformat())
+        found.append(moment + hour if day_only and not timed else moment)
     return found

@@ -4,7 +4,9 @@ Outlines come as GeoJSON (polygons with a property ``date``), as CSV with one ve
 ``lat``, ``lon``, optionally ``berg``), as KML or shapefile, or as gridded masks in NetCDF. Positions come as CSV: the
 tracks of BYU and NIC (``<sensor>_1`` latitude, ``<sensor>_2`` longitude, ``<sensor>_3`` 1 where observed, date as
 YYYYDDD; or ``<sensor>_lat``, ``<sensor>_lon``, ``<sensor>_observed``), or any table with ``lat`` and ``lon`` or
-``centroid_lat`` and ``centroid_lon``. The order of the columns does not matter, and those not known are left alone.
+``centroid_lat`` and ``centroid_lon``, such as the weekly ones of the US National Ice Center (``Iceberg``, ``Latitude``,
+``Longitude``, ``Last Update``). Commas, semicolons or tabs separate the columns. Their order does not matter, and those
+not known are left alone.
 """
 
 from __future__ import annotations
@@ -15,11 +17,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from riftberg.bergs.outline import DATE_KEYS
 from riftberg.diagnostics.dates import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError
@@ -35,8 +39,12 @@ _TABLES: Final = (".csv", ".txt", "")
 KINDS: Final = (".geojson", ".json", *_DRAWINGS, *_GRIDS, ".csv")
 """Endings of the files that can be read."""
 
+_UPDATED: Final = ("last update", "last_update")
+"""Columns of the US National Ice Center, with dates as month/day/year."""
+
+_DATES: Final = (*DATE_KEYS, "day", *_UPDATED)
 _VERTEX: Final = ("vertex", "vertex_index", "point", "order")
-_PLAIN: Final = (("centroid_lat", "centroid_lon"), ("lat", "lon"), ("latitude", "longitude"))
+_PLAIN: Final = (("centroid_lat", "centroid_lon"), *product(("lat", "latitude"), ("lon", "longitude", "long")))
 
 
 @dataclass(frozen=True)
@@ -117,10 +125,16 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
 
 def _table(path: Path) -> Observed:
     with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = [{str(k).strip().lower(): (v or "").strip() for k, v in row.items()} for row in csv.DictReader(file)]
+        lines = [line for line in file if line.strip(" ,;\t\r\n")]
+    # As the reader that makes bergs of tables (`riftberg.bergs.outline`): commas, semicolons or tabs.
+    separator = max(",;\t", key=lines[0].count) if lines else ","
+    rows = [
+        {str(k).strip().lower(): v.strip() for k, v in row.items() if k is not None and v is not None}
+        for row in csv.DictReader(lines, delimiter=separator)
+    ]
     if not rows:
         raise InputError("no rows", where=str(path), remedy="A table needs a line of names and rows below")
-    date = next((name for name in ("date", "time", "day") if name in rows[0]), "")
+    date = next((name for name in _DATES if name in rows[0]), "")
     if not date:
         raise _unknown(path, rows[0], "no column of dates")
     if any(name in rows[0] for name in _VERTEX):
@@ -132,7 +146,7 @@ def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
     return InputError(
         what,
         where=str(path),
-        remedy=f"It has {', '.join(row)}; needed are date and lat, lon (tracks), and vertex (outlines)",
+        remedy=f"It has {', '.join(row)}; needed are date (or Last Update) and lat, lon (tracks), and vertex (outlines)",
     )
 
 
@@ -182,11 +196,21 @@ def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Out
     name = next((n for n in NAMES if n in rows[0]), "")
     groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for number, row in enumerate(rows):
-        key = row[date], row.get(name, "")
+        key = row.get(date, ""), row.get(name, "")
         groups.setdefault(key, []).append((_number(row, lon, path, number), _number(row, lat, path, number)))
     for (day, berg), points in groups.items():
-        when, day_only = parse_date(day, where=str(path))
+        when, day_only = _when(day, date, str(path))
         yield Outline(berg, when, day_only, checked_ring(points, f"{path}, {day}"))
+
+
+def _when(text: str, column: str, where: str) -> tuple[datetime, bool]:
+    """Read a date; only in a column of the US National Ice Center is ``12/10/2020`` known to be the tenth of December."""
+    if column in _UPDATED:
+        try:
+            return datetime.strptime(text, "%m/%d/%Y"), True
+        except ValueError:
+            pass
+    return parse_date(text, where=where)
 
 
 def _plain_columns(path: Path, row: Mapping[str, str]) -> tuple[str, str]:
@@ -211,7 +235,7 @@ def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fi
     azimuth = next((c for c in rows[0] if "azimuth" in c), "")
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
-        when, day_only = parse_date(row[date], where=where)
+        when, day_only = _when(row.get(date, ""), date, where)
         lat, lon, interpolated = (
             (_number(row, plain[0], path, number), _number(row, plain[1], path, number), False)
             if plain

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.diagnostics.assignment import best_pairs
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.viz.plane import Plane
@@ -18,9 +20,26 @@ if TYPE_CHECKING:
 TWINS: Final = 0.8
 """Two outlines of a day that overlap more than this (intersection over union) are one piece drawn twice."""
 
+REACH: Final = 3.0
+"""Mean diameters between the centroids beyond which a fragment and a piece that do not overlap are not the same."""
 
-def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry]) -> list[list[int]]:
+LARGEST_RATIO: Final = 4.0
+"""Ratio of areas beyond which a fragment is not the piece."""
+
+KEPT: Final = 0.5
+"""Part of its cost that a pair has if it held the time before: a fragment does not change its name without need."""
+
+WORST: Final = 3.0
+"""Cost of a pair that may just be, and of a piece that stays without a fragment."""
+
+
+def group_fragments(
+    shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeometry], before: Mapping[int, int] | None = None
+) -> list[list[int]]:
     """Return which fragments make up each observed piece.
+
+    Each piece gets at most one fragment first, all pieces together in the best way (`pair_cost`). A fragment that is
+    left joins the piece whose overlap, centroid on centroid, it makes better.
 
     Parameters
     ----------
@@ -28,21 +47,26 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
         Outlines of the fragments, largest first.
     pieces : sequence
         Observed outlines, largest first.
+    before : mapping, optional
+        Fragments that answered to a piece (by its index) the time before: such a pair costs only `KEPT` of its cost.
 
     Returns
     -------
     list of list of int
-        Numbers of fragments for each piece.
+        Numbers of fragments for each piece; empty where none may be it.
     """
     union = shapely_module().union_all
+    numbers, before = list(shapes), before or {}
+    cost = np.empty((len(pieces), len(numbers)))
+    for (k, piece), (i, number) in product(enumerate(pieces), enumerate(numbers)):
+        same = KEPT if before.get(k) == number else 1.0
+        cost[k, i] = same * pair_cost(shapes[number], piece, main=i == k == 0)
     groups: list[list[int]] = [[] for _ in pieces]
     free = dict(shapes)
-    pairs = sorted(((overlap(s, p), n, k) for n, s in shapes.items() for k, p in enumerate(pieces)), reverse=True)
-    for iou, number, k in pairs:
-        if iou > 0.0 and number in free and not groups[k]:
-            groups[k] = [number]
-            del free[number]
-    for number, shape in list(free.items()):
+    for k, column in best_pairs(cost, alone=WORST):
+        groups[k] = [numbers[column]]
+        del free[numbers[column]]
+    for number, shape in free.items():
         gains = [
             aligned_overlap(union([shapes[n] for n in (*group, number)]), piece)
             - aligned_overlap(union([shapes[n] for n in group]), piece)
@@ -50,16 +74,44 @@ def group_fragments(shapes: dict[int, BaseGeometry], pieces: Sequence[BaseGeomet
             else 0.0
             for group, piece in zip(groups, pieces, strict=True)
         ]
-        if max(gains) > 0.0 and shape.area > 0.0:
+        if max(gains, default=0.0) > 0.0 and shape.area > 0.0:
             groups[int(np.argmax(gains))].append(number)
-            del free[number]
-    for k, piece in enumerate(pieces):
-        # A piece that nothing overlaps is taken to be the nearest fragment left.
-        if not groups[k] and free:
-            nearest = min(free, key=lambda n: free[n].centroid.distance(piece.centroid))
-            groups[k] = [nearest]
-            del free[nearest]
     return groups
+
+
+def same_pieces(earlier: Sequence[BaseGeometry], pieces: Sequence[BaseGeometry]) -> dict[int, int]:
+    """Return which piece (by its index) is which one of an earlier time, all in the best way."""
+    cost = np.empty((len(pieces), len(earlier)))
+    for (k, piece), (i, other) in product(enumerate(pieces), enumerate(earlier)):
+        cost[k, i] = pair_cost(other, piece)
+    return dict(best_pairs(cost, alone=WORST))
+
+
+def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -> float:
+    """Return how badly a fragment answers to an observed piece, 0 to `WORST`; infinite where it is not that piece.
+
+    The cost is the sum of three parts from 0 to 1: what the overlap (intersection over union) lacks, the distance of the
+    centroids as a part of the largest that may be, and the logarithm of the ratio of areas as a part of that of
+    `LARGEST_RATIO`. A fragment is not the piece if it has more than `LARGEST_RATIO` times its area; or if they do not overlap
+    and it has less than that part of it, or lies further away than `REACH` times the mean diameter of both (of circles of
+    their areas).
+
+    Parameters
+    ----------
+    shape, piece : shapely Polygon or MultiPolygon
+        Outlines of the fragment and the piece, m.
+    main : bool, optional
+        Both are the largest there is: the berg is known however far the run has gone astray.
+    """
+    if min(shape.area, piece.area) <= 0.0:
+        return math.inf
+    iou, ratio = overlap(shape, piece), float(shape.area / piece.area)
+    diameters = [2.0 * math.sqrt(a.area / math.pi) for a in (shape, piece)]
+    away = float(shape.centroid.distance(piece.centroid)) / (REACH * 0.5 * sum(diameters))
+    unlike = abs(math.log(ratio)) / math.log(LARGEST_RATIO)
+    if ratio > LARGEST_RATIO or (iou == 0.0 and (unlike > 1.0 or (away > 1.0 and not main))):
+        return math.inf
+    return 1.0 - iou + min(away, 1.0) + min(unlike, 1.0)
 
 
 def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
@@ -116,6 +168,26 @@ def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     if math.hypot(2.0 * xy, yy - xx) > 1e-9 * (xx + yy):
         azimuth = math.degrees(0.5 * math.atan2(2.0 * xy, yy - xx)) % 180.0
     return float(cx + ring[0, 0]), float(cy + ring[0, 1]), azimuth
+
+
+def rectangle_azimuth(shape: BaseGeometry) -> float:
+    """Return the azimuth of the long side of the least rectangle around a shape, degrees clockwise from north, 0 to 180.
+
+    This is what `riftberg.experiments.a68a_observed` tells of the observed outlines. It goes by the outermost points, where
+    the axis of the largest second moment (`polygon_moments`) goes by the area: for outlines of A68a both differ by up to
+    10 degrees.
+
+    Parameters
+    ----------
+    shape : shapely geometry
+        Points, lines or polygons, m east and north.
+    """
+    box = shape.minimum_rotated_rectangle
+    if box.geom_type != "Polygon":
+        return math.nan
+    corners = np.asarray(box.exterior.coords)
+    (x, y) = max(np.diff(corners[:3], axis=0), key=lambda side: float(np.hypot(*side)))
+    return float(np.degrees(np.arctan2(x, y)) % 180.0)
 
 
 def polygon_on(plane: Plane, ring: Floats) -> BaseGeometry:

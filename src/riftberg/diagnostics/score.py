@@ -1,10 +1,14 @@
 """How well a run agrees with what was observed: place, heading, area, outline and fragments, day by day.
 
 A day without a time is compared at one hour, by default that of the start of the run. The model's outline is the union
-of its elements. Which of the model's fragments make up an observed piece is found from their shapes: the one that
-overlaps most, and each other one with which the fragments, laid on the piece centroid on centroid, overlap it better
-than without (intersection over union). So a finger that is off but still in place counts to the berg, and an error of
-drift does not decide. The overlap that is reported is that in the true places.
+of its elements. Which of the model's fragments make up an observed piece is found in two steps. First each piece gets
+at most one fragment, all pieces together in the best way: by overlap, by the distance of the centroids in diameters,
+and by the ratio of areas (`riftberg.diagnostics.overlap.pair_cost`); a fragment that answered to the piece the time
+before is preferred, and beyond three mean diameters or a factor of four in area a piece stays without. Only the berg
+itself, the largest fragment and the largest piece, is known however far the run has gone astray. Then each fragment that
+is left joins the piece that the fragments, laid on it centroid on centroid, overlap better with it than without
+(intersection over union). So a finger that is off but still in place counts to the berg, and an error of drift does not
+decide. The overlap that is reported is that in the true places.
 """
 
 from __future__ import annotations
@@ -14,21 +18,25 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timedelta
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import xarray as xr
 
+from riftberg.diagnostics.assignment import best_pairs
 from riftberg.diagnostics.observed import Fix, Observed
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
+    REACH,
     axis_difference,
     distance,
     group_fragments,
     overlap,
     polygon_moments,
     polygon_on,
+    same_pieces,
     shapely_module,
     without_twins,
 )
@@ -43,6 +51,16 @@ if TYPE_CHECKING:
 
 SMALLEST: Final = 0.005
 """Fragments below this part of the whole area are not matched one by one."""
+
+FIX_REACH: Final = 100e3
+"""Mean distance (m) within which a position can be that of a small fragment: positions have no size, and scatter by tens
+of km between sensors."""
+
+STRANGE: Final = 500e3
+"""Distance (m) beyond which another berg of a table has nothing to do with the run, and is left out."""
+
+DRIFT: Final = 0.2
+"""Usual drift of a large berg, m s-1."""
 
 _SEAM = 60.0  # m; closes the hairline gaps between elements
 
@@ -186,14 +204,15 @@ def score_run(
     judge = _Judge(scene, tuple(together))
     start: datetime = scene.times[0].astype("datetime64[s]").item()
     wanted = start.hour + start.minute / 60.0 if hour is None else hour
+    fixes = [f for f in observed.fixes if interpolated or not f.interpolated]
+    names = judge.name_fragments(fixes, wanted)
+    strangers = judge.strangers(fixes, wanted) - set(names)
     groups: dict[datetime, list[Outline | Fix]] = {}
-    items: list[Outline | Fix] = [*observed.outlines, *observed.fixes]
+    items: list[Outline | Fix] = [*observed.outlines, *(f for f in fixes if f.name not in strangers)]
     for item in items:
-        if isinstance(item, Outline) or interpolated or not item.interpolated:
-            when = item.when + timedelta(hours=wanted) if item.day_only else item.when
-            groups.setdefault(when, []).append(item)
+        when = item.when + timedelta(hours=wanted) if item.day_only else item.when
+        groups.setdefault(when, []).append(item)
     days = []
-    names = judge.name_fragments([f for f in observed.fixes if interpolated or not f.interpolated], wanted)
     for when in sorted(groups):
         record = judge.record(when)
         if record is not None and (between is None or between[0] <= when <= between[1]):
@@ -211,6 +230,7 @@ class _Judge:
 
     def __init__(self, scene: Scene, together: tuple[int, ...]) -> None:
         self.scene, self.together = scene, together
+        self._before: list[tuple[Floats, int]] = []  # outlines of the time before (degrees), and the fragment of each
         steps = np.diff(scene.seconds)
         self.patience = float(max(3600.0, 0.51 * steps.max())) if len(steps) else 3600.0
 
@@ -252,7 +272,13 @@ class _Judge:
         pieces = without_twins([(o.name, polygon_on(plane, o.ring)) for o in outlines])
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
-        groups = group_fragments(shapes, [shape for _, shape in pieces])
+        drawn = [shape for _, shape in pieces]
+        groups = group_fragments(shapes, drawn, self._answers_before(plane, drawn))
+        self._before = [
+            (np.column_stack(plane.inverse(*np.asarray(shape.exterior.coords).T)), group[0])
+            for shape, group in zip(drawn, groups, strict=True)
+            if group
+        ]
         if self.together:
             there = [n for n in self.together if n in shapes]
             groups = [there, *([n for n in g if n not in there] for g in groups[1:])]
@@ -262,6 +288,11 @@ class _Judge:
         ]
         used = {n for group in groups for n in group}
         return matches, [n for n in shapes if n not in used]
+
+    def _answers_before(self, plane: Plane, pieces: list[BaseGeometry]) -> dict[int, int]:
+        """Return the fragments that answered to these pieces when they were seen the time before."""
+        earlier = [polygon_on(plane, ring) for ring, _ in self._before]
+        return {k: self._before[i][1] for k, i in same_pieces(earlier, pieces).items()}
 
     def _union(self, plane: Plane, polygons: Floats) -> BaseGeometry:
         shapely = shapely_module()
@@ -291,7 +322,12 @@ class _Judge:
     # --- positions -------------------------------------------------------------------------------------------------
 
     def name_fragments(self, fixes: list[Fix], hour: float) -> dict[str, int]:
-        """Return which fragment goes by which name; the largest one by the name that is seen first."""
+        """Return which fragment goes by which name.
+
+        Of the names that are seen first the largest fragment has the one nearest to it, and comes first here. The others
+        are given in the best way by their mean distances, which must be within `REACH` diameters of the fragment or
+        `FIX_REACH`; the time between the break-off and the first sight counts as distance at `DRIFT`.
+        """
         seen: dict[str, list[tuple[int, Fix]]] = {}
         for fix in fixes:
             record = self.record(fix.when + timedelta(hours=hour) if fix.day_only else fix.when)
@@ -299,28 +335,44 @@ class _Judge:
                 seen.setdefault(fix.name, []).append((record, fix))
         if not seen:
             return {}
-        last = len(self.scene.times) - 1
-        order = sorted(seen, key=lambda name: (seen[name][0][0], name))
-        fragments = self.fragments(last)
-        names = {order[0]: fragments[0]}
-        pairs = []
-        for name in order[1:]:
-            for number in fragments[1:]:
-                apart = self._mean_distance(number, seen[name])
-                if apart is not None:
-                    pairs.append((apart, name, number))
-        for _, name, number in sorted(pairs):
-            if name not in names and number not in names.values():
-                names[name] = number
-        return names
+        largest, *others = self.fragments(len(self.scene.times) - 1)
+        earliest = min(record for rows in seen.values() for record, _ in rows)
+        first = [name for name in sorted(seen) if any(record == earliest for record, _ in seen[name])]
+        main = min(first, key=lambda name: self._mean_distance(largest, seen[name]))
+        rest = [name for name in sorted(seen) if name != main]
+        cost = np.full((len(rest), len(others)), np.inf)
+        for (k, name), (i, number) in product(enumerate(rest), enumerate(others)):
+            apart = self._mean_distance(number, seen[name])
+            reach = max(FIX_REACH, REACH * 2.0 * math.sqrt(self.scene.area_of(number) / math.pi))
+            if apart <= reach:
+                cost[k, i] = apart + DRIFT * self._wait(number, seen[name][0][0])
+        alone = float(cost[np.isfinite(cost)].max(initial=FIX_REACH))
+        return {main: largest} | {rest[k]: others[i] for k, i in best_pairs(cost, alone)}
 
-    def _mean_distance(self, number: int, seen: list[tuple[int, Fix]]) -> float | None:
+    def strangers(self, fixes: list[Fix], hour: float) -> set[str]:
+        """Return the bergs that never came within `STRANGE` of the run's largest fragment: tables may hold all there are."""
+        near: set[str] = set()
+        for fix in fixes:
+            record = self.record(fix.when + timedelta(hours=hour) if fix.day_only else fix.when)
+            if record is not None and fix.name not in near:
+                here = self.position(record, self.fragments(record)[:1])
+                if distance(here.lon, here.lat, fix.lon, fix.lat, self.scene.radius) <= STRANGE:
+                    near.add(fix.name)
+        return {fix.name for fix in fixes} - near
+
+    def _wait(self, number: int, record: int) -> float:
+        """Return the time between the birth of a fragment and a record, s."""
+        birth = self.scene.birth(number)
+        return abs(float((self.scene.times[record] - birth[0]) / np.timedelta64(1, "s"))) if birth else 0.0
+
+    def _mean_distance(self, number: int, seen: list[tuple[int, Fix]]) -> float:
+        """Return the mean distance (m) of a fragment from where a berg was seen; infinite if never both were there."""
         apart = []
         for record, fix in seen:
             if (self.scene.berg[record] == number).any():
                 place = self.position(record, [number])
                 apart.append(distance(place.lon, place.lat, fix.lon, fix.lat, self.scene.radius))
-        return float(np.mean(apart)) if apart else None
+        return float(np.mean(apart)) if apart else math.inf
 
     def _fix(self, record: int, fix: Fix, names: dict[str, int]) -> Match:
         number = names.get(fix.name)

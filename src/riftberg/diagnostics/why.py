@@ -35,6 +35,12 @@ CAUSES: Final = {
 }
 
 
+FLOOR: Final = (
+    "The force of the sea floor is not recorded: it is taken to be what closes the budget, "
+    "spread evenly over all that is aground."
+)
+
+
 def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     """Find the reasons of the break-ups of a run.
 
@@ -144,7 +150,10 @@ def _paragraph(b: Breakup) -> str:
             " when it starts with the velocity of the water."
         )
     if b.closure is not None:
-        text.append(f"The forces explain the recorded motion to {100.0 * b.closure:.1f} % of their sum.")
+        afloat = " when it was last afloat" if load.aground else ""
+        text.append(f"The forces explain the recorded motion{afloat} to {100.0 * b.closure:.1f} % of their sum.")
+    if load.aground:
+        text.append(FLOOR)
     for part, fate in b.controls.items():
         text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
     return " ".join(part for part in text if part)

@@ -13,8 +13,9 @@ where (x, y) is measured from a centre that moves at (U, V) along a polynomial p
 up for the rim of the drift, where the berg's ends lie, and W(s) is the spin of the eddy. The drift ends at its rim, so
 that the tip, once it has been held by the shoal, stays behind. The shear is an eastward jet (Uj) at the finger and a
 counter-current (Uc) at the middle of the berg; a uniform flow (Um) makes its pull on the whole berg vanish. It grows
-and decays with A(s). A wind, and a shoal of 5 km on which the tip grounds, complete it. The form follows the shared
-description of the A68a story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
+and decays with A(s). A wind, and a shoal on which the tip grounds, complete it: a bell whose depth is that of the keel
+(166 m) on a circle of 15.9 km in `OWN`, of 5.0 km in `REFERENCE`. The form follows the shared description of the A68a
+story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
 """
 
 from __future__ import annotations

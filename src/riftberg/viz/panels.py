@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.errors import InputError
 from riftberg.io.background import StoredWater
 from riftberg.ocean.forcing import Forcing
 from riftberg.state import Floats
@@ -218,5 +219,14 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
 
 
 def nearest_record(scene: Scene, moment: np.datetime64) -> int:
-    """Return the record nearest to a date."""
-    return int(np.argmin(np.abs(scene.times - moment)))
+    """Return the record nearest to a date; refuses one more than an hour, or half a step of the records, outside of the run."""
+    apart = np.abs(scene.times - moment)
+    nearest = int(np.argmin(apart))
+    steps = np.diff(scene.times)
+    if apart[nearest] > max(np.timedelta64(1, "h"), 0.51 * steps.max() if len(steps) else np.timedelta64(0, "h")):
+        first, last = (scene.times[k].astype("datetime64[m]") for k in (0, -1))
+        raise InputError(
+            f"{moment.astype('datetime64[m]')} is not in the run", where="--date",
+            remedy=f"The run goes from {first} to {last}",
+        )  # fmt: skip
+    return nearest

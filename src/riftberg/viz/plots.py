@@ -97,7 +97,9 @@ def draw_dates(
     count = len(records) + bool(shown)
     columns = min(4, count) if count <= 4 else math.ceil(count / 2)
     rows = math.ceil(count / columns)
-    figure = new_figure(4.1 * columns + 0.6, 4.3 * rows + 1.35, dpi)
+    # The legend takes a line for each column's width of fragments.
+    entries = math.ceil((len(fragment_colours(scene)) + bool(shown)) / columns)
+    figure = new_figure(4.1 * columns + 0.6, 4.3 * rows + 1.8 + 0.17 * entries, dpi)
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
     boxes = common_boxes(scene, records)
     panels = [Panel(ax, scene, box, water) for ax, box in zip(places[bool(shown) :], boxes, strict=True)]
@@ -106,12 +108,19 @@ def draw_dates(
         _date_panel(panel, record, top, shown)
     if shown:
         _observed_panel(places[0], scene, records, shown, water, top)
-    bottom = 1.05 / figure.get_figheight()
+    flowing = top if any(p.fastest(records[0]) for p in panels) else 0.0
+    below = _legend(figure, scene, bool(shown), flowing)
+    height = figure.get_figheight()
+    title = heading(run, "model" + (" and observed outlines" if shown else ""))
+    lines = style.wrapped(title, figure.get_figwidth() - 0.6, size=12)
+    left, right = 0.62 / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figwidth()
+    above = 0.45 + 0.2 * len(lines)
     figure.subplots_adjust(
-        left=0.05, right=0.985, top=1.0 - 0.85 / figure.get_figheight(), bottom=bottom, wspace=0.22, hspace=0.2
+        left=left, right=right, top=1.0 - above / height, bottom=below / height, wspace=0.22, hspace=0.2
     )
-    figure.suptitle(heading(run, "model" + (" and observed outlines" if shown else "")), x=0.05, ha="left", fontsize=12)
-    _legend(figure, scene, bool(shown), top if any(p.fastest(records[0]) for p in panels) else 0.0)
+    figure.suptitle(
+        "\n".join(lines), x=0.3 / figure.get_figwidth(), y=1.0 - 0.1 / height, va="top", ha="left", fontsize=12
+    )
     figure.savefig(path)
     return Path(path)
 
@@ -129,14 +138,15 @@ def _date_panel(panel: Panel, record: int, top: float, shown: Outlines) -> None:
 def _observed_panel(
     ax: Axes, scene: Scene, records: Sequence[int], shown: Outlines, water: Water | None, top: float
 ) -> None:
-    """Draw all outlines over the currents of the day in the middle."""
+    """Draw all outlines over the currents of the one in the middle of their days."""
     rings = np.concatenate([ring for day in shown.values() for ring in day])
     box = scene.box().grown(0.03)
     x, y = 0.5 * (rings[:, 0].min() + rings[:, 0].max()), 0.5 * (rings[:, 1].min() + rings[:, 1].max())
     half = 0.56 * max(np.ptp(rings[:, 1]), np.ptp(rings[:, 0]) / scene.stretch(y))
     box = type(box)(x - half * scene.stretch(y), x + half * scene.stretch(y), y - half, y + half)
     panel = Panel(ax, scene, box, water)
-    middle = records[len(records) // 2]
+    seen = [record for record in records if str(scene.times[record])[:10] in shown]
+    middle = seen[len(seen) // 2]
     panel.draw_currents(middle, top, arrows=15)
     panel.draw_floor()
     for k, (day, drawn) in enumerate(shown.items()):
@@ -148,11 +158,12 @@ def _observed_panel(
     ax.set_title(f"Observed; currents of {day_text(scene.times[middle], hour=False)}", fontsize=10, pad=4)
 
 
-def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> None:
-    """Explain the fragments, and draw the scale of the current, below the panels."""
+def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
+    """Explain the fragments, and above that draw the scale of the current; return the height of both with the ticks (inches)."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
+    from matplotlib.ticker import MaxNLocator
 
     handles: list[Any] = [
         Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(scene, number))
@@ -160,14 +171,21 @@ def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> None:
     ]
     if observed:
         handles.append(Line2D([], [], color="black", lw=1.4, label="observed outline of the day"))
+    width, height = figure.get_figwidth(), figure.get_figheight()
+    columns = max(1, min(len(handles), int((width - 0.5) / 4.1)))
+    high = 0.17 * math.ceil(len(handles) / columns) + 0.16
+    figure.legend(
+        handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.45 / width, 0.0), ncols=columns, frameon=False
+    )
     if top > 0.0:
-        figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.04, 0.0), ncols=2, frameon=False)
-        place = figure.add_axes((0.64, 0.55 / figure.get_figheight(), 0.3, 0.1 / figure.get_figheight()))
+        long = min(4.2, width - 1.2)
+        place = figure.add_axes((0.62 / width, (high + 0.4) / height, long / width, 0.1 / height))
         bar = figure.colorbar(ScalarMappable(root_scale(top), style.speed_map()), cax=place, orientation="horizontal")
         bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
         bar.ax.tick_params(labelsize=8, length=2)
-    else:
-        figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.04, 0.0), ncols=3, frameon=False)
+        bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6, steps=[1, 2, 5, 10]))
+        high += 0.5
+    return high + 0.4
 
 
 def fragment_name(scene: Scene, number: int) -> str:

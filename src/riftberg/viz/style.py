@@ -124,3 +124,11 @@ class Labels:
                 return True
             label.remove()
         return False
+
+
+def wrapped(text: str, width: float, *, size: float) -> list[str]:
+    """Break the lines of a text so that they fit into a width (inches) at a size of letters (points)."""
+    from textwrap import wrap
+
+    letters = max(20, int(width * 72.0 / (0.56 * size)))  # mean letter: 0.56 of the size
+    return [part for line in text.split("\n") for part in wrap(line, letters)]

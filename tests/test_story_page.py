@@ -1,0 +1,91 @@
+"""The tables of docs/explanation/a68a-story.md are what benchmarks/story.py gets now."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.diagnostics.observed import read_observed
+from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polygon_on, rectangle_azimuth
+from riftberg.experiments.a68a_observed import A68A_OBSERVED
+from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
+from riftberg.viz.plane import Plane
+
+ROOT = Path(__file__).resolve().parents[1]
+AGAIN = "run: python benchmarks/story.py --write"
+
+
+def loaded() -> ModuleType:
+    """Return benchmarks/story.py as a module."""
+    spec = importlib.util.spec_from_file_location("benchmark_story", ROOT / "benchmarks" / "story.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+SCRIPT = loaded()
+
+
+def rows(name: str) -> list[tuple[str, ...]]:
+    """Return the rows below the head of a table of the page."""
+    block = SCRIPT.PAGE.read_text("utf-8").partition(f"<!-- {name}: begin -->")[2].partition(f"<!-- {name}: end -->")[0]
+    lines = [line for line in block.splitlines() if line.startswith("|")]
+    return [tuple(cell.strip() for cell in line[1:-1].split("|")) for line in lines[2:]]
+
+
+def test_the_page_has_all_rows_in_their_order() -> None:
+    assert [row[0] for row in rows("story")] == [run.name for run in SCRIPT.RUNS], AGAIN
+
+
+def test_the_storyline_is_what_comes_now() -> None:
+    assert rows("storyline") == SCRIPT.storyline(), AGAIN
+
+
+def test_the_first_row_is_what_comes_now() -> None:
+    assert rows("story")[0] == SCRIPT.row(SCRIPT.RUNS[0]), AGAIN
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k", range(1, len(SCRIPT.RUNS)), ids=[run.name for run in SCRIPT.RUNS[1:]])
+def test_a_row_is_what_comes_now(k: int) -> None:
+    assert rows("story")[k] == SCRIPT.row(SCRIPT.RUNS[k]), AGAIN
+
+
+def test_the_observed_axes_are_those_of_the_outlines(shared: Path) -> None:
+    """Both measures of the published daily outlines; the table of the least rectangles is rounded, from another projection."""
+    found = read_observed(shared / "data" / "observed" / "a68a_daily_outlines.geojson").outlines
+    rings = {outline.when.day: outline.ring for outline in found if outline.when.month == 12}
+    apart = []
+    assert len(SCRIPT.MOMENTS) == 13
+    for seen, moment in zip(A68A_OBSERVED, SCRIPT.MOMENTS, strict=False):
+        shape = polygon_on(Plane(seen.lon, seen.lat, EARTH_RADIUS_A68), rings[seen.day])
+        assert axis_difference(polygon_moments(np.asarray(shape.exterior.coords))[2], moment) == pytest.approx(
+            0.0, abs=0.06
+        )
+        assert axis_difference(rectangle_azimuth(shape), seen.azimuth) == pytest.approx(0.0, abs=2.0)
+        apart.append(abs(axis_difference(seen.azimuth, moment)))
+    assert round(max(apart)) == 13  # as the page says, on 18 December
+    assert A68A_OBSERVED[int(np.argmax(apart))].day == 18
+
+
+def test_the_shoal_is_as_large_as_the_page_says() -> None:
+    """Where the depth is the draft, found by bisection; 15.9 and 5.0 km."""
+    draft = 200.0 * 850.0 / 1025.0
+    for numbers, radius in ((OWN, 15.9), (REFERENCE, 5.0)):
+        ocean, near, far = StoryOcean(numbers), 0.0, 1.0
+        for _ in range(60):
+            middle = 0.5 * (near + far)
+            deep = float(ocean.depth(np.array([numbers.shoal[0]]), np.array([numbers.shoal[1] + middle]))[0]) > draft
+            near, far = (near, middle) if deep else (middle, far)
+        metres = np.radians(near) * EARTH_RADIUS_A68
+        assert SCRIPT.contact_radius(ocean, draft) == pytest.approx(metres, rel=1e-6)
+        assert metres / 1e3 == pytest.approx(radius, abs=0.05)
