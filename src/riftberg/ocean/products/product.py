@@ -62,6 +62,8 @@ class Product:
         Brings decoded data to the dimensions ``time, depth, lat, lon`` (or ``y, x``) by name.
     finish : callable
         Last change of the canonical dataset: masks, position of the stamp in time.
+    settle : callable
+        What needs the records of all files together, after they were joined: the length of time that one stands for.
     averaging : numpy.timedelta64
         Length of time that one record stands for; 0 for instants.
     notes : tuple of str
@@ -77,6 +79,7 @@ class Product:
     mend: Step = unchanged
     reshape: Step = unchanged
     finish: Step = unchanged
+    settle: Step = unchanged
     averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
     notes: tuple[str, ...] = ()
 

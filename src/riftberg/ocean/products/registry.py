@@ -27,6 +27,7 @@ from riftberg.ocean.products import (
     srtm15,
 )
 from riftberg.ocean.products.product import Product
+from riftberg.ocean.products.records import own_interval
 from riftberg.ocean.products.reading import is_zarr, open_raw, read
 
 PRODUCTS: tuple[Product, ...] = (
@@ -147,12 +148,27 @@ def open_all(paths: Paths, product: str | Product | None = None) -> list[xr.Data
     list of xarray.Dataset
         One canonical dataset for each product, grid and set of records.
     """
-    chosen = product_named(product) if isinstance(product, str) else product
+    return open_named((path, product) for path in expand(paths))
+
+
+def open_named(entries: Iterable[tuple[str, str | Product | None]]) -> list[xr.Dataset]:
+    """Open files as the products named beside them (None: recognise it), joined as `open_all` does."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
-    for path in expand(paths):
-        ds = read(path, chosen or recognise(path))
-        groups.setdefault((ds.attrs["product"], *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
-    return _merged([_concatenated(group) for group in groups.values()])
+    products: dict[str, Product] = {}
+    for path, product in entries:
+        chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
+        products[chosen.name] = chosen
+        ds = read(path, chosen)
+        groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
+    return _merged([_settled(_concatenated(group), products[str(key[0])]) for key, group in groups.items()])
+
+
+def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
+    """Return joined files with the interval of all their records noted, which a window would no longer show."""
+    if "time" not in ds.dims:
+        return ds
+    ds = product.settle(ds)
+    return ds.assign_attrs(interval_seconds=own_interval(ds))
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
@@ -181,6 +197,8 @@ def _concatenated(parts: list[xr.Dataset]) -> xr.Dataset:
         join="override",
         combine_attrs="override",
     )
+    stated = [part.attrs["stated_seconds"] for part in parts if "stated_seconds" in part.attrs]
+    joined = joined.assign_attrs(stated_seconds=min(stated)) if stated else joined
     _, first = np.unique(joined["time"].values, return_index=True)
     return _sourced(
         joined if first.size == joined.sizes["time"] and np.all(np.diff(first) == 1) else joined.isel(time=first), parts
@@ -211,4 +229,6 @@ def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
 
 
-__all__ = ["PRODUCTS", "expand", "is_zarr", "open_all", "open_product", "product_named", "recognise"]
+__all__ = [
+    "PRODUCTS", "expand", "is_zarr", "open_all", "open_named", "open_product", "product_named", "recognise",
+]  # fmt: skip

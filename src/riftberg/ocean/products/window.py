@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.ocean.products.axes import goes_round, on_branch
+from riftberg.ocean.products.records import hold_of
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
@@ -169,8 +170,8 @@ def cover(ds: xr.Dataset) -> str:
 def _in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
     first, last = utc(time[0]), utc(time[1])
     records = ds["time"].values
-    half = np.timedelta64(int(float(ds.attrs.get("averaging_seconds", 0.0)) / 2), "s")
-    if last < records[0] - half or first > records[-1] + half:
+    held = np.timedelta64(int(hold_of(ds)), "s")
+    if last < records[0] - held or first > records[-1] + held:
         raise ForcingError(
             f"no record lies in {first.astype('M8[m]')}..{last.astype('M8[m]')}: the data run from "
             f"{records[0].astype('M8[m]')} to {records[-1].astype('M8[m]')}",
