@@ -109,7 +109,7 @@ def test_a_gap_is_refused_by_the_interval_that_files_state(tmp_path: Path) -> No
     ds = records([9, 14])
     assert current(experiment(tmp_path, ds), 12) == pytest.approx(0.10)
     ds.attrs["time_coverage_resolution"] = "P1D"
-    with pytest.raises(ForcingError, match="the limit is 2.5 days"):
+    with pytest.raises(ForcingError, match=r"the limit is 2\.5 days"):
         build(str(experiment(tmp_path, ds)))
 
 
@@ -175,3 +175,108 @@ def test_water_without_ice_is_no_gap(tmp_path: Path) -> None:
     assert model.elements.ice_fraction.mean() == pytest.approx(0.25)  # half-way from 0.5 to none
     assert _sampled(model, 60) == pytest.approx(0.12)
     assert model.elements.ice_fraction.mean() == 0.0
+
+
+def test_the_product_of_files_can_be_named(tmp_path: Path) -> None:
+    """Only the doctor could be told what a file is."""
+    ds = records(range(5, 17), fields=("uo", "vo", "ssh")).rename(uo="ugos", vo="vgos", ssh="adt")
+    ds["adt"].attrs["standard_name"] = "sea_surface_height_above_geoid"
+    with pytest.raises(ForcingError, match="no ocean current"):
+        build(str(experiment(tmp_path, ds)))
+    named = EXPERIMENT.replace('["*.nc"]', "[{file: forcing.nc, product: duacs-geostrophic}]")
+    path = experiment(tmp_path, text=named)
+    assert current(path, 12) == pytest.approx(0.10)
+    assert "duacs-geostrophic" in build(str(path))[0].forcing.describe()
+    plain = EXPERIMENT.replace('["*.nc"]', "[{file: forcing.nc}]")
+    with pytest.raises(ForcingError, match="no ocean current"):
+        build(str(experiment(tmp_path, text=plain)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('["*.nc"]', "[{file: a.nc, product: duac}]", r"forcing.files.0.*no product 'duac'; choose one of .*duacs"),
+        ('["*.nc"]', "[{fil: a.nc}]", r"line 8, forcing.files.0.fil: there is no such key"),
+        ("kind: files", "kind: files\n  max_gap: 0", r"forcing.max_gap.*Allowed: a number > 0, in h"),
+        ("kind: files", "kind: files\n  hold: -1 h", r"forcing.hold.*Allowed: a number >= 0, in h"),
+        ("kind: files", "kind: files\n  max_gap: 3 m", r"forcing.max_gap"),
+    ],
+)
+def test_mistakes_in_the_new_keys_are_told_with_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+    from riftberg.errors import InputError
+
+    with pytest.raises(InputError, match=words):
+        build(str(experiment(tmp_path, text=EXPERIMENT.replace(old, new))))
+
+
+@pytest.mark.parametrize("spacing", ["", "  spacing: 0.25\n"])
+def test_missing_sea_level_and_wind_are_noticed_unless_left_out_on_purpose(tmp_path: Path, spacing: str) -> None:
+    ds = records(range(5, 17), fields=("uo", "vo"))
+    model, info = build(str(experiment(tmp_path, ds, spacing)))
+    assert len(info.notices) == 2
+    assert "sea level (ssh)" in info.notices[0]
+    assert "wind (ua, va): the air is calm" in info.notices[1]
+    assert info.notices[1] in model.forcing.describe()  # and so in run.nc and summary.json
+    _, info = build(str(experiment(tmp_path, more=f"{spacing}  sea_level: none\n")))
+    assert [notice[:23] for notice in info.notices] == ["no file gives the wind "]
+    _, info = build(str(experiment(tmp_path, more=f"{spacing}  sea_level: none\n  wind: none\n")))
+    assert info.notices == ()
+
+
+def test_none_leaves_out_what_the_files_give(tmp_path: Path) -> None:
+    model, info = build(str(experiment(tmp_path, records(range(5, 17)), "  wind: none\n")))
+    _sampled(model, 12)
+    assert info.notices == ()
+    assert np.all(model.elements.ua == 0.0)
+    assert np.all(model.elements.uo > 0.09)
+
+
+def test_half_a_vector_is_refused(tmp_path: Path) -> None:
+    """Currents without their northward component were taken as eastward."""
+    with pytest.raises(ForcingError, match="gives uo and no file gives vo"):
+        build(str(experiment(tmp_path, records(range(5, 17), fields=("uo", "ssh")))))
+
+
+def test_a_single_row_of_points_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ForcingError, match="only one point along lat"):
+        build(str(experiment(tmp_path, records(range(5, 17)).isel(lat=[12]))))
+
+
+def glorys(folder: Path, name: str, number: float, **attributes: str) -> None:
+    """Write one record like those of the toolbox."""
+    ds = records([number], fields=("uo", "vo", "ssh")).rename(ssh="zos")
+    ds.assign_attrs(source="MERCATOR GLORYS12V1", **attributes).to_netcdf(folder / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "attributes"),
+    [
+        ("a.nc", {"title": "Monthly mean fields for product GLOBAL_MULTIYEAR_PHY_001_030"}),
+        ("cmems_mod_glo_phy_my_0.083deg_P1M-m_uo.nc", {}),
+        ("mercatorglorys12v1_gl12_mean_202012.nc", {}),
+        ("a.nc", {"time_coverage_resolution": "P1M"}),
+    ],
+)
+def test_a_month_of_glorys_in_one_record_is_a_month(tmp_path: Path, name: str, attributes: dict[str, str]) -> None:
+    """It was taken as the mean of the first of December."""
+    glorys(tmp_path, name, 1, **attributes)
+    _, info = build(str(experiment(tmp_path, more="  wind: none\n")))
+    assert info.notices == ()
+
+
+def test_months_of_glorys_in_a_file_each_are_told_by_their_distance(tmp_path: Path) -> None:
+    for number, start in (("11", -29), ("12", 1), ("01", 32)):
+        glorys(tmp_path, f"own_{number}.nc", start)
+    path = experiment(tmp_path, more="  wind: none\n")
+    # The middle of December is 12:00 of the 16th; stamps of daily means would give values from 1 December.
+    at_middle = EXPERIMENT.replace("12-09 12:00", "12-15 12:00") + "  wind: none\n"
+    assert current(experiment(tmp_path, text=at_middle), 24) == pytest.approx(0.01)
+    assert build(str(path))[1].notices == ()
+
+
+def test_a_record_of_glorys_that_tells_nothing_is_doubted(tmp_path: Path) -> None:
+    glorys(tmp_path, "own.nc", 9)
+    text = EXPERIMENT.replace("days: 4", "days: 0.4") + "  wind: none\n"
+    _, info = build(str(experiment(tmp_path, text=text)))
+    assert len(info.notices) == 1
+    assert "taken as a day" in info.notices[0]

@@ -20,8 +20,9 @@ from riftberg.experiments.schema import FileForcing, NamedFiles
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.own_grids import FILLS, OwnGrids, Part
+from riftberg.ocean.products import records
 from riftberg.ocean.products.axes import step_of
-from riftberg.ocean.products.records import check_ends, check_records, gap_limit, named, without_empty
+from riftberg.ocean.products.canonical import QUANTITIES
 from riftberg.ocean.products.registry import open_named
 from riftberg.ocean.products.window import utc, window
 from riftberg.state import Floats
@@ -83,9 +84,41 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> GriddedFor
         )
     if given.currents == "surface":
         datasets = [without_levels(ds, surface=True) for ds in datasets]
+    _check_pairs(datasets)
     if given.spacing is None:
-        return _on_own_grids(given, datasets, run)
-    return _on_one_grid(given, even_mesh(_box(given.longitude), given.latitude, given.spacing), datasets, run)
+        forcing: GriddedForcing | OwnGrids = _on_own_grids(given, datasets, run)
+    else:
+        forcing = _on_one_grid(given, even_mesh(_box(given.longitude), given.latitude, given.spacing), datasets, run)
+    forcing.notices = _notices(datasets, given)
+    return forcing
+
+
+def _check_pairs(datasets: list[xr.Dataset]) -> None:
+    """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
+    held = {str(name): ds for ds in datasets for name in ds.data_vars}
+    for pair in records.VECTORS:
+        given = [name for name in pair if name in held]
+        if len(given) == 1:
+            other = pair[1 - pair.index(given[0])]
+            raise ForcingError(
+                f"gives {given[0]} and no file gives {other} with the same records",
+                where=records.named(held[given[0]]),
+                remedy=f"Add the file with {QUANTITIES[other].long_name}",
+            )
+
+
+def _notices(datasets: list[xr.Dataset], given: FileForcing) -> tuple[str, ...]:
+    """Return what the files leave out, and doubts about them, in a line each."""
+    held = {str(name) for ds in datasets for name in ds.data_vars}
+    told = [f"{records.named(ds)}: {ds.attrs['doubt']}" for ds in datasets if "doubt" in ds.attrs]
+    if "ssh" not in held and given.sea_level == "files":
+        told.append(
+            "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
+            "is 0. With sea_level: none in forcing this is not said"
+        )
+    if not held & {"ua", "taux"} and given.wind == "files":
+        told.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
+    return tuple(told)
 
 
 def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | None]]:
@@ -133,20 +166,20 @@ def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> list[xr.Dataset]:
         return [_with_area(window(ds, _box(given.longitude), given.latitude, margin=margin))]
     first, last = utc(run.start), utc(run.end)
     ds = with_rules(ds, given)
-    check_ends(ds, np.array([first, last]))
+    records.check_ends(ds, np.array([first, last]))
     # So much more that a missing record at the edge can be bridged by those beyond it.
-    spare = np.timedelta64(round(gap_limit(ds)), "s")
+    spare = np.timedelta64(round(records.gap_limit(ds)), "s")
     near = _with_area(window(ds, _box(given.longitude), given.latitude, (first - spare, last + spare), margin=margin))
-    parts = without_empty(near)
+    parts = records.without_empty(near)
     lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
     if lost:
         raise ForcingError(
             f"no value of {', '.join(sorted(map(str, lost)))} in the box and at the dates of the run: all land or missing",
-            where=named(ds),
+            where=records.named(ds),
             remedy="Leave the file out of forcing.files, or give one with values there",
         )
     for part in parts:
-        check_records(part, first, last)
+        records.check_records(part, first, last)
     return parts
 
 
@@ -162,7 +195,7 @@ def _with_area(ds: xr.Dataset) -> xr.Dataset:
         if ds.sizes.get(axis, 2) < 2:
             raise ForcingError(
                 f"only one point along {axis} lies near the box of the run: between points nothing is known",
-                where=named(ds),
+                where=records.named(ds),
                 remedy="Fetch a larger area, at least two points each way",
             )
     return ds
@@ -246,7 +279,7 @@ def _own_part(
 def _own_moments(datasets: Sequence[xr.Dataset], run: Run) -> list[datetime]:
     """Return start, end, and the records between them."""
     first, last = utc(run.start), utc(run.end)
-    records = [ds["time"].values for ds in datasets if "time" in ds.dims]
-    within = [time[(time > first) & (time < last)] for time in records]
+    times = [ds["time"].values for ds in datasets if "time" in ds.dims]
+    within = [time[(time > first) & (time < last)] for time in times]
     moments = np.unique(np.concatenate([[first, last], *within]).astype("datetime64[us]"))
     return [moment.item() for moment in moments]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -157,6 +157,8 @@ def _prepared(values: Any, section: type[BaseModel], place: Place, document: Doc
 
 
 def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> Any:
+    if isinstance(value, list) and (items := _sections_in(field)):
+        return [_prepared(v, items, (*place, k), document) if isinstance(v, dict) else v for k, v in enumerate(value)]
     inner = _section_of(value, field, place, document)
     if inner is not None:
         return _prepared(value, inner, place, document)
@@ -173,6 +175,13 @@ def _is_quantity(value: Any, field: FieldInfo) -> bool:
     from riftberg.units import looks_like_quantity
 
     return isinstance(value, str) and float in kinds_of(field.annotation) and looks_like_quantity(value)
+
+
+def _sections_in(field: FieldInfo) -> type[BaseModel] | None:
+    """Return the section that items of a list may be."""
+    items = [item for kind in kinds_of(field.annotation) if get_origin(kind) is list for item in get_args(kind)]
+    kinds = [kind for item in items for kind in kinds_of(item)]
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
 
 
 def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) -> type[BaseModel] | None:
@@ -192,8 +201,12 @@ def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) 
 
 def _explained(error: ValidationError, document: Document) -> InputError:
     """Turn the first finding of pydantic into a message with its place."""
-    first = error.errors()[0]
-    place = tuple(part for part in first["loc"] if part not in _KINDS and part not in ("float", "int", "str"))
+    errors = error.errors()
+    # Of an entry that is a text or a section, what is wrong with the section tells more.
+    first = next((found for found in errors if "NamedFiles" in found["loc"]), errors[0])
+    loc = tuple(first["loc"])
+    loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
+    place = tuple(part for part in loc if part not in ("float", "int", "str", "NamedFiles"))
     field = _field_at(place)
     if first["type"] == "missing":
         return document.error("this key is missing", place, allowed(field) if field else "")
@@ -279,7 +292,8 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     berg = build_berg(experiment, parameters, folder)
     days = options.days or experiment.days
     forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
-    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours)
+    notices = tuple(getattr(forcing, "notices", ()))
+    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours, notices=notices)
     return Model(berg, forcing, parameters, experiment.start), info
 
 

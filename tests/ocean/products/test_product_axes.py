@@ -53,8 +53,7 @@ def test_window_holds_the_box_on_its_branch(west: float, width: float, first: fl
 
 def levelled(units: str | None, levels: tuple[float, ...] = (0.5, 1.0)) -> xr.Dataset:
     attributes = {} if units is None else {"units": units}
-    depth = xr.DataArray(np.array(levels), dims="depth", attrs=attributes)
-    return globe().expand_dims(depth=depth)
+    return globe().expand_dims(depth=len(levels)).assign_coords(depth=("depth", np.array(levels), attributes))
 
 
 @pytest.mark.parametrize(("units", "factor"), [("m", 1.0), (None, 1.0), ("km", 1000.0), ("cm", 0.01), ("Meters", 1.0)])

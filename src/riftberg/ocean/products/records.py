@@ -7,6 +7,7 @@ value is a missing record.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -78,7 +79,7 @@ def hold_of(ds: xr.Dataset, given: Period = None) -> float:
 
 def long_gaps(records: Dates, limit: float, first: np.datetime64, last: np.datetime64) -> list[Gap]:
     """Return the gaps longer than ``limit`` (s) that hold a part of ``first..last``."""
-    pairs = (Gap(*pair) for pair in zip(records[:-1], records[1:], strict=True))
+    pairs = (Gap(*pair) for pair in pairwise(records))
     return [gap for gap in pairs if gap.seconds > limit and gap.before < last and gap.after > first]
 
 

@@ -27,8 +27,8 @@ from riftberg.ocean.products import (
     srtm15,
 )
 from riftberg.ocean.products.product import Product
-from riftberg.ocean.products.records import own_interval
 from riftberg.ocean.products.reading import is_zarr, open_raw, read
+from riftberg.ocean.products.records import own_interval
 
 PRODUCTS: tuple[Product, ...] = (
     globcurrent.PRODUCT,
@@ -230,5 +230,12 @@ def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
 
 
 __all__ = [
-    "PRODUCTS", "expand", "is_zarr", "open_all", "open_named", "open_product", "product_named", "recognise",
-]  # fmt: skip
+    "PRODUCTS",
+    "expand",
+    "is_zarr",
+    "open_all",
+    "open_named",
+    "open_product",
+    "product_named",
+    "recognise",
+]
