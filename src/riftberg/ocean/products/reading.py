@@ -191,7 +191,7 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "title": product.title,
         "source": path,
         "citation": product.citation,
-        "reader_checked_against": product.evidence,
+        "reader_checked_against": product.checked(ds.data_vars),
         "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }

@@ -63,7 +63,7 @@ def window(
         ds = _curvilinear(ds, box)
     else:
         ds = _regular(ds, box)
-    return _in_time(ds, time) if time is not None and "time" in ds.dims else ds
+    return window_in_time(ds, time) if time is not None and "time" in ds.dims else ds
 
 
 def slice_around(axis: Floats, low: float, high: float) -> slice:
@@ -167,7 +167,8 @@ def cover(ds: xr.Dataset) -> str:
     return f"{np.nanmin(lon):g}..{np.nanmax(lon):g} E, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
 
 
-def _in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
+def window_in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
+    """Return the records of a time and one more on each side; `ForcingError` if there is none."""
     first, last = utc(time[0]), utc(time[1])
     records = ds["time"].values
     held = np.timedelta64(int(hold_of(ds)), "s")
