@@ -65,6 +65,7 @@ def records(
 def experiment(folder: Path, ds: xr.Dataset | None = None, more: str = "", text: str = EXPERIMENT) -> Path:
     """Write an experiment, and its file of forcing."""
     if ds is not None:
+        (folder / "forcing.nc").unlink(missing_ok=True)  # it may still be open
         ds.to_netcdf(folder / "forcing.nc")
     path = folder / "own.yaml"
     path.write_text(text + more)
@@ -142,6 +143,8 @@ def test_a_record_without_values_is_bridged_like_a_missing_one(
     path = experiment(tmp_path, records(range(7, 17), empty=[11], lack=lack), spacing)
     for hours in (12, 24, 36, 48, 60):
         assert current(path, hours) == pytest.approx(0.01 * (9.5 + hours / 24.0), abs=1e-6)
+    (notice,) = build(str(path))[1].notices
+    assert notice.startswith("cf (forcing.nc): 1 record(s) without any value of uo, vo")
 
 
 @pytest.mark.parametrize("spacing", ["", "  spacing: 0.25\n"])
@@ -163,6 +166,15 @@ def test_a_field_without_any_value_is_refused(tmp_path: Path) -> None:
     ds = records(range(5, 17), empty=range(5, 17), lack=("ua", "va"))
     with pytest.raises(ForcingError, match=r"no value of ua, va in the box and at the dates of the run"):
         build(str(experiment(tmp_path, ds)))
+
+
+def test_fields_without_time_beside_others_are_kept(tmp_path: Path) -> None:
+    ds = records(range(5, 17), empty=[11])
+    floor = xr.full_like(ds["uo"].isel(time=0, drop=True), 300.0)
+    ds["depth"] = floor.assign_attrs(units="m", standard_name="sea_floor_depth_below_geoid")
+    model, _ = build(str(experiment(tmp_path, ds)))
+    assert _sampled(model, 36) == pytest.approx(0.11)
+    np.testing.assert_allclose(model.elements.depth, 300.11, atol=1e-6)  # and the sea level
 
 
 def test_water_without_ice_is_no_gap(tmp_path: Path) -> None:

@@ -179,8 +179,19 @@ def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> list[xr.Dataset]:
             remedy="Leave the file out of forcing.files, or give one with values there",
         )
     for part in parts:
-        records.check_records(part, first, last)
-    return parts
+        if "time" in part.dims:
+            records.check_records(part, first, last)
+    return [_told_of_missing(part, near) for part in parts]
+
+
+def _told_of_missing(part: xr.Dataset, near: xr.Dataset) -> xr.Dataset:
+    """Return a part with a doubt noted on it if it has lost records without values."""
+    lost = near.sizes["time"] - part.sizes.get("time", near.sizes["time"])
+    if not lost:
+        return part
+    names = ", ".join(map(str, part.data_vars))
+    earlier = f"{part.attrs['doubt']}; " if "doubt" in part.attrs else ""
+    return part.assign_attrs(doubt=f"{earlier}{lost} record(s) without any value of {names} count as missing")
 
 
 def with_rules(ds: xr.Dataset, given: FileForcing) -> xr.Dataset:
