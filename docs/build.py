@@ -283,13 +283,8 @@ def products_page() -> str:
     from riftberg.ocean.products.canonical import QUANTITIES
     from riftberg.ocean.products.registry import PRODUCTS
 
-    words = {
-        "sample": "a real file of the product",
-        "layout": "a file made from a published header",
-        "documentation": "a file made from the product's documentation",
-    }
     products = [
-        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), words[p.evidence], "; ".join(p.notes))
+        (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join(p.notes))
         for p in PRODUCTS
     ]
     quantities = [(code(q.name), q.units, q.long_name, q.sign, code(q.standard_name)) for q in QUANTITIES.values()]

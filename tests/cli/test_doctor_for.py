@@ -64,6 +64,37 @@ def test_a68a_gives_its_place_and_dates(asked: dict[str, Any]) -> None:
     assert asked["lon"][0] < -40.3 < -35.5 < asked["lon"][1]
 
 
+def test_a68a_gives_the_observed_path_unless_a_run_is_named(asked: dict[str, Any]) -> None:
+    call("a.nc", "--for", "a68a")
+    assert len(asked["path"]) == 16  # the days on which the whole berg was seen
+    assert asked["path"][0] == (-39.2454, -55.0194)
+
+
+def test_the_files_of_a68a_are_looked_for_where_the_fetch_puts_them(
+    asked: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RIFTBERG_DATA", raising=False)
+    result = call("--for", "a68a-paper")
+    assert result.exit_code == 2
+    assert "None are in riftberg-data/a68a: 'riftberg fetch a68a' gets them" in result.output
+    (tmp_path / "riftberg-data" / "a68a").mkdir(parents=True)
+    (tmp_path / "riftberg-data" / "a68a" / "some.nc").touch()
+    assert call("--for", "a68a-paper").exit_code == 0
+    assert asked["files"] == ["riftberg-data/a68a/*.nc"]
+
+
+def test_a_yaml_file_gives_products_limits_and_what_it_leaves_out(asked: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    named = '["*oras5*.nc", {file: b.nc, product: duacs-geostrophic}]\n  max_gap: 4 days\n  hold: 12\n  wind: none'
+    path.write_text(EXPERIMENT.replace('["*oras5*.nc", "*jra55*.nc"]', named))
+    call("--for", path, "--need", "uo", "--need", "depth_below_surface")
+    assert asked["product"] == {str(tmp_path / "*oras5*.nc"): None, str(tmp_path / "b.nc"): "duacs-geostrophic"}
+    assert (asked["max_gap"], asked["hold"]) == (4 * 86400.0, 12 * 3600.0)
+    assert not {"ua", "va"} & set(asked["needed"])
+    assert "depth_below_surface" in asked["needed"]
+
+
 def test_what_cannot_be_asked_for_is_told(asked: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "steady.yaml"
     path.write_text(EXPERIMENT[: EXPERIMENT.index("forcing:")] + "forcing: {kind: constant}\n")

@@ -252,6 +252,20 @@ def test_of_two_products_the_later_one_counts(folder: Path) -> None:
         np.testing.assert_allclose(e.uo, factor * (0.1 + 0.01 * (e.lon + 39.0) + 0.05 * 13 / 12), atol=2e-6)
 
 
+def test_of_two_files_of_the_sea_floor_the_later_one_counts(folder: Path) -> None:
+    """They were refused, while two files of anything else were not."""
+    with xr.open_dataset(folder / "floor.nc") as ds:
+        deeper = ds.load()
+    deeper["depth"] = deeper["depth"] + 1000.0
+    deeper["depth"].attrs = {"units": "m", "standard_name": "sea_floor_depth_below_geoid"}
+    deeper.to_netcdf(folder / "deeper.nc")
+    for order, more in (("floor.nc, deeper.nc", 1000.0), ("deeper.nc, floor.nc", 0.0)):
+        for text in (OWN, EXPERIMENT):
+            (folder / "files.yaml").write_text(text.replace("floor.nc", order))
+            e = sampled(folder / "files.yaml", 0.0).elements
+            assert np.all(np.abs(e.depth - 300.0 - more - 10 * (e.lon + 39.0)) < 3.0)
+
+
 def test_levels_act_over_the_draft_on_the_products_own_grid(folder: Path) -> None:
     with_levels(folder)
     (folder / "files.yaml").write_text(OWN)

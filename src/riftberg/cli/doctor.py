@@ -49,10 +49,13 @@ def doctor(
 
     asked = _asked(experiment) if experiment else Asked()
     if not files and not asked.files:
-        raise InputError("no files were named", where="FILES", remedy="riftberg doctor 'data/*.nc', or --for my.yaml")
+        remedy = asked.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
+        raise InputError("no files were named", where="FILES", remedy=remedy)
     report = examine(
         files or asked.files, lon=pair(lon, "--lon") or asked.lon, lat=pair(lat, "--lat") or asked.lat,
-        time=dates(time) or asked.time, needed=[*NEEDED, *(need or ())], path=_path(run), product=product,
+        time=dates(time) or asked.time, needed=[name for name in (*NEEDED, *(need or ())) if name not in asked.spared],
+        path=_path(run) or list(asked.path), product=product or asked.products,
+        max_gap=asked.max_gap, hold=asked.hold,
     )  # fmt: skip
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
@@ -60,12 +63,22 @@ def doctor(
 
 
 class Asked(NamedTuple):
-    """What an experiment asks of its files: box (degrees), dates (UTC) and, if it names them, files."""
+    """What an experiment asks of its files: box (degrees), dates (UTC) and, if it names them, files and their products.
+
+    ``path`` holds positions of the berg, ``spared`` fields that are not needed, ``max_gap`` and ``hold`` seconds, and
+    ``remedy`` what to do without files.
+    """
 
     lon: tuple[float, float] | None = None
     lat: tuple[float, float] | None = None
     time: tuple[str, str] | None = None
     files: tuple[str, ...] = ()
+    products: dict[str, str | None] | None = None
+    path: tuple[tuple[float, float], ...] = ()
+    spared: frozenset[str] = frozenset()
+    max_gap: float | None = None
+    hold: float | None = None
+    remedy: str = ""
 
 
 def _asked(name: str) -> Asked:
@@ -81,16 +94,36 @@ def _asked(name: str) -> Asked:
                 f"its forcing is of kind {given.kind!r}", where=f"--for {name}", remedy="It needs no files"
             )
         end = experiment.start + timedelta(days=experiment.days)
-        files = tuple(str(Path(name).parent / file) for file in given.files)
-        return Asked(given.longitude, given.latitude, (experiment.start.isoformat(), end.isoformat()), files)
-    from riftberg.experiments import find
-    from riftberg.experiments.a68a_observed import REGION
+        products = {str(Path(name).parent / entry.file): entry.product for entry in given.entries}
+        left_out = {"ssh"} if given.sea_level == "none" else set()
+        left_out |= {"ua", "va"} if given.wind == "none" else set()
+        max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (given.max_gap, given.hold))
+        return Asked(
+            given.longitude, given.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
+            spared=frozenset(left_out), max_gap=max_gap, hold=hold,
+        )  # fmt: skip
+    return _asked_a68a(name)
+
+
+def _asked_a68a(name: str) -> Asked:
+    """Return what a run of A68a asks of its files: of those with files of their own, the fetched ones."""
+    from riftberg.experiments import Options, find
+    from riftberg.experiments.a68a_files import named_folder
+    from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, REGION
     from riftberg.model import DEFAULT_START
 
-    if not find(name).name.startswith("a68a"):
+    entry = find(name).name
+    if not entry.startswith("a68a"):
         raise InputError(f"{name} is nowhere on Earth", where="--for", remedy="Name a68a, or a YAML file")
     end = DEFAULT_START + timedelta(days=18)
-    return Asked(*REGION, (DEFAULT_START.isoformat(), end.isoformat()))
+    path = tuple((seen.lon, seen.lat) for seen in A68A_OBSERVED if seen.day not in PARTIAL)
+    asked = Asked(*REGION, (DEFAULT_START.isoformat(), end.isoformat()), path=path)
+    if entry == "a68a":
+        return asked._replace(remedy="a68a has an ocean of its own and needs none: name those that you want to look at")
+    folder = named_folder(Options())
+    if any(folder.glob("*.nc")):
+        return asked._replace(files=(str(folder / "*.nc"),))
+    return asked._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
 
 
 def pair(text: str | None, where: str) -> tuple[float, float] | None:

@@ -78,6 +78,7 @@ def run(
         _run_both(experiment, options, output, every, map_, quiet)
         return
     model, info = _built(experiment, options, resume)
+    _tell(info)
     session = Session(model, info, output_folder(output, info.name), _as_given(experiment, options))
     session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
     session.report(draw=map_)
@@ -95,6 +96,8 @@ def _run_both(
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
+        if not folders:
+            _tell(info)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         folders[-1].mkdir(parents=True, exist_ok=True)
@@ -109,6 +112,12 @@ def _run_both(
     if draw:
         files += joined_maps(folders, folder / "comparison.png")
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
+
+
+def _tell(info: Info) -> None:
+    """Say what should be known before the run."""
+    for notice in info.notices:
+        say(f"Notice: {notice}")
 
 
 def _as_given(experiment: str, options: Options) -> str:

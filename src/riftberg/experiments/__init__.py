@@ -82,6 +82,8 @@ class Info:
         Seed of random numbers, if any are drawn.
     observed : mapping
         Observed outlines for the map: ISO date to rings of longitude and latitude.
+    notices : tuple of str
+        What should be known before the run, in a line each.
     """
 
     name: str
@@ -90,6 +92,7 @@ class Info:
     output_every_hours: float = 1.0
     seed: int | None = None
     observed: Mapping[str, Any] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
 
 
 Builder = Callable[[Options], "tuple[Model, Info]"]

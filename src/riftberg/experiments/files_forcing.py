@@ -16,12 +16,14 @@ from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.experiments.files_fields import NAMES, FieldMaker, Mesh, belongs, even_mesh, own_mesh
 from riftberg.experiments.files_levels import LevelColumns, has_levels, without_levels
-from riftberg.experiments.schema import FileForcing
+from riftberg.experiments.schema import FileForcing, NamedFiles
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.own_grids import FILLS, OwnGrids, Part
+from riftberg.ocean.products import records
 from riftberg.ocean.products.axes import step_of
-from riftberg.ocean.products.registry import open_all
+from riftberg.ocean.products.canonical import QUANTITIES
+from riftberg.ocean.products.registry import open_named
 from riftberg.ocean.products.window import utc, window
 from riftberg.state import Floats
 
@@ -71,27 +73,77 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> GriddedFor
     ForcingError
         If a pattern matches nothing, or currents are missing, or the files do not cover place and time.
     """
-    datasets = [_near(ds, given, run) for ds in open_all(_paths(given.files, folder))]
+    opened = open_named(_paths(given.entries, folder))
+    datasets = [part for ds in serving_only(opened, given) for part in _near(ds, given, run)]
     if not any("uo" in ds for ds in datasets):
-        found = sorted({str(name) for ds in datasets for name in ds.data_vars})
+        found = sorted({str(name) for ds in opened for name in ds.data_vars})
         raise ForcingError(
             "no ocean current (uo, vo) in these files",
-            where=", ".join(given.files),
+            where=", ".join(entry.file for entry in given.entries),
             remedy=f"They give {', '.join(found)}; add a file of currents",
         )
     if given.currents == "surface":
         datasets = [without_levels(ds, surface=True) for ds in datasets]
+    _check_pairs(datasets)
     if given.spacing is None:
-        return _on_own_grids(given, datasets, run)
-    return _on_one_grid(given, even_mesh(_box(given.longitude), given.latitude, given.spacing), datasets, run)
+        forcing: GriddedForcing | OwnGrids = _on_own_grids(given, datasets, run)
+    else:
+        forcing = _on_one_grid(given, even_mesh(_box(given.longitude), given.latitude, given.spacing), datasets, run)
+    forcing.notices = _notices(datasets, given)
+    return forcing
 
 
-def _paths(names: list[str], folder: Path) -> list[str]:
-    found = [sorted(glob.glob(str(folder / name))) for name in names]
-    for name, matches in zip(names, found, strict=True):
+def _check_pairs(datasets: list[xr.Dataset]) -> None:
+    """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
+    held = {str(name): ds for ds in datasets for name in ds.data_vars}
+    for pair in records.VECTORS:
+        given = [name for name in pair if name in held]
+        if len(given) == 1:
+            other = pair[1 - pair.index(given[0])]
+            raise ForcingError(
+                f"gives {given[0]} and no file gives {other} with the same records",
+                where=records.named(held[given[0]]),
+                remedy=f"Add the file with {QUANTITIES[other].long_name}",
+            )
+
+
+def _notices(datasets: list[xr.Dataset], given: FileForcing) -> tuple[str, ...]:
+    """Return what the files leave out, and doubts about them, in a line each."""
+    held = {str(name) for ds in datasets for name in ds.data_vars}
+    told = [f"{records.named(ds)}: {ds.attrs['doubt']}" for ds in datasets if "doubt" in ds.attrs]
+    if "ssh" not in held and given.sea_level == "files":
+        told.append(
+            "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
+            "is 0. With sea_level: none in forcing this is not said"
+        )
+    if not held & {"ua", "taux"} and given.wind == "files":
+        told.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
+    return tuple(told)
+
+
+def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | None]]:
+    """Return all files with the product that is named for them."""
+    found = [(entry, sorted(glob.glob(str(folder / entry.file)))) for entry in entries]
+    for entry, matches in found:
         if not matches:
-            raise ForcingError(f"no file matches {name!r}", where=str(folder), remedy="Correct forcing.files or --data")
-    return [path for matches in found for path in matches]
+            raise ForcingError(
+                f"no file matches {entry.file!r}", where=str(folder), remedy="Correct forcing.files or --data"
+            )
+    return [(path, entry.product) for entry, matches in found for path in matches]
+
+
+def serving_only(datasets: list[xr.Dataset], given: FileForcing) -> list[xr.Dataset]:
+    """Return datasets with the fields that a run takes from them: of several the last, and no stress beside a wind."""
+    left_out = {"ssh"} if given.sea_level == "none" else set()
+    held = {str(name) for ds in datasets for name in ds.data_vars}
+    if given.wind == "none" or {"ua", "va"} <= held:
+        left_out |= {"taux", "tauy"} | ({"ua", "va"} if given.wind == "none" else set())
+    last = {str(name): number for number, ds in enumerate(datasets) for name in ds.data_vars if belongs(str(name))}
+    kept = [
+        [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
+        for number, ds in enumerate(datasets)
+    ]
+    return [ds[names].assign_attrs(ds.attrs) for ds, names in zip(datasets, kept, strict=True) if names]
 
 
 def _box(longitude: tuple[float, float]) -> tuple[float, float]:
@@ -100,11 +152,64 @@ def _box(longitude: tuple[float, float]) -> tuple[float, float]:
     return west, east if east > west else east + 360.0
 
 
-def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> xr.Dataset:
-    time = (run.start, run.end) if "time" in ds.dims else None
+def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> list[xr.Dataset]:
+    """Return a dataset around place and time of the run, in parts without records that hold no value.
+
+    Raises
+    ------
+    ForcingError
+        If the records have too long a gap in the run, or do not cover it.
+    """
     own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
     margin = MARGIN * own if given.spacing is None else 2.0 * given.spacing
-    return window(ds, _box(given.longitude), given.latitude, time, margin=margin)
+    if "time" not in ds.dims:
+        return [_with_area(window(ds, _box(given.longitude), given.latitude, margin=margin))]
+    first, last = utc(run.start), utc(run.end)
+    ds = with_rules(ds, given)
+    records.check_ends(ds, np.array([first, last]))
+    # So much more that a missing record at the edge can be bridged by those beyond it.
+    spare = np.timedelta64(round(records.gap_limit(ds)), "s")
+    near = _with_area(window(ds, _box(given.longitude), given.latitude, (first - spare, last + spare), margin=margin))
+    parts = records.without_empty(near)
+    lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
+    if lost:
+        raise ForcingError(
+            f"no value of {', '.join(sorted(map(str, lost)))} in the box and at the dates of the run: all land or missing",
+            where=records.named(ds),
+            remedy="Leave the file out of forcing.files, or give one with values there",
+        )
+    for part in parts:
+        if "time" in part.dims:
+            records.check_records(part, first, last)
+    return [_told_of_missing(part, near) for part in parts]
+
+
+def _told_of_missing(part: xr.Dataset, near: xr.Dataset) -> xr.Dataset:
+    """Return a part with a doubt noted on it if it has lost records without values."""
+    lost = near.sizes["time"] - part.sizes.get("time", near.sizes["time"])
+    if not lost:
+        return part
+    names = ", ".join(map(str, part.data_vars))
+    earlier = f"{part.attrs['doubt']}; " if "doubt" in part.attrs else ""
+    return part.assign_attrs(doubt=f"{earlier}{lost} record(s) without any value of {names} count as missing")
+
+
+def with_rules(ds: xr.Dataset, given: FileForcing) -> xr.Dataset:
+    """Note on a dataset what the experiment file says about gaps and ends, in seconds."""
+    told = {"max_gap_seconds": given.max_gap, "hold_seconds": given.hold}
+    return ds.assign_attrs({name: 3600.0 * hours for name, hours in told.items() if hours is not None})
+
+
+def _with_area(ds: xr.Dataset) -> xr.Dataset:
+    """Return the dataset; refuse one that has a single row or column of points."""
+    for axis in ("lat", "lon", "y", "x"):
+        if ds.sizes.get(axis, 2) < 2:
+            raise ForcingError(
+                f"only one point along {axis} lies near the box of the run: between points nothing is known",
+                where=records.named(ds),
+                remedy="Fetch a larger area, at least two points each way",
+            )
+    return ds
 
 
 def _source(ds: xr.Dataset) -> str:
@@ -185,7 +290,7 @@ def _own_part(
 def _own_moments(datasets: Sequence[xr.Dataset], run: Run) -> list[datetime]:
     """Return start, end, and the records between them."""
     first, last = utc(run.start), utc(run.end)
-    records = [ds["time"].values for ds in datasets if "time" in ds.dims]
-    within = [time[(time > first) & (time < last)] for time in records]
+    times = [ds["time"].values for ds in datasets if "time" in ds.dims]
+    within = [time[(time > first) & (time < last)] for time in times]
     moments = np.unique(np.concatenate([[first, last], *within]).astype("datetime64[us]"))
     return [moment.item() for moment in moments]

@@ -152,11 +152,32 @@ class ConstantForcing(Section):
     depth: float = key(1e4, "m", "depth of water", gt=0)
 
 
+class NamedFiles(Section):
+    """Files whose product is named."""
+
+    file: str = key(..., "", "file or pattern", min_length=1)
+    product: str | None = key(None, "", "name of the product, instead of recognising it")
+
+    @model_validator(mode="after")
+    def _known(self) -> NamedFiles:
+        from riftberg.ocean.products.registry import PRODUCTS
+
+        names = [product.name for product in PRODUCTS]
+        if self.product is not None and self.product not in names:
+            raise ValueError(f"there is no product {self.product!r}; choose one of {', '.join(names)}")
+        return self
+
+
 class FileForcing(Section):
     """Ocean, air, sea ice and sea floor from data files."""
 
     kind: Literal["files"]
-    files: list[str] = key(..., "", "files or patterns of any products that Riftberg knows", min_length=1)
+    files: list[str | NamedFiles] = key(
+        ...,
+        "",
+        "files or patterns of any products that Riftberg knows; {file: NAME, product: PRODUCT} names the product",
+        min_length=1,
+    )
     longitude: Pair = key(..., "degree", "west and east of what is needed")
     latitude: Pair = key(..., "degree", "south and north of what is needed")
     spacing: float | None = key(
@@ -171,6 +192,21 @@ class FileForcing(Section):
         "draft", "", "of files with levels: mean over the draft of each element, or the uppermost level"
     )
     coastal_drift: float = key(0.0, "m s-1", "current added away from land cells", ge=0)
+    max_gap: float | None = key(
+        None, "h", "longest gap between records that is interpolated across, else 2.5 intervals of the product", gt=0
+    )
+    hold: float | None = key(
+        None, "h", "how long first and last record are held, else half the time that a mean stands for", ge=0
+    )
+    sea_level: Literal["files", "none"] = key(
+        "files", "", "none leaves it out: no slope of the sea surface, unannounced"
+    )
+    wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
+
+    @property
+    def entries(self) -> list[NamedFiles]:
+        """All entries of ``files`` in one form."""
+        return [NamedFiles(file=entry) if isinstance(entry, str) else entry for entry in self.files]
 
 
 class ExperimentForcing(Section):

@@ -166,11 +166,16 @@ def _prepared(values: Any, section: type[BaseModel], place: Place, document: Doc
 
 
 def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> Any:
-    listed = _sections_listed(field)
-    if listed is not None:
-        if not isinstance(value, list):
-            raise document.error(f"{value!r} is no list of sections", place, f"Each has the keys {_keys(listed)}")
-        return [_prepared(item, listed, (*place, index), document) for index, item in enumerate(value)]
+    items = _sections_in(field)
+    if items is not None:
+        only = get_args(field.annotation) == (items,)
+        if only and not isinstance(value, list):
+            raise document.error(f"{value!r} is no list of sections", place, f"Each has the keys {_keys(items)}")
+        if isinstance(value, list):
+            prepared = [only or isinstance(item, dict) for item in value]
+            return [
+                _prepared(item, items, (*place, k), document) if prepared[k] else item for k, item in enumerate(value)
+            ]
     inner = _section_of(value, field, place, document)
     if inner is not None:
         return _prepared(value, inner, place, document)
@@ -189,6 +194,13 @@ def _is_quantity(value: Any, field: FieldInfo) -> bool:
     return isinstance(value, str) and float in kinds_of(field.annotation) and looks_like_quantity(value)
 
 
+def _sections_in(field: FieldInfo) -> type[BaseModel] | None:
+    """Return the section that items of a list may be."""
+    items = [item for kind in kinds_of(field.annotation) if get_origin(kind) is list for item in get_args(kind)]
+    kinds = [kind for item in items for kind in kinds_of(item)]
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
+
+
 def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) -> type[BaseModel] | None:
     """Return the section that a field holds; the kind of forcing decides among several."""
     sections = [kind for kind in kinds_of(field.annotation) if isinstance(kind, type) and issubclass(kind, BaseModel)]
@@ -204,18 +216,14 @@ def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) 
     return _KINDS[kind]
 
 
-def _sections_listed(field: FieldInfo) -> type[BaseModel] | None:
-    """Return the section of which a field holds a list, None for other fields."""
-    if get_origin(field.annotation) is not list:
-        return None
-    (kind,) = get_args(field.annotation)
-    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
-
-
 def _explained(error: ValidationError, document: Document) -> InputError:
     """Turn the first finding of pydantic into a message with its place."""
-    first = error.errors()[0]
-    place = tuple(part for part in first["loc"] if part not in _KINDS and part not in ("float", "int", "str"))
+    errors = error.errors()
+    # Of an entry that is a text or a section, what is wrong with the section tells more.
+    first = next((found for found in errors if "NamedFiles" in str(found["loc"])), errors[0])
+    loc = tuple(first["loc"])
+    loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
+    place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))
     field = _field_at(place)
     if first["type"] == "missing":
         return document.error("this key is missing", place, allowed(field) if field else "")
@@ -235,10 +243,10 @@ def _field_at(place: Place) -> FieldInfo | None:
         if field is None or depth == len(names) - 1:
             return field
         inner = [k for k in kinds_of(field.annotation) if isinstance(k, type) and issubclass(k, BaseModel)]
-        inner = [listed] if (listed := _sections_listed(field)) else inner
-        if not inner:
+        items = _sections_in(field)
+        if not inner and items is None:
             return field
-        section = inner[0]
+        section = items or inner[0]
     return None
 
 
@@ -303,7 +311,8 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     berg = build_berg(experiment, parameters, folder)
     days = options.days or experiment.days
     forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
-    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours)
+    notices = tuple(getattr(forcing, "notices", ()))
+    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours, notices=notices)
     return Model(berg, forcing, parameters, experiment.start), info
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,25 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.ocean.findings import DataFinding, FieldFinding, Report
-from riftberg.ocean.products.axes import goes_round
+from riftberg.ocean.on_path import FILL_CELLS, box_share_outside, on_path
+from riftberg.ocean.products.axes import goes_round, step_of
 from riftberg.ocean.products.canonical import QUANTITIES
-from riftberg.ocean.products.interpolate import usual_interval
-from riftberg.ocean.products.registry import expand, open_all, product_named, recognise
-from riftberg.ocean.products.window import cover, longitudes_near, utc, window
+from riftberg.ocean.products.records import (
+    MAY_BE_EMPTY,
+    Dates,
+    empty_by_field,
+    gap_limit,
+    hold_of,
+    long_gaps,
+    minute,
+    own_interval,
+    usual_interval,
+)
+from riftberg.ocean.products.registry import expand, open_named, product_named, recognise
+from riftberg.ocean.products.window import cover, longitudes_near, utc, window, window_in_time
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Span = tuple[float, float]
 
 NEEDED = ("uo", "vo", "ssh", "ua", "va")
@@ -43,6 +55,9 @@ WHERE_FROM = {
 _SAMPLE_RECORDS = 3
 _LARGE = 2000
 
+HARMLESS = "which stops no run"
+"""End of findings that need no action."""
+
 
 def doctor(
     files: Sequence[str | Path] | str | Path,
@@ -52,7 +67,9 @@ def doctor(
     time: tuple[Any, Any] | None = None,
     needed: Sequence[str] = NEEDED,
     path: Sequence[Span] | None = None,
-    product: str | None = None,
+    product: str | Mapping[str, str | None] | None = None,
+    max_gap: float | None = None,
+    hold: float | None = None,
 ) -> Report:
     """Tell what files are and whether they serve an experiment; never raises for bad files, it reports them.
 
@@ -68,8 +85,10 @@ def doctor(
         Canonical names of the fields that the run needs.
     path : sequence of (lon, lat), optional
         Positions of the berg, where missing values matter.
-    product : str, optional
-        Name of the product, instead of recognising it.
+    product : str or mapping, optional
+        Name of the product, instead of recognising it; or of each file or pattern of ``files``.
+    max_gap, hold : float, optional
+        What the run allows, s: the longest gap that is interpolated across, and how long the ends are held.
 
     Returns
     -------
@@ -78,10 +97,12 @@ def doctor(
     unknown = [name for name in needed if name not in QUANTITIES]
     if unknown:
         raise ForcingError(f"no such fields: {unknown}", where="needed", remedy=f"Choose from: {', '.join(QUANTITIES)}")
+    rules = {"max_gap_seconds": max_gap, "hold_seconds": hold}
+    noted = {name: seconds for name, seconds in rules.items() if seconds is not None}
     report = Report()
-    for ds in _opened(files, product, report):
-        report.data.append(_examined(ds, lon, lat, time, path))
-    _conclude(report, needed)
+    for ds in _opened(_entries(files, product, report), report):
+        report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
+    _conclude(report, list(dict.fromkeys(needed)))
     return report
 
 
@@ -98,31 +119,42 @@ def diagnose(
     return doctor(files, lon=lon, lat=lat, time=time, needed=needed, path=path, product=product)
 
 
-def _opened(files: Sequence[str | Path] | str | Path, product: str | None, report: Report) -> list[xr.Dataset]:
+def _entries(
+    files: Sequence[str | Path] | str | Path, product: str | Mapping[str, str | None] | None, report: Report
+) -> list[tuple[str, str | None]]:
+    """Return all files with the product named for them; note patterns that match nothing."""
+    entries: list[tuple[str, str | None]] = []
+    for given in [files] if isinstance(files, str | Path) else files:
+        try:
+            names = expand(given)
+        except ForcingError as error:
+            report.unreadable[error.where] = _without_place(error)
+            continue
+        named = product if product is None or isinstance(product, str) else product.get(str(given))
+        entries += [(name, named) for name in names]
+    return entries
+
+
+def _opened(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
     """Open what can be opened; note the rest in the report."""
-    usable: list[str] = []
-    try:
-        names = expand(files)
-    except ForcingError as error:
-        report.unreadable[error.where] = _without_place(error)
-        return []
-    for name in names:
+    usable: list[tuple[str, str | None]] = []
+    for name, product in entries:
         try:
             if product is None:
                 recognise(name)
             else:
                 product_named(product)
-            open_all(name, product)
-            usable.append(name)
+            open_named([(name, product)])
+            usable.append((name, product))
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
     if not usable:
         return []
     try:
-        return open_all(usable, product)
+        return open_named(usable)
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
-        return [ds for name in usable for ds in open_all(name, product)]
+        return [ds for entry in usable for ds in open_named([entry])]
 
 
 def _other_kind(name: str) -> str:
@@ -153,20 +185,24 @@ def _examined(
         files=str(ds.attrs["source"]).split(", "),
         product=product.name,
         title=product.title,
-        checked_against={"sample": "real file", "layout": "published header", "documentation": "text only"}[
-            product.evidence
-        ],
-        notes=list(product.notes),
+        checked_against=product.checked(ds.data_vars),
+        notes=[*product.notes, *([str(ds.attrs["doubt"])] if "doubt" in ds.attrs else [])],
         space=cover(ds),
         time=_time_cover(ds),
     )
+    crs = ds.attrs.get("crs_wkt")
     part = _part(ds, lon, lat, time, found)
-    _space_problems(ds, lon, lat, found)
-    _time_problems(ds, time, found)
-    if part is not None:
-        found.fields = [_field(part[name], path) for name in part.data_vars]
+    _space_problems(part if part is not None and "lat" not in ds.dims and not crs else ds, lon, lat, found)
+    if part is None:
+        _time_problems(ds, {}, time, found)
         return found
-    found.fields = []
+    empty = empty_by_field(part)
+    _time_problems(ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, found)
+    outside = on_path(part[next(iter(part.data_vars))], path, crs).outside
+    if outside:
+        found.problems.append(f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area")
+    sample = _sampled(part, empty, found)
+    found.fields = [_field(sample[name], path, crs) for name in sample.data_vars]
     return found
 
 
@@ -175,19 +211,32 @@ def _part(
 ) -> xr.Dataset | None:
     """Return the part of the data in the experiment, or None with the reason noted."""
     try:
+        if time is not None and "time" in ds.dims:
+            window_in_time(ds, time)  # an error if none of its dates is there
+            # So much more that a missing record at the edge can be bridged by those beyond it, as runs do.
+            spare = np.timedelta64(round(gap_limit(ds)), "s")
+            ds = window_in_time(ds, (utc(time[0]) - spare, utc(time[1]) + spare))
         if lon is not None and lat is not None:
-            ds = window(ds, lon, lat, time)
-        elif time is not None:
-            ds = window(ds, (-180.0, 180.0), (-90.0, 90.0), time) if "lat" in ds.dims else ds
+            ds = window(ds, lon, lat)
     except ForcingError as error:
         found.problems.append(_without_place(error))
         return None
-    if lon is None or lat is None:
-        ds = _middle(ds, found)
-    if "time" in ds.dims and ds.sizes["time"] > _SAMPLE_RECORDS:
-        picked = np.unique(np.linspace(0, ds.sizes["time"] - 1, _SAMPLE_RECORDS).astype(int))
-        ds = ds.isel(time=picked)
-    return ds
+    return _middle(ds, found) if lon is None or lat is None else ds
+
+
+def _sampled(ds: xr.Dataset, empty: Mapping[str, Flags], found: DataFinding) -> xr.Dataset:
+    """Return a few records of many, if possible such with values of all fields, and say so."""
+    if "time" not in ds.dims:
+        return ds
+    whole = np.flatnonzero(~np.any([np.zeros(ds.sizes["time"], bool), *empty.values()], axis=0))
+    if not whole.size or ds.sizes["time"] <= _SAMPLE_RECORDS:
+        return ds
+    picked = whole[np.unique(np.linspace(0, whole.size - 1, _SAMPLE_RECORDS).astype(int))]
+    found.sampled = (
+        f"ranges, missing shares and land on the path: {picked.size} of {ds.sizes['time']} records "
+        f"({', '.join(minute(moment) for moment in ds['time'].values[picked])}); records without values: all"
+    )
+    return ds.isel(time=picked)
 
 
 def _middle(ds: xr.Dataset, found: DataFinding) -> xr.Dataset:
@@ -214,12 +263,22 @@ def _duration(seconds: float) -> str:
 
 def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: DataFinding) -> None:
     """Note where the experiment's box reaches beyond the data."""
-    if lon is None or lat is None or "lat" not in ds.dims or found.problems:
+    if lon is None or lat is None or found.problems:
         return
+    if "lat" not in ds.dims:
+        outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
+        if outside > 0.0:
+            found.problems.append(
+                f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
+            )
+        return
+    for axis in ("lat", "lon"):
+        if ds.sizes[axis] < 2:
+            found.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
     east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
     near = longitudes_near(ds, lon[0], east)
     lats, lons = near["lat"].values, near["lon"].values
-    half_lat, half_lon = 0.5 * abs(lats[-1] - lats[-2]), 0.5 * abs(lons[-1] - lons[-2])
+    half_lat, half_lon = (0.5 * step_of(axis) for axis in (lats, lons))
     short = []
     if lat[0] < lats[0] - half_lat or lat[1] > lats[-1] + half_lat:
         short.append(f"latitudes {lats[0]:g}..{lats[-1]:g} of {lat[0]:g}..{lat[1]:g}")
@@ -229,36 +288,71 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: D
         found.problems.append(f"covers only part of the experiment: {'; '.join(short)}. Fetch a larger area")
 
 
-def _time_problems(ds: xr.Dataset, time: tuple[Any, Any] | None, found: DataFinding) -> None:
-    """Note gaps between records and dates of the experiment without records."""
-    if "time" not in ds.dims:
+def _time_problems(
+    ds: xr.Dataset, empty: Mapping[str, Dates], time: tuple[Any, Any] | None, found: DataFinding
+) -> None:
+    """Note gaps between records, records without values and dates of the experiment without records."""
+    if "time" not in ds.dims or (found.problems and "no record lies" in found.problems[0]):
         return
     records = ds["time"].values
-    interval = usual_interval(records)
-    for k in np.nonzero(np.diff(records) / np.timedelta64(1, "s") > 1.5 * interval)[0] if interval else []:
-        lost = round(float((records[k + 1] - records[k]) / np.timedelta64(1, "s")) / interval) - 1
-        span = f"{records[k].astype('M8[m]')} and {records[k + 1].astype('M8[m]')}"
-        found.problems.append(f"gap: about {lost} record(s) missing between {span}. Add these files")
-    if time is None or (found.problems and "no record lies" in found.problems[0]):
-        return
-    half = np.timedelta64(int(0.5 * float(ds.attrs.get("averaging_seconds", 0.0))), "s")
-    first, last = utc(time[0]), utc(time[1])
-    if first < records[0] - half:
+    first, last = (utc(moment) for moment in time) if time is not None else (records[0], records[-1])
+    lacking: dict[tuple[np.datetime64, ...], list[str]] = {}
+    for name, dates in empty.items():
+        lacking.setdefault(tuple(dates), []).append(name)
+    _gap_problems(ds, records, first, last, found, "")
+    for dates_lost, names in lacking.items():
+        who = ", ".join(names)
+        kept = records[~np.isin(records, dates_lost)]
+        shown = ", ".join(map(minute, dates_lost[:6])) + (" ..." if len(dates_lost) > 6 else "")
+        found.notes.append(f"{len(dates_lost)} record(s) without any value of {who} count as missing: {shown}")
+        if kept.size:
+            _gap_problems(ds, kept, first, last, found, f" of {who}", known=records)
+            _end_problems(ds, kept, first, last, found, f" with values of {who}")
+    if time is not None:
+        _end_problems(ds, records, first, last, found, "")
+
+
+def _gap_problems(
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, found: DataFinding, what: str,
+    known: Dates | None = None,
+) -> None:  # fmt: skip
+    """Tell the gaps at the dates of the experiment: those that a run refuses, and those that it interpolates across."""
+    interval, limit = own_interval(ds), gap_limit(ds)
+    told = set(long_gaps(known, 1.5 * interval, first, last)) if known is not None else set()
+    for gap in long_gaps(records, min(1.5 * interval, limit), first, last):
+        if gap in told:
+            continue
+        lost = round(gap.seconds / interval) - 1
+        text = f"gap: about {lost} record(s){what} missing between {minute(gap.before)} and {minute(gap.after)}"
+        if gap.seconds > limit:
+            allowed = f"longer than the {_duration(limit)} that a run interpolates across"
+            found.problems.append(f"{text}, {allowed}. Add these files, or set forcing.max_gap")
+        else:
+            found.notes.append(f"{text}; runs interpolate across it")
+
+
+def _end_problems(
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, found: DataFinding, what: str
+) -> None:
+    """Note dates of the experiment before the first and after the last record."""
+    held = np.timedelta64(int(hold_of(ds)), "s")
+    if first < records[0] - held:
         found.problems.append(
-            f"begins at {records[0].astype('M8[m]')}, after the experiment ({first.astype('M8[m]')}). Add earlier files"
+            f"begins{what} at {minute(records[0])}, after the experiment ({minute(first)}). Add earlier files"
         )
-    if last > records[-1] + half:
+    if last > records[-1] + held:
         found.problems.append(
-            f"ends at {records[-1].astype('M8[m]')}, before the experiment ({last.astype('M8[m]')}). Add later files"
+            f"ends{what} at {minute(records[-1])}, before the experiment ({minute(last)}). Add later files"
         )
 
 
-def _field(data: xr.DataArray, path: Sequence[Span] | None) -> FieldFinding:
+def _field(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) -> FieldFinding:
     """Return range, missing share and problems of one field in the experiment."""
     quantity = QUANTITIES[str(data.name)]
     values = data.values
     known = np.isfinite(values)
     low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (np.nan, np.nan)
+    lacks = on_path(data, path, crs)
     found = FieldFinding(
         name=quantity.name,
         original_name=str(data.attrs.get("original_name", "")),
@@ -268,7 +362,8 @@ def _field(data: xr.DataArray, path: Sequence[Span] | None) -> FieldFinding:
         low=low,
         high=high,
         missing_share=float(1.0 - known.mean()) if known.size else 1.0,
-        missing_on_path=_missing_on(data, path),
+        missing_on_path=lacks.missing,
+        unfilled_on_path=lacks.unfilled,
     )
     _judge(found, quantity.limit, len(path or ()))
     return found
@@ -284,29 +379,33 @@ def _judge(found: FieldFinding, limit: float, points: int) -> None:
     if found.low == found.high == 0.0:
         found.problems.append("is zero everywhere in the experiment: check that the right variable was written")
     if found.missing_on_path:
-        found.problems.append(
-            f"missing (land, ice or gap) at {found.missing_on_path} of {points} positions of the berg: "
-            "values from the nearest water will be used there"
+        text = f"missing (land, ice or gap) at {found.missing_on_path} of {points} positions of the berg: "
+        found.problems.append(text + _effect(found))
+
+
+def _effect(found: FieldFinding) -> str:
+    """Say what a run does where a field is missing on the path of the berg."""
+    if found.name == "depth_below_surface":
+        return f"these count as land, {HARMLESS}"
+    if found.name in MAY_BE_EMPTY:
+        return f"ice beside them is taken, else open water, {HARMLESS}"
+    if found.unfilled_on_path:
+        return (
+            f"at {found.unfilled_on_path} of them water is farther away than {FILL_CELLS} cells of the product, and the "
+            "field is 0 there. Take a product with water on the path"
         )
-
-
-def _missing_on(data: xr.DataArray, path: Sequence[Span] | None) -> int:
-    """Count positions of the berg whose nearest grid point is missing in any of the sampled records."""
-    if not path or not {"lat", "lon"} <= set(data.dims):
-        return 0
-    positions = np.asarray(path, float)
-    lons, lats = data["lon"].values, data["lat"].values
-    shifted = (positions[:, 0] - lons[0] + 180.0) % 360.0 + lons[0] - 180.0 if not goes_round(lons) else positions[:, 0]
-    i = np.abs((lons[None, :] - shifted[:, None] + 180.0) % 360.0 - 180.0).argmin(axis=1)
-    j = np.abs(lats[None, :] - positions[:, 1][:, None]).argmin(axis=1)
-    lead = [name for name in data.dims if name not in ("lat", "lon", "depth")]
-    surface = data.isel(depth=0) if "depth" in data.dims else data
-    missing = surface.isnull().any(lead) if lead else surface.isnull()
-    return int(missing.transpose("lat", "lon").values[j, i].sum())
+    return f"values from the nearest water will be used there, {HARMLESS}"
 
 
 def _conclude(report: Report, needed: Sequence[str]) -> None:
     """Say what is missing and what to do, the most pressing first."""
+    for name in QUANTITIES:
+        holders = [found for found in report.data if any(item.name == name for item in found.fields)]
+        if len(holders) > 1:
+            files = ", ".join(Path(found.files[0]).name for found in holders)
+            report.notes.append(
+                f"{name} is in {len(holders)} sets of files ({files}); of these a run from files takes the last"
+            )
     good = {item.name for found in report.data for item in found.fields if item.missing_share < 1.0}
     report.missing = [name for name in needed if name not in good]
     for name in report.missing:
@@ -321,5 +420,5 @@ def _conclude(report: Report, needed: Sequence[str]) -> None:
         if wanted or not found.fields:
             report.advice += [f"{Path(found.files[0]).name}: {problem}" for problem in found.problems]
         for item in wanted:
-            serious = [text for text in item.problems if "nearest water" not in text]
+            serious = [text for text in item.problems if not text.endswith(HARMLESS)]
             report.advice += [f"{Path(found.files[0]).name}, {item.name}: {problem}" for problem in serious]

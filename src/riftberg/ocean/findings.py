@@ -21,6 +21,7 @@ class FieldFinding:
     high: float
     missing_share: float
     missing_on_path: int
+    unfilled_on_path: int = 0
     problems: list[str] = field(default_factory=list)
 
 
@@ -36,6 +37,7 @@ class DataFinding:
     fields: list[FieldFinding] = field(default_factory=list)
     space: str = ""
     time: str = ""
+    sampled: str = ""
     problems: list[str] = field(default_factory=list)
 
 
@@ -51,6 +53,8 @@ class Report:
         Files that could not be used, and why.
     clashes : list of str
         Files that are good by themselves and cannot be used together, and why.
+    notes : list of str
+        What should be known of the files together.
     missing : list of str
         Needed fields that no dataset gives.
     advice : list of str
@@ -60,6 +64,7 @@ class Report:
     data: list[DataFinding] = field(default_factory=list)
     unreadable: dict[str, str] = field(default_factory=dict)
     clashes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
 
@@ -81,6 +86,7 @@ class Report:
             told.update(found.notes)
         for name, reason in self.unreadable.items():
             lines += [f"{name}", f"  cannot be used: {reason}", ""]
+        lines += [f"Note: {note}" for note in self.notes]
         lines.append("Ready: these files give all that was asked for." if self.ready else "Not ready. What to do:")
         lines += [f"  {number}. {text}" for number, text in enumerate(self.advice, 1)]
         return "\n".join(lines)
@@ -89,14 +95,16 @@ class Report:
 def _data_lines(found: DataFinding, told: set[str]) -> list[str]:
     """Return the lines of a dataset, without the notes that were told before."""
     head = found.files[0] if len(found.files) == 1 else f"{found.files[0]} and {len(found.files) - 1} more"
-    lines = [head, f"  is      {found.title} ({found.product}; reader checked against a {found.checked_against})"]
+    lines = [head, f"  is      {found.title} ({found.product}; reader checked against {found.checked_against})"]
     lines += [f"  space   {found.space}", f"  time    {found.time}"]
     for item in found.fields:
         meaning = QUANTITIES[item.name].long_name
         lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
         lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
         lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
+        lines[-1] += f", {item.missing_share:.2%} missing" if item.missing_share > 0.0 else ""
         lines += [f"          ! {problem}" for problem in item.problems]
+    lines += [f"  sample  {found.sampled}"] if found.sampled else []
     lines += [f"  note    {note}" for note in found.notes if note not in told]
     lines += [f"  !       {problem}" for problem in found.problems]
     return [*lines, ""]

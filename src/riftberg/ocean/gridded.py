@@ -92,6 +92,7 @@ class GriddedForcing:
         self.grid: Grid | None = grid
         self._grid = grid
         self.start, self.source = start, source
+        self.notices: tuple[str, ...] = ()
         self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
         self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
         self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
@@ -286,7 +287,7 @@ class GriddedForcing:
         for name in ("coastal_drift", "tidal_drift"):
             if getattr(self, name) > 0.0:
                 lines.append(f"{name.replace('_', ' ')} {getattr(self, name):g} m/s")
-        return "\n".join([*lines, self._grid.describe()])
+        return "\n".join([*lines, *self.notices, self._grid.describe()])
 
 
 def _checked_times(times: ArrayLike | None, count: int) -> list[float] | None:

@@ -48,6 +48,8 @@ class OwnGrids:
     ----------
     parts : sequence of Part
         Each field is served by one part.
+    notices : sequence of str
+        What should be known of it before a run.
 
     Raises
     ------
@@ -57,8 +59,9 @@ class OwnGrids:
 
     grid: Grid | None = None
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[Part], notices: Sequence[str] = ()) -> None:
         self.parts = tuple(parts)
+        self.notices = tuple(notices)
         served = [name for part in self.parts for name in part.serves]
         for name in served:
             if served.count(name) > 1:
@@ -119,4 +122,4 @@ class OwnGrids:
     def describe(self) -> str:
         """Return what each product gives, on which grid and at which times."""
         told = [f"{', '.join(part.serves)}: {part.forcing.describe()}" for part in self.parts]
-        return "\n".join(["each product on its own grid", *told]).replace("\n", "\n    ")
+        return "\n".join(["each product on its own grid", *told, *self.notices]).replace("\n", "\n    ")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.products.axes import goes_round, tidy_longitude
+from riftberg.ocean.products.axes import goes_round, tidy_axes, tidy_longitude
 from riftberg.ocean.products.window import utc, window
 
 
@@ -49,6 +49,35 @@ def test_window_holds_the_box_on_its_branch(west: float, width: float, first: fl
     assert lon[0] <= west + 1e-6
     assert lon[-1] >= east - 1e-6 or lon[-1] - lon[0] >= 349.0
     np.testing.assert_allclose(ds["uo"].values[0], (lon + 180.0) % 360.0 - 180.0, atol=1e-9)
+
+
+def levelled(units: str | None, levels: tuple[float, ...] = (0.5, 1.0)) -> xr.Dataset:
+    attributes = {} if units is None else {"units": units}
+    return globe().expand_dims(depth=len(levels)).assign_coords(depth=("depth", np.array(levels), attributes))
+
+
+@pytest.mark.parametrize(("units", "factor"), [("m", 1.0), (None, 1.0), ("km", 1000.0), ("cm", 0.01), ("Meters", 1.0)])
+def test_levels_are_turned_into_metres(units: str | None, factor: float) -> None:
+    """Levels in km were taken as metres: the keel was below all of them."""
+    depth = tidy_axes(levelled(units), where="file.nc")["depth"]
+    np.testing.assert_allclose(depth, [0.5 * factor, factor])
+    assert depth.attrs["units"] == "m"
+
+
+def test_levels_in_unknown_units_are_refused() -> None:
+    with pytest.raises(ForcingError, match=r"file.nc, axis depth: units 'dbar' are not known .* units of m "):
+        tidy_axes(levelled("dbar"), where="file.nc")
+
+
+def test_dates_that_the_ordinary_calendar_lacks_are_refused() -> None:
+    """30 February of a calendar of 360 days was a traceback."""
+    cftime = pytest.importorskip("cftime")
+    time = [cftime.Datetime360Day(2020, 2, day) for day in (29, 30)]
+    ds = globe().expand_dims(time=xr.DataArray(time, dims="time"))
+    with pytest.raises(ForcingError, match=r"2020-02-30.*360_day.*does not exist.*convert_calendar"):
+        tidy_axes(ds, where="file.nc")
+    kept = tidy_axes(ds.isel(time=[0]), where="file.nc")
+    assert kept["time"].values[0] == np.datetime64("2020-02-29")
 
 
 def test_window_in_the_other_convention() -> None:

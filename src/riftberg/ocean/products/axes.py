@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.ocean.products.canonical import QUANTITIES, conversion
 
 Floats = NDArray[np.float64]
 _KEYS = {"time": "time", "depth": "vertical", "lat": "latitude", "lon": "longitude"}
@@ -66,7 +67,7 @@ def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     if "time" in ds.variables:
         ds = tidy_time(ds, where=where)
     if "depth" in ds.dims:
-        ds = _tidy_depth(ds)
+        ds = _tidy_depth(ds, where=where)
     if "lat" in ds.dims:
         ds = tidy_longitude(_ascending(_float_axis(ds, "lat", "degrees_north"), "lat"))
     for axis in ("y", "x"):
@@ -84,7 +85,7 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     """
     time = ds["time"]
     if time.dtype == object:
-        stamps = [np.datetime64(date.isoformat(), "ns") for date in np.atleast_1d(time.values)]
+        stamps = [_by_label(date, where) for date in np.atleast_1d(time.values)]
         values = np.array(stamps, dtype="datetime64[ns]").reshape(time.shape)
     elif np.issubdtype(time.dtype, np.datetime64):
         values = time.values.astype("datetime64[ns]")
@@ -100,9 +101,25 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     return ds.sortby("time") if np.any(np.diff(ds["time"].values) < np.timedelta64(0)) else ds
 
 
-def _tidy_depth(ds: xr.Dataset) -> xr.Dataset:
+def _by_label(date: Any, where: str) -> np.datetime64:
+    """Return the date of another calendar that is written the same; refuse one that the ordinary calendar lacks."""
+    try:
+        return np.datetime64(date.isoformat(), "ns")
+    except ValueError as error:
+        calendar = str(getattr(date, "calendar", "")) or "another"
+        raise ForcingError(
+            f"the date {date.isoformat()} of its calendar ({calendar}) does not exist",
+            where=where,
+            remedy="Convert the file to the standard calendar, for example with xarray's convert_calendar('standard')",
+        ) from error
+
+
+def _tidy_depth(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Return levels in metres, positive down; without units they are taken as metres."""
     depth = ds["depth"]
-    values = np.abs(depth.values.astype(float))
+    units = next((str(depth.attrs[key]) for key in ("units", "Units", "Unit", "unit") if key in depth.attrs), "m")
+    factor, _ = conversion(QUANTITIES["depth_below_surface"], units, where=f"{where}, axis depth")
+    values = np.abs(depth.values.astype(float)) * factor
     attributes = {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
     return _ascending(ds.assign_coords(depth=("depth", values, attributes)), "depth")
 

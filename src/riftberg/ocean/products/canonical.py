@@ -128,7 +128,7 @@ def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, fl
         raise ForcingError(
             f"units {units!r} are not known for {quantity.name} ({quantity.long_name})",
             where=where,
-            remedy=f"Give the variable units of {quantity.units} (or one of: {', '.join(sorted(table))})",
+            remedy=f"Give it units of {quantity.units} (or one of: {', '.join(sorted(table))})",
         )
     return table[key]
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import xarray as xr
 
-from riftberg.ocean.products.product import Product, Source, text_of
+from riftberg.ocean.products.product import Evidence, Product, Source, text_of
 
 
 def _matches(ds: xr.Dataset) -> bool:
     told = "duacs" in text_of(ds, "title", "summary", "source", "comment") or "allsat" in text_of(ds, "title")
     return "adt" in ds.variables or ("sla" in ds.variables and told)
 
+
+_VARIANTS: tuple[tuple[str, Evidence], ...] = (("1/8 degree", "documentation"),)
 
 PRODUCT = Product(
     name="duacs",
@@ -24,6 +26,7 @@ PRODUCT = Product(
     evidence="sample",
     matches=_matches,
     sources=(Source("ssh", ("adt",), "m"),),
+    variants=_VARIANTS,
     notes=(
         "ssh is the absolute dynamic topography adt (height above the geoid), not the anomaly sla",
         "one map a day, stamped 00:00 UTC",
@@ -38,5 +41,6 @@ GEOSTROPHIC = Product(
     evidence="sample",
     matches=lambda ds: False,
     sources=(*PRODUCT.sources, Source("uo", ("ugos",), "m s-1"), Source("vo", ("vgos",), "m s-1")),
+    variants=_VARIANTS,
     notes=("uo, vo are geostrophic only: they lack the wind-driven part", *PRODUCT.notes[:2]),
 )

@@ -1,6 +1,7 @@
 """ERA5 single levels (ECMWF, Climate Data Store): wind, stress, waves, sea ice, sea surface temperature.
 
-Three layouts: the old store (packed int16, hours since 1900; checked against a real file), the new store
+Three layouts: the old store (packed int16, hours since 1900; checked against a real file of wind and sea surface
+temperature), the new store
 (``valid_time``, ``number``, ``expver``; checked against a published header) and the ARCO Zarr stores (long names;
 documentation only).
 """
@@ -14,13 +15,13 @@ from riftberg.ocean.products.product import Product, Source, text_of, without_si
 _SOURCES = (
     Source("ua", ("u10", "10m_u_component_of_wind"), "m s-1"),
     Source("va", ("v10", "10m_v_component_of_wind"), "m s-1"),
-    Source("taux", ("iews", "avg_iews", "metss", "avg_ttss_x"), "N m-2"),
-    Source("tauy", ("inss", "avg_inss", "mntss", "avg_ttss_y"), "N m-2"),
+    Source("taux", ("iews", "avg_iews", "metss", "avg_ttss_x"), "N m-2", "documentation"),
+    Source("tauy", ("inss", "avg_inss", "mntss", "avg_ttss_y"), "N m-2", "documentation"),
     Source("sst", ("sst", "sea_surface_temperature"), "K"),
-    Source("ice_fraction", ("siconc", "ci", "sea_ice_cover"), "1"),
-    Source("wave_height", ("swh", "significant_height_of_combined_wind_waves_and_swell"), "m"),
-    Source("wave_period", ("mwp", "mean_wave_period"), "s"),
-    Source("wave_direction", ("mwd", "mean_wave_direction"), "degree"),
+    Source("ice_fraction", ("siconc", "ci", "sea_ice_cover"), "1", "documentation"),
+    Source("wave_height", ("swh", "significant_height_of_combined_wind_waves_and_swell"), "m", "documentation"),
+    Source("wave_period", ("mwp", "mean_wave_period"), "s", "documentation"),
+    Source("wave_direction", ("mwd", "mean_wave_direction"), "degree", "documentation"),
 )
 _OWN = {"u10", "v10", "swh", "mwp", "mwd", "iews", "inss", "siconc", "ci", "sst"}
 
@@ -57,6 +58,7 @@ PRODUCT = Product(
     matches=_matches,
     sources=_SOURCES,
     reshape=_one_version,
+    variants=(("new Climate Data Store", "layout"), ("ARCO Zarr store", "documentation")),
     notes=(
         "instantaneous values at their stamp",
         "mean wave direction is the direction the waves come FROM",

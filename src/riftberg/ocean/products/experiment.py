@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.products.product import Product, Source
+from riftberg.ocean.products.product import Evidence, Product, Source
 
 _FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
 _AT_CENTRES = {"SSH", "elevation"}
@@ -125,6 +125,8 @@ _NOTES = (
 )
 _CITATION = "Huth, Adcroft, Sergienko and Khan 2022, Sci. Adv. 8, eabq6974, doi:10.1126/sciadv.abq6974"
 
+_VARIANTS: tuple[tuple[str, Evidence], ...] = (("hourly files", "documentation"),)
+
 PRODUCT = Product(
     name="a68a",
     title="Forcing files of the A68a experiment of Huth et al. (2022)",
@@ -135,6 +137,7 @@ PRODUCT = Product(
     mend=_mend,
     finish=_finish,
     notes=_NOTES,
+    variants=_VARIANTS,
 )
 KEEL_MEAN = Product(
     name="a68a-keel-mean",
@@ -145,5 +148,6 @@ KEEL_MEAN = Product(
     sources=_sources("uo_mean_over_berg_depth", "vo_mean_over_berg_depth"),
     mend=_mend,
     finish=_finish,
+    variants=_VARIANTS,
     notes=(*_NOTES, "uo, vo are means from the surface to 200 m"),
 )

@@ -32,5 +32,6 @@ PRODUCT = Product(
     matches=_matches,
     sources=(Source("uo", (_EAST,), "m s-1"), Source("vo", (_NORTH,), "m s-1")),
     mend=_mend,
+    variants=(("15 m files", "documentation"),),
     notes=("geostrophic + Ekman current; the hs files are at the surface, those of 15 m at that depth",),
 )

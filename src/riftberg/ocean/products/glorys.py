@@ -6,12 +6,12 @@ scalar time) follow the documentation. The sample has a depth axis of five level
 
 from __future__ import annotations
 
-import numpy as np
 import xarray as xr
 
 from riftberg.ocean.products.product import DAY, Product, Source, stamped_at_noon, text_of
+from riftberg.ocean.products.records import usual_interval
+from riftberg.ocean.products.stated import DAY_SECONDS, MONTH_SECONDS
 
-_MONTH = 20 * DAY
 _NAMES = {"uo", "vo", "zos", "siconc", "sithick", "usi", "vsi", "thetao", "so"}
 
 
@@ -32,19 +32,27 @@ def _surface_or_all(ds: xr.Dataset) -> xr.Dataset:
 
 
 def _in_the_middle(ds: xr.Dataset) -> xr.Dataset:
-    """Stamp daily means at noon and monthly means in the middle of the month, whatever the file wrote."""
+    """Stamp daily means at noon and monthly means in the middle of the month, whatever the file wrote.
+
+    Which of them these are is told by the file, or else by the time between the records of all files.
+    """
     if "time" not in ds.dims:
         return ds
-    steps = np.diff(ds["time"].values)
-    step = np.median(steps) if steps.size else DAY
-    if step < DAY:  # hourly products are instants at their stamp
+    stated = float(ds.attrs.get("stated_seconds", 0.0))
+    step = min((s for s in (stated, usual_interval(ds["time"].values)) if s > 0.0), default=0.0)
+    if step == 0.0:
+        doubt = (
+            "one record, and nothing in the file tells whether it is the mean of a day or of a month: taken as a day"
+        )
+        return stamped_at_noon(ds).assign_attrs(doubt=doubt)
+    if step < DAY_SECONDS:  # hourly products are instants at their stamp
         return ds.assign_attrs(averaging_seconds=0.0)
-    if step < _MONTH:
+    if step < 20 * DAY_SECONDS:
         return stamped_at_noon(ds)
     months = ds["time"].values.astype("datetime64[M]")
     start, end = months.astype("datetime64[ns]"), (months + 1).astype("datetime64[ns]")
     ds = ds.assign_coords(time=("time", start + (end - start) / 2, ds["time"].attrs))
-    return ds.assign_attrs(averaging_seconds=float(30.4 * 86400))
+    return ds.assign_attrs(averaging_seconds=MONTH_SECONDS)
 
 
 PRODUCT = Product(
@@ -59,16 +67,17 @@ PRODUCT = Product(
         Source("ssh", ("zos",), "m"),
         Source("sst", ("thetao",), "degrees_C"),
         Source("sss", ("so",), "1e-3"),
-        Source("ice_fraction", ("siconc",), "1"),
-        Source("ice_thickness", ("sithick",), "m"),
-        Source("ui", ("usi",), "m s-1"),
-        Source("vi", ("vsi",), "m s-1"),
+        Source("ice_fraction", ("siconc",), "1", "documentation"),
+        Source("ice_thickness", ("sithick",), "m", "documentation"),
+        Source("ui", ("usi",), "m s-1", "documentation"),
+        Source("vi", ("vsi",), "m s-1", "documentation"),
     ),
     reshape=_surface_or_all,
-    finish=_in_the_middle,
+    variants=(("toolbox subset", "documentation"), ("monthly means", "documentation")),
+    settle=_in_the_middle,
     averaging=DAY,
     notes=(
-        "daily means: stamps put at 12:00 UTC (native files write 12:00, toolbox subsets 00:00)",
+        "daily means: stamps put at 12:00 UTC (native files write 12:00, toolbox subsets 00:00); monthly means in mid-month",
         "currents keep their levels: runs take the mean over the draft of each element",
         "sst is the potential temperature of the first level",
     ),

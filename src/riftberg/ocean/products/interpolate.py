@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.ocean.products.axes import goes_round, step_of
+from riftberg.ocean.products.records import Gap, check_ends, gap_error, gap_limit
 from riftberg.ocean.products.stencil import MISSING, Stencil
 from riftberg.ocean.products.window import cover, longitudes_near, utc, window
 
@@ -54,7 +55,8 @@ def to_grid(
     times : sequence of dates, optional
         Moments (UTC); without them all records are given as they are.
     max_gap : numpy.timedelta64 or float (s), optional
-        Longest interval between two records that is interpolated across; default 2.5 times the usual interval.
+        Longest interval between two records that is interpolated across; default 2.5 times the interval of the
+        product (`riftberg.ocean.products.records`).
     hold : numpy.timedelta64 or float (s), optional
         How long the first and last record are held beyond themselves; default half the averaging time of means, else 0.
     fill_cells : int
@@ -220,7 +222,7 @@ class _Plan:
             every = np.arange(records.size)
             return cls(records, every, every, np.zeros(records.size))
         dates = np.array([utc(moment) for moment in times], dtype="datetime64[ns]")
-        _check_ends(ds, dates, _period(hold, 0.5 * float(ds.attrs.get("averaging_seconds", 0.0))))
+        check_ends(ds, dates, hold)
         held = np.clip(dates, records[0], records[-1])
         before = np.clip(np.searchsorted(records, held, side="right") - 1, 0, records.size - 1)
         after = np.where(records[before] == held, before, np.minimum(before + 1, records.size - 1))
@@ -232,47 +234,15 @@ class _Plan:
         return cls(dates, before, after, share)
 
 
-def _period(given: Period, default: float) -> float:
-    """Return a length of time in seconds."""
-    if given is None:
-        return default
-    return float(given / np.timedelta64(1, "s")) if isinstance(given, np.timedelta64) else float(given)
-
-
-def _check_ends(ds: xr.Dataset, dates: Dates, hold: float) -> None:
-    records = ds["time"].values
-    pause = np.timedelta64(round(hold), "s")
-    early, late = dates < records[0] - pause, dates > records[-1] + pause
-    if early.any() or late.any():
-        wrong = dates[early | late]
-        raise ForcingError(
-            f"{wrong.size} of {dates.size} dates, the first {wrong[0].astype('M8[m]')}, lie outside the records "
-            f"{records[0].astype('M8[m]')}..{records[-1].astype('M8[m]')}",
-            where=str(ds.attrs.get("source", "")),
-            remedy="Add the files of these dates, or shorten the run",
-        )
-
-
-def usual_interval(records: Dates) -> float:
-    """Return the median interval between records (s); 0 for one record."""
-    return float(np.median(np.diff(records) / np.timedelta64(1, "s"))) if records.size > 1 else 0.0
-
-
 def _check_gaps(
     ds: xr.Dataset, dates: Dates, before: NDArray[np.int64], after: NDArray[np.int64], max_gap: Period
 ) -> None:
     records = ds["time"].values
-    longest = _period(max_gap, 2.5 * usual_interval(records))
+    longest = gap_limit(ds, max_gap)
     spans = (records[after] - records[before]) / np.timedelta64(1, "s")
     if (spans > longest).any():
         k = int(np.argmax(spans > longest))
-        raise ForcingError(
-            f"{dates[k].astype('M8[m]')} lies in a gap of {spans[k] / 86400:.3g} days between "
-            f"{records[before[k]].astype('M8[m]')} and {records[after[k]].astype('M8[m]')}; "
-            f"the limit is {longest / 86400:.3g} days",
-            where=str(ds.attrs.get("source", "")),
-            remedy="Add the missing files, or allow a longer gap (max_gap)",
-        )
+        raise gap_error(ds, Gap(records[before[k]], records[after[k]]), longest, dates[k])
 
 
 class _Records:

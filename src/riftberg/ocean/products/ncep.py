@@ -53,11 +53,11 @@ R1 = Product(
     name="ncep-r1",
     title="NCEP/NCAR Reanalysis 1, 10 m wind, 6-hourly",
     citation="Kalnay et al. 1996, Bull. Am. Meteorol. Soc. 77, 437; data provided by NOAA PSL, Boulder, https://psl.noaa.gov",
-    evidence="sample",
+    evidence="layout",
     matches=_matches_r1,
     sources=_WINDS,
     reshape=_at_ten_metres,
-    notes=_NOTES,
+    notes=(*_NOTES, "a real file of the same layout was read too, but of the air temperature at 2 m"),
 )
 R2 = Product(
     name="ncep-r2",

@@ -41,6 +41,7 @@ PRODUCT = Product(
     matches=_matches,
     sources=(Source("ice_fraction", ("ice_conc",), "%"),),
     reshape=_reshape,
+    variants=(("EASE2, 25 km", "documentation"),),
     finish=stamped_at_noon,
     averaging=DAY,
     notes=("daily, stamped 12:00 UTC", "percent in the file, fraction here", "projected grid: to_latlon regrids it"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -11,6 +11,13 @@ import xarray as xr
 
 Step = Callable[[xr.Dataset], xr.Dataset]
 Evidence = Literal["sample", "layout", "documentation"]
+EVIDENCE: dict[Evidence, str] = {
+    "sample": "a real file",
+    "layout": "a published header",
+    "documentation": "documentation only",
+}
+"""Kinds of evidence in words, the strongest first."""
+
 DAY = np.timedelta64(86400, "s")
 
 
@@ -31,11 +38,14 @@ class Source:
         Names of the variable in files, the preferred one first.
     units : str
         Units to assume where the file states none; empty = the file must state them.
+    evidence : {"sample", "layout", "documentation"}, optional
+        What the reader of this quantity was checked against, where it is not that of the product.
     """
 
     quantity: str
     names: tuple[str, ...]
     units: str = ""
+    evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
@@ -52,6 +62,8 @@ class Product:
         How to cite it.
     evidence : {"sample", "layout", "documentation"}
         What the reader was checked against: a real file, a published header, or documentation only.
+    variants : tuple of (str, evidence)
+        Other layouts, and what their reading was checked against.
     matches : callable
         Tells from an undecoded dataset (names, dimensions, attributes) whether it is this product.
     sources : tuple of Source
@@ -62,6 +74,8 @@ class Product:
         Brings decoded data to the dimensions ``time, depth, lat, lon`` (or ``y, x``) by name.
     finish : callable
         Last change of the canonical dataset: masks, position of the stamp in time.
+    settle : callable
+        What needs the records of all files together, after they were joined: the length of time that one stands for.
     averaging : numpy.timedelta64
         Length of time that one record stands for; 0 for instants.
     notes : tuple of str
@@ -77,13 +91,27 @@ class Product:
     mend: Step = unchanged
     reshape: Step = unchanged
     finish: Step = unchanged
+    settle: Step = unchanged
     averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
     notes: tuple[str, ...] = ()
+    variants: tuple[tuple[str, Evidence], ...] = ()
 
     @property
     def gives(self) -> tuple[str, ...]:
         """Canonical names that this product may hold."""
         return tuple(source.quantity for source in self.sources)
+
+    def checked(self, names: Iterable[Hashable] | None = None) -> str:
+        """Say what the reader was checked against, by quantity (of ``names`` only) and by layout where these differ."""
+        chosen = set(self.gives if names is None else map(str, names))
+        held: dict[Evidence, list[str]] = {}
+        for source in self.sources:
+            if source.quantity in chosen:
+                held.setdefault(source.evidence or self.evidence, []).append(source.quantity)
+        single = len(held) < 2
+        told = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in held.items()]
+        others = [f"{name}: {EVIDENCE[kind]}" for name, kind in self.variants]
+        return "; ".join([*(told or [EVIDENCE[self.evidence]]), *others])
 
 
 def text_of(ds: xr.Dataset, *names: str) -> str:

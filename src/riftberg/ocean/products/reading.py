@@ -14,6 +14,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.products.axes import name_axes, tidy_axes
 from riftberg.ocean.products.canonical import QUANTITIES, canonicalise
 from riftberg.ocean.products.product import Product
+from riftberg.ocean.products.stated import stated_interval
 
 CHUNK = "16MiB"
 _UNITS_ATTRIBUTES = ("units", "Units", "Unit", "unit")
@@ -146,6 +147,8 @@ def read(path: str, product: Product) -> xr.Dataset:
     ds = product.reshape(ds)
     ds = name_axes(ds, where=path)
     ds = tidy_axes(_fields_of(ds, product, where=path), where=path)
+    if "time" in ds.dims and (stated := stated_interval(raw, path)):
+        ds = ds.assign_attrs(stated_seconds=stated)
     return _signed(product.finish(ds), product, path, raw)
 
 
@@ -188,11 +191,11 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "title": product.title,
         "source": path,
         "citation": product.citation,
-        "reader_checked_against": product.evidence,
+        "reader_checked_against": product.checked(ds.data_vars),
         "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }
-    projection = {"crs_wkt": ds.attrs["crs_wkt"]} if "crs_wkt" in ds.attrs else {}
+    kept = {key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds") if key in ds.attrs}
     ds = ds.copy(deep=False)
-    ds.attrs = {**attributes, **projection}
+    ds.attrs = {**attributes, **kept}
     return ds

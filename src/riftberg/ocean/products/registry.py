@@ -28,6 +28,7 @@ from riftberg.ocean.products import (
 )
 from riftberg.ocean.products.product import Product
 from riftberg.ocean.products.reading import is_zarr, open_raw, read
+from riftberg.ocean.products.records import own_interval
 
 PRODUCTS: tuple[Product, ...] = (
     globcurrent.PRODUCT,
@@ -147,12 +148,28 @@ def open_all(paths: Paths, product: str | Product | None = None) -> list[xr.Data
     list of xarray.Dataset
         One canonical dataset for each product, grid and set of records.
     """
-    chosen = product_named(product) if isinstance(product, str) else product
+    return open_named((path, product) for path in expand(paths))
+
+
+def open_named(entries: Iterable[tuple[str, str | Product | None]]) -> list[xr.Dataset]:
+    """Open files as the products named beside them (None: recognise it), joined as `open_all` does."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
-    for path in expand(paths):
-        ds = read(path, chosen or recognise(path))
-        groups.setdefault((ds.attrs["product"], *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
-    return _merged([_concatenated(group) for group in groups.values()])
+    products: dict[str, Product] = {}
+    for path, product in entries:
+        chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
+        products[chosen.name] = chosen
+        ds = read(path, chosen)
+        groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
+    joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
+    return _merged([_settled(part, product) for part, product in joined])
+
+
+def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
+    """Return joined files with the interval of all their records noted, which a window would no longer show."""
+    if "time" not in ds.dims:
+        return ds
+    ds = product.settle(ds)
+    return ds.assign_attrs(interval_seconds=own_interval(ds))
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
@@ -161,16 +178,13 @@ def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
     return tuple((name, ds.sizes[name], ds[name].values.tobytes() if name in ds.coords else b"") for name in axes)
 
 
-def _concatenated(parts: list[xr.Dataset]) -> xr.Dataset:
-    """Join files with the same variables and grid in order of time; of repeated records the first is kept."""
-    if len(parts) == 1:
-        return parts[0]
-    if any("time" not in part.dims for part in parts):
-        raise ForcingError(
-            "two files hold the same field without time",
-            where=", ".join(str(part.attrs["source"]) for part in parts),
-            remedy="Give one of them",
-        )
+def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
+    """Join files with the same variables and grid in order of time; of repeated records the first is kept.
+
+    Files without time stay by themselves: of two with the same field a run takes the one named later.
+    """
+    if len(parts) == 1 or any("time" not in part.dims for part in parts):
+        return parts
     parts = sorted(parts, key=lambda part: part["time"].values[0])
     joined = xr.concat(
         parts,
@@ -181,10 +195,11 @@ def _concatenated(parts: list[xr.Dataset]) -> xr.Dataset:
         join="override",
         combine_attrs="override",
     )
+    stated = [part.attrs["stated_seconds"] for part in parts if "stated_seconds" in part.attrs]
+    joined = joined.assign_attrs(stated_seconds=min(stated)) if stated else joined
     _, first = np.unique(joined["time"].values, return_index=True)
-    return _sourced(
-        joined if first.size == joined.sizes["time"] and np.all(np.diff(first) == 1) else joined.isel(time=first), parts
-    )
+    whole = first.size == joined.sizes["time"] and np.all(np.diff(first) == 1)
+    return [_sourced(joined if whole else joined.isel(time=first), parts)]
 
 
 def _merged(parts: list[xr.Dataset]) -> list[xr.Dataset]:
@@ -192,7 +207,10 @@ def _merged(parts: list[xr.Dataset]) -> list[xr.Dataset]:
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     for part in parts:
         records = part["time"].values.tobytes() if "time" in part.dims else b""
-        groups.setdefault((part.attrs["product"], *_grid_key(part), records), []).append(part)
+        key: tuple[object, ...] = (part.attrs["product"], *_grid_key(part), records)
+        while not records and any(set(other.data_vars) & set(part.data_vars) for other in groups.get(key, [])):
+            key = (*key, "again")
+        groups.setdefault(key, []).append(part)
     return [_merge(group) for group in groups.values()]
 
 
@@ -211,4 +229,13 @@ def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
 
 
-__all__ = ["PRODUCTS", "expand", "is_zarr", "open_all", "open_product", "product_named", "recognise"]
+__all__ = [
+    "PRODUCTS",
+    "expand",
+    "is_zarr",
+    "open_all",
+    "open_named",
+    "open_product",
+    "product_named",
+    "recognise",
+]

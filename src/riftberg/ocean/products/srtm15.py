@@ -29,6 +29,7 @@ PRODUCT = Product(
     matches=_matches,
     sources=(Source("depth_below_surface", ("z", "topo"), "m"),),
     reshape=_named,
+    variants=(("ETOPO5 style", "documentation"),),
     finish=depth_from_elevation,
     notes=NOTES,
 )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.ocean.products.axes import goes_round, on_branch
+from riftberg.ocean.products.records import hold_of
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
@@ -62,7 +63,7 @@ def window(
         ds = _curvilinear(ds, box)
     else:
         ds = _regular(ds, box)
-    return _in_time(ds, time) if time is not None and "time" in ds.dims else ds
+    return window_in_time(ds, time) if time is not None and "time" in ds.dims else ds
 
 
 def slice_around(axis: Floats, low: float, high: float) -> slice:
@@ -166,11 +167,12 @@ def cover(ds: xr.Dataset) -> str:
     return f"{np.nanmin(lon):g}..{np.nanmax(lon):g} E, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
 
 
-def _in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
+def window_in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
+    """Return the records of a time and one more on each side; `ForcingError` if there is none."""
     first, last = utc(time[0]), utc(time[1])
     records = ds["time"].values
-    half = np.timedelta64(int(float(ds.attrs.get("averaging_seconds", 0.0)) / 2), "s")
-    if last < records[0] - half or first > records[-1] + half:
+    held = np.timedelta64(int(hold_of(ds)), "s")
+    if last < records[0] - held or first > records[-1] + held:
         raise ForcingError(
             f"no record lies in {first.astype('M8[m]')}..{last.astype('M8[m]')}: the data run from "
             f"{records[0].astype('M8[m]')} to {records[-1].astype('M8[m]')}",

@@ -1,0 +1,187 @@
+"""Records of a dataset in time: their interval, gaps between them, and records that hold no value at all.
+
+One rule for runs, `to_grid` and the doctor: a gap longer than `GAP_FACTOR` times the product's own interval is not
+interpolated across. The interval is found from all records of all files, before a window is cut. A record without any
+value is a missing record.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+
+Dates = NDArray[np.datetime64]
+Period = np.timedelta64 | float | None
+
+GAP_FACTOR: Final = 2.5
+"""Longest gap that is interpolated across, in intervals of the product: one record may be missing, not two."""
+
+VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
+
+MAY_BE_EMPTY: Final = frozenset({"ice_fraction", "ice_thickness", "ui", "vi"})
+"""Sea ice is missing where there is none: a record without any of it is open water, not a gap."""
+
+
+class Gap(NamedTuple):
+    """Two records that follow one another after a longer time than is allowed."""
+
+    before: np.datetime64
+    after: np.datetime64
+
+    @property
+    def seconds(self) -> float:
+        """Length, s."""
+        return float((self.after - self.before) / np.timedelta64(1, "s"))
+
+
+def usual_interval(records: Dates) -> float:
+    """Return the median interval between records (s), of two in the middle the shorter; 0 for one record."""
+    if records.size < 2:
+        return 0.0
+    steps = np.diff(records) / np.timedelta64(1, "s")
+    return float(np.quantile(steps, 0.5, method="lower"))
+
+
+def own_interval(ds: xr.Dataset) -> float:
+    """Return the interval (s) of the product: the shortest that files state, records show or means stand for; 0 if unknown."""
+    if "interval_seconds" in ds.attrs:
+        return float(ds.attrs["interval_seconds"])
+    told = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
+    known = [float(value) for value in (*told, usual_interval(ds["time"].values)) if float(value) > 0.0]
+    return min(known, default=0.0)
+
+
+def seconds_of(given: Period, default: float) -> float:
+    """Return a length of time in seconds."""
+    if given is None:
+        return default
+    return float(given / np.timedelta64(1, "s")) if isinstance(given, np.timedelta64) else float(given)
+
+
+def gap_limit(ds: xr.Dataset, given: Period = None) -> float:
+    """Return the longest gap (s) that is interpolated across: as given, as noted on the dataset, or by the rule."""
+    rule = float(ds.attrs.get("max_gap_seconds", GAP_FACTOR * own_interval(ds)))
+    return seconds_of(given, rule)
+
+
+def hold_of(ds: xr.Dataset, given: Period = None) -> float:
+    """Return how long (s) the first and last record are held: as given, as noted, or half the time a mean stands for."""
+    rule = float(ds.attrs.get("hold_seconds", 0.5 * float(ds.attrs.get("averaging_seconds", 0.0))))
+    return seconds_of(given, rule)
+
+
+def long_gaps(records: Dates, limit: float, first: np.datetime64, last: np.datetime64) -> list[Gap]:
+    """Return the gaps longer than ``limit`` (s) that hold a part of ``first..last``."""
+    pairs = (Gap(*pair) for pair in pairwise(records))
+    return [gap for gap in pairs if gap.seconds > limit and gap.before < last and gap.after > first]
+
+
+def check_ends(ds: xr.Dataset, dates: Dates, hold: Period = None) -> None:
+    """Raise `ForcingError` where dates lie before the first or after the last record by more than these are held."""
+    records = ds["time"].values
+    pause = np.timedelta64(round(hold_of(ds, hold)), "s")
+    outside = (dates < records[0] - pause) | (dates > records[-1] + pause)
+    if outside.any():
+        wrong = dates[outside]
+        raise ForcingError(
+            f"{wrong.size} of {dates.size} dates, the first {minute(wrong[0])}, lie outside the records "
+            f"{minute(records[0])}..{minute(records[-1])}",
+            where=named(ds),
+            remedy="Add the files of these dates, shorten the run, or hold the ends longer (forcing.hold, in hours)",
+        )
+
+
+def gap_error(ds: xr.Dataset, gap: Gap, limit: float, at: np.datetime64) -> ForcingError:
+    """Return the error of a date in too long a gap."""
+    fields = ", ".join(map(str, ds.data_vars))
+    return ForcingError(
+        f"{minute(at)} lies in a gap of {gap.seconds / 86400:.3g} days between {minute(gap.before)} and "
+        f"{minute(gap.after)} without values of {fields}; the limit is {limit / 86400:.3g} days",
+        where=named(ds),
+        remedy="Add the missing files, or allow a longer gap: forcing.max_gap of an experiment file (hours), "
+        "max_gap of to_grid",
+    )
+
+
+def check_records(ds: xr.Dataset, first: np.datetime64, last: np.datetime64) -> None:
+    """Raise `ForcingError` unless the records serve every moment of ``first..last``."""
+    check_ends(ds, np.array([first, last]))
+    limit = gap_limit(ds)
+    for gap in long_gaps(ds["time"].values, limit, first, last):
+        raise gap_error(ds, gap, limit, max(gap.before, first))
+
+
+def minute(moment: np.datetime64) -> str:
+    """Return a moment as text, to the minute."""
+    return str(moment.astype("datetime64[m]"))
+
+
+def named(ds: xr.Dataset) -> str:
+    """Return product and files of a dataset, for messages."""
+    files = str(ds.attrs.get("source", "")).split(", ")
+    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    text = f"{Path(files[0]).name}{more}"
+    product = str(ds.attrs.get("product", ""))
+    return f"{product} ({text})" if product and text else product or text
+
+
+def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
+    """Tell which records of a field hold no value at all; of levels the uppermost is looked at.
+
+    One row of points is read of every record; only where that row is missing is the whole record read.
+    """
+    surface = field.isel(depth=0) if "depth" in field.dims else field
+    surface = surface.transpose("time", ...)
+    empty = np.zeros(surface.sizes["time"], dtype=bool)
+    known: NDArray[np.bool_] | None = None
+    for k in range(empty.size):
+        if known is not None and known[k]:
+            continue
+        finite = np.isfinite(surface.isel(time=k).values)
+        empty[k] = not finite.any()
+        if known is None and not empty[k]:
+            row = int(finite.sum(axis=-1).argmax())
+            known = np.isfinite(surface.isel({surface.dims[1]: row}).values).any(axis=-1)
+    return empty
+
+
+def empty_by_field(ds: xr.Dataset) -> dict[str, NDArray[np.bool_]]:
+    """Return the records without values of each field with time, sea ice excepted; of a vector with either component."""
+    found = {
+        str(name): empty_records(field)
+        for name, field in ds.data_vars.items()
+        if "time" in field.dims and str(name) not in MAY_BE_EMPTY
+    }
+    for east, north in VECTORS:
+        if east in found and north in found:
+            found[east] = found[north] = found[east] | found[north]
+    return found
+
+
+def without_empty(ds: xr.Dataset) -> list[xr.Dataset]:
+    """Return the dataset without records that hold no value, in parts where its fields lack different ones.
+
+    Fields without any value are left out.
+    """
+    empty = empty_by_field(ds)
+    if not any(records.any() for records in empty.values()):
+        return [ds]
+    groups: dict[bytes, list[str]] = {}
+    for name in map(str, ds.data_vars):
+        groups.setdefault(empty[name].tobytes() if name in empty else b"", []).append(name)
+    parts = []
+    attributes = {"interval_seconds": own_interval(ds), **ds.attrs}
+    for names in groups.values():
+        part = ds[names].assign_attrs(attributes)
+        if names[0] in empty:
+            part = part.isel(time=np.flatnonzero(~empty[names[0]]))
+        if "time" not in part.dims or part.sizes["time"]:
+            parts.append(part)
+    return parts
