@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
+import io
 import sys
 import types
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import netCDF4
 import numpy as np
@@ -17,10 +20,13 @@ pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
+import requests
+
 from ocean.serving import Shelf, serving
 from riftberg.errors import ForcingError
 from riftberg.ocean import download, fetch, services
 from riftberg.ocean.download import Resuming, fetch_one
+from riftberg.ocean.parts import Part, Version
 from riftberg.ocean.fetch import FILES, HOURLY, Hourly, fetch_a68a, merge_hourly
 from riftberg.ocean.products import open_product
 from riftberg.ocean.services import fetch_product
@@ -74,25 +80,134 @@ def test_connection_cut_more_often_than_attempts_still_arrives(shelf: Shelf, bas
     assert fetch_field(tmp_path, base, attempts=2).read_bytes() == CONTENT
 
 
-def test_interrupted_run_is_continued_by_the_next(shelf: Shelf, base: str, tmp_path: Path) -> None:
-    (tmp_path / "field.nc.part").write_bytes(CONTENT[:1_000_000])
-    fetch_field(tmp_path, base)
-    assert shelf.requests == [("/data/field.nc", "bytes=1000000-")]
+OLD = bytes(reversed(range(256))) * 8000
+"""An earlier version of the file, of the same length."""
 
 
-def test_part_that_was_complete_already(shelf: Shelf, base: str, tmp_path: Path) -> None:
-    (tmp_path / "field.nc.part").write_bytes(CONTENT)
+def interrupt(folder: Path, base: str, shelf: Shelf, content: bytes, after: int = 1_000_000) -> None:
+    """Leave what a fetch of ``content`` that was cut for good leaves, with the tag and date that the shelf has now."""
+    part = Part(folder / "field.nc.part", f"{base}data/field.nc")
+    told = {"ETag": shelf.etag.get("/data/field.nc", ""), "Last-Modified": shelf.modified.get("/data/field.nc", "")}
+    part.begin(Version.told(part.url, told, len(content)))
+    part.path.write_bytes(content[:after])
+
+
+TAGS = {"etag": '"first"', "modified": "Wed, 16 Dec 2020 12:00:00 GMT"}
+
+
+@pytest.mark.parametrize("kind", TAGS)
+def test_interrupted_run_is_continued_by_the_next(kind: str, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    getattr(shelf, kind)["/data/field.nc"] = TAGS[kind]
+    interrupt(tmp_path, base, shelf, CONTENT)
     assert fetch_field(tmp_path, base).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "bytes=1000000-")]
+    assert [path.name for path in tmp_path.iterdir()] == ["field.nc"]
+
+
+def test_a_cut_fetch_leaves_a_record_with_which_the_next_continues(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    shelf.cut_after, shelf.cuts = 900_000, 1
+    part = Part(tmp_path / "field.nc.part", f"{base}data/field.nc")
+    with contextlib.suppress(requests.RequestException):
+        Resuming()._continue(part)
+    assert 500_000 < part.size <= 900_000
+    assert part.version == Version(part.url, '"first"', "", len(CONTENT))
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests[-1][1].startswith("bytes=")
+
+
+@pytest.mark.parametrize("spans", [True, False])
+@pytest.mark.parametrize("kind", TAGS)
+def test_part_that_was_complete_already(kind: str, spans: bool, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    getattr(shelf, kind)["/data/field.nc"] = TAGS[kind]
+    shelf.spans = spans
+    interrupt(tmp_path, base, shelf, CONTENT, after=len(CONTENT))
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", f"bytes={len(CONTENT)}-")]
 
 
 def test_server_without_ranges_starts_anew(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
     shelf.ranges = False
-    (tmp_path / "field.nc.part").write_bytes(b"x" * 5000)
-    assert fetch_field(tmp_path, base).read_bytes() == CONTENT
+    interrupt(tmp_path, base, shelf, CONTENT)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "bytes=1000000-")]
+
+
+@pytest.mark.parametrize("size", [400, 2_048_000, 4_000_000])
+def test_part_without_a_record_is_not_trusted(size: int, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    """Longer than the file it got 416 and passed for complete; shorter its bytes were spliced to the new tail."""
+    (tmp_path / "field.nc.part").write_bytes(b"G" * size)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "")]
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+@pytest.mark.parametrize("kind", TAGS)
+@pytest.mark.parametrize("old", [OLD, OLD + OLD[:1000], OLD[:1_500_000]])
+@pytest.mark.parametrize("after", [400, 1_499_000])
+def test_part_of_an_older_version_starts_anew(
+    after: int, old: bytes, kind: str, obeys: bool, shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    """Whether the server looks at If-Range or not, and whether the size has changed or not."""
+    getattr(shelf, kind)["/data/field.nc"] = TAGS[kind]
+    interrupt(tmp_path, base, shelf, old, after)
+    getattr(shelf, kind)["/data/field.nc"] = {"etag": '"second"', "modified": "Thu, 17 Dec 2020 12:00:00 GMT"}[kind]
+    shelf.if_range = obeys
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests[0] == ("/data/field.nc", f"bytes={after}-")
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+@pytest.mark.parametrize("spans", [True, False])
+def test_part_longer_than_the_file_starts_anew(
+    spans: bool, obeys: bool, shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    interrupt(tmp_path, base, shelf, OLD + OLD, after=3_000_000)
+    shelf.etag["/data/field.nc"] = '"second"'
+    shelf.if_range, shelf.spans = obeys, spans
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+
+
+def test_server_that_tells_no_span_is_not_trusted_with_the_rest(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    shelf.spans = False
+    interrupt(tmp_path, base, shelf, CONTENT)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert [asked for _, asked in shelf.requests] == ["bytes=1000000-", ""]
+
+
+@pytest.mark.parametrize("tag", ["", 'W/"weak"'])
+def test_server_without_a_strong_tag_or_date_begins_anew_in_the_next_run(
+    tag: str, shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    if tag:
+        shelf.etag["/data/field.nc"] = tag
+    interrupt(tmp_path, base, shelf, OLD)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "")]
+
+
+def test_file_that_changes_between_two_cuts_is_not_spliced(
+    shelf: Shelf, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a tag the size alone tells, within a run."""
+    shelf.files["/data/field.nc"] = OLD + OLD[:1000]
+    shelf.cut_after, shelf.cuts = 900_000, 1
+    monkeypatch.setattr(download.time, "sleep", lambda _: shelf.files.__setitem__("/data/field.nc", CONTENT))
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert len(shelf.requests) == 3
+
+
+def test_a_fetched_file_bears_the_date_of_its_source(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.modified["/data/field.nc"] = TAGS["modified"]
+    assert fetch_field(tmp_path, base).stat().st_mtime == 1608120000.0
 
 
 def test_dead_connection_gives_up_and_keeps_what_came(shelf: Shelf, base: str, tmp_path: Path) -> None:
-    (tmp_path / "field.nc.part").write_bytes(CONTENT[:1_000_000])
+    shelf.etag["/data/field.nc"] = '"first"'
+    interrupt(tmp_path, base, shelf, CONTENT)
     shelf.cut_after, shelf.cuts = 0, 99
     with pytest.raises(ForcingError, match=r"3 attempts in a row brought nothing.*1\.0 MB are kept"):
         fetch_field(tmp_path, base, attempts=3)
@@ -112,13 +227,63 @@ def test_changed_file_on_disk_is_fetched_again(base: str, tmp_path: Path) -> Non
     assert fetch_field(tmp_path, base).read_bytes() == CONTENT
 
 
-def test_full_disk_while_writing(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(self: Resuming, *arguments: object) -> int:
-        raise OSError(errno.ENOSPC, "No space left on device")
+class FullDisk:
+    """A stream to a disk that takes ``room`` bytes: as the system does, it writes what fits, then refuses."""
 
-    monkeypatch.setattr(Resuming, "_write", full)
-    with pytest.raises(ForcingError, match=r"the disk is full\. Free some space"):
+    def __init__(self, stream: BinaryIO, room: int) -> None:
+        self.stream, self.room = stream, room
+
+    def write(self, block: bytes) -> int:
+        fits = min(self.room, len(block))
+        self.stream.write(block[:fits])
+        self.room -= fits
+        if fits < len(block):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return fits
+
+    def __enter__(self) -> FullDisk:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.stream.close()
+
+
+@pytest.mark.parametrize("room", [0, 700_001])
+def test_full_disk_keeps_what_was_written_and_the_next_run_continues(
+    room: int, shelf: Shelf, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    truly = download.opened
+    monkeypatch.setattr(download, "opened", lambda path, start: FullDisk(truly(path, start), room))
+    with pytest.raises(
+        ForcingError, match=r"the disk is full\. Free some space.*what was fetched is kept and continued"
+    ):
         fetch_field(tmp_path, base)
+    assert not (tmp_path / "field.nc").exists()
+    assert (tmp_path / "field.nc.part").read_bytes() == CONTENT[:room]
+    monkeypatch.setattr(download, "opened", truly)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests[1:] == [("/data/field.nc", f"bytes={room}-" if room else "")]
+
+
+@pytest.fixture
+def little_room() -> Iterator[None]:
+    """Let no file of this process grow beyond 300 kB: writes that the system itself refuses."""
+    resource = pytest.importorskip("resource", reason="needs limits of the system")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.usefixtures("little_room")
+def test_a_write_that_the_system_refuses_keeps_what_was_written(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    with pytest.raises(ForcingError, match=r"writing failed .*File too large"):
+        fetch_field(tmp_path, base)
+    kept = (tmp_path / "field.nc.part").read_bytes()
+    assert kept
+    assert kept == CONTENT[: len(kept)]
 
 
 def test_download_that_cannot_fit_is_not_begun(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,11 +294,11 @@ def test_download_that_cannot_fit_is_not_begun(base: str, tmp_path: Path, monkey
 
 
 def test_folder_that_cannot_be_written(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(self: Resuming, *arguments: object) -> int:
+    def refused(path: Path, start: int) -> BinaryIO:
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr(Resuming, "_write", refused)
-    with pytest.raises(ForcingError, match="cannot be written"):
+    monkeypatch.setattr(download, "opened", refused)
+    with pytest.raises(ForcingError, match=r"cannot be written\. Choose another folder"):
         fetch_field(tmp_path, base)
 
 
@@ -158,32 +323,64 @@ def test_progress_is_told(base: str, tmp_path: Path) -> None:
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
 
 
-def test_bar_shows_one_file_after_another(capsys: pytest.CaptureFixture[str]) -> None:
+class Terminal(io.StringIO):
+    """What a terminal was told."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def shown(*told: tuple[str, int, int]) -> str:
+    """Return what a bar writes to a terminal."""
+    terminal = Terminal()
+    with contextlib.redirect_stderr(terminal):
+        bar = download.Bar()
+        for name, done, total in told:
+            bar(name, done, total)
+        bar.close()
+    return terminal.getvalue()
+
+
+def test_bar_shows_one_file_after_another() -> None:
+    text = shown(("a.nc", 1000, 4000), ("a.nc", 4000, 4000), ("b.nc", 5000, 0))
+    first, second = (line.split("\r")[-1] for line in text.rstrip("\n").split("\n"))
+    assert first.startswith("a.nc: 100%")
+    assert "4.00k/4.00k" in first
+    assert second.startswith("b.nc: 5.00kB")  # no share where the size is not told
+
+
+def test_bar_follows_a_fetch_that_starts_anew() -> None:
+    text = shown(("a.nc", 3000, 4000), ("a.nc", 100, 2000), ("a.nc", 2000, 2000))
+    assert "2.00k/2.00k" in text.split("\r")[-1]
+
+
+def test_bar_is_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     bar = download.Bar()
-    for told in (("a.nc", 10, 20), ("a.nc", 20, 20), ("b.nc", 5, 0)):
-        bar(*told)
+    bar("a.nc", 1000, 4000)
     bar.close()
-    assert "Traceback" not in capsys.readouterr().err
+    assert capsys.readouterr().err == ""
 
 
 # ---- the paper's inputs ----------------------------------------------------------------------------------------------
 
 
-def hourly_part(folder: Path, first: int, hours: int, value: float = 0.2) -> bytes:
+def hourly_part(folder: Path, first: int, hours: int, value: float = 0.2, points: int = 3) -> bytes:
     """Return the content of one part of an hourly file."""
     path = folder / f"part{first}.nc"
     with netCDF4.Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as ds:
         ds.createDimension("time", None)
         ds.createDimension("lat", 2)
-        ds.createDimension("lon", 3)
+        ds.createDimension("lon", points)
         ds.createVariable("lat", "f8", ("lat",))[:] = [-56.0, -55.875]
-        ds.createVariable("lon", "f8", ("lon",))[:] = [-38.0, -37.875, -37.75]
+        ds.createVariable("lon", "f8", ("lon",))[:] = -38.0 + 0.125 * np.arange(points)
         time = ds.createVariable("time", "f8", ("time",))
         time.units = "hours since 2020-12-01 00:00:00"
         time[:] = np.arange(first, first + hours)
         for sign, name in ((1.0, "uo"), (-1.0, "vo")):
             field = ds.createVariable(name, "f8", ("time", "lat", "lon"))
-            field[:] = sign * (value + 1e-4 * np.arange(first, first + hours)[:, None, None] + np.zeros((hours, 2, 3)))
+            field[:] = sign * (
+                value + 1e-4 * np.arange(first, first + hours)[:, None, None] + np.zeros((hours, 2, points))
+            )
     content = path.read_bytes()
     path.unlink()
     return content
@@ -268,20 +465,37 @@ def test_a_merged_file_that_cannot_be_read_is_explained(base: str, tmp_path: Pat
         fetch_a68a(tmp_path, base_url=base, hourly=[SMALL], files={}, progress=False)
 
 
-def test_full_disk_while_merging_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_while_merging_leaves_no_half_file_and_keeps_the_parts(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """The limit of the system stops the NetCDF library itself, in the middle of the file."""
     parts = []
     for number in range(2):
         parts.append(tmp_path / f"ocean{number}.nc")
-        parts[-1].write_bytes(hourly_part(tmp_path, 12 * number, 12))
-
-    def full(parts: object, target: Path) -> None:
-        target.write_bytes(b"half")
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(fetch, "_join", full)
+        parts[-1].write_bytes(hourly_part(tmp_path, 12 * number, 12, points=4000))
+    whole = [part.read_bytes() for part in parts]
+    request.getfixturevalue("little_room")
     with pytest.raises(ForcingError, match="Free some space"):
         merge_hourly(parts, tmp_path / "merged.nc", SMALL)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ocean0.nc", "ocean1.nc"]
+    assert [part.read_bytes() for part in parts] == whole
+
+
+def test_a_part_damaged_in_its_middle_is_removed_and_told_from_a_full_disk(tmp_path: Path) -> None:
+    parts = []
+    for number in range(2):
+        parts.append(tmp_path / f"ocean{number}.nc")
+        with netCDF4.Dataset(parts[-1], "w") as ds:
+            ds.createDimension("time", 12)
+            for name in ("time", "uo", "vo"):
+                ds.createVariable(name, "f8", ("time",), zlib=True, fletcher32=True)[:] = 12 * number + np.arange(12.0)
+    content = bytearray(parts[1].read_bytes())
+    content[-60:-20] = bytes(40)
+    parts[1].write_bytes(content)
+    assert fetch._in_order(parts) == parts  # its header and stamps are well
+    with pytest.raises(ForcingError, match="this part is damaged"):
+        merge_hourly(parts, tmp_path / "merged.nc", SMALL)
+    assert list(tmp_path.iterdir()) == [parts[0]]
 
 
 def test_files_of_the_paper_have_the_stated_checksums(shared: Path) -> None:
@@ -310,13 +524,14 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(services.Path, "home", lambda: tmp_path / "home")
 
 
+EXTRAS = {"earthaccess": "oscar", "copernicusmarine": "copernicus", "cdsapi": "era5"}
 CLIENTS = [("oscar", "earthaccess"), ("glorys", "copernicusmarine"), ("duacs", "copernicusmarine"), ("era5", "cdsapi")]
 
 
 @pytest.mark.parametrize(("name", "package"), CLIENTS)
 def test_missing_client_is_named(name: str, package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(services, "find_spec", lambda package: None)
-    with pytest.raises(ForcingError, match=rf"{package} is not installed.*pip install {package}"):
+    with pytest.raises(ForcingError, match=rf"{package} is not installed.*pip install 'riftberg\[{EXTRAS[package]}\]'"):
         fetch_product(name, tmp_path, **PLACE)  # type: ignore[arg-type]
 
 

@@ -20,6 +20,8 @@ from riftberg.ocean.products.window import utc
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1"]
 NCEP_URL = "https://downloads.psl.noaa.gov/Datasets/ncep.reanalysis/surface_gauss/"
+EXTRAS = {"earthaccess": "oscar", "copernicusmarine": "copernicus", "cdsapi": "era5"}
+"""Optional extra of Riftberg that brings the client of a service."""
 _COPERNICUS = {
     "glorys": ("cmems_mod_glo_phy_my_0.083deg_P1D-m", ["uo", "vo", "zos"]),
     "duacs": ("cmems_obs-sl_glo_phy-ssh_my_allsat-l4-duacs-0.125deg_P1D", ["adt"]),
@@ -83,7 +85,7 @@ def fetch_product(
 def _client(package: str, what: str) -> Any:
     """Return the client of a service, or say that it is not installed."""
     if find_spec(package) is None:
-        raise missing_package(package, package, what)
+        raise missing_package(package, EXTRAS[package], what)
     return import_module(package)
 
 
