@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,6 +36,8 @@ class Shelf:
         Whether ``Content-Range`` is sent.
     lengths : bool
         Whether ``Content-Length`` is sent, which servers that make a file on the fly do not.
+    chunked : bool
+        Whether files are sent in chunks, as such servers do.
     """
 
     def __init__(self) -> None:
@@ -44,6 +47,7 @@ class Shelf:
         self.requests: list[tuple[str, str]] = []
         self.heads: list[str] = []
         self.ranges, self.if_range, self.spans, self.lengths = True, True, True, True
+        self.chunked = False
         self.etag: dict[str, str] = {}
         self.modified: dict[str, str] = {}
 
@@ -78,7 +82,11 @@ def serving(shelf: Shelf) -> Iterator[str]:
                 shelf.cuts -= 1
                 rest = rest[: shelf.cut_after]
                 self.close_connection = True
-            self.wfile.write(rest)
+            if shelf.chunked:
+                end = b"0\r\n\r\n" if rest == content else b""
+                rest = b"%x\r\n%s\r\n%s" % (len(rest), rest, end)
+            with contextlib.suppress(ConnectionError):  # who asked may have seen enough
+                self.wfile.write(rest)
 
         def ranged(self) -> bool:
             validator = self.headers.get("If-Range", "")
@@ -87,7 +95,9 @@ def serving(shelf: Shelf) -> Iterator[str]:
 
         def headers_of(self, code: int, length: int, span: str = "") -> None:
             self.send_response(code)
-            if shelf.lengths:
+            if shelf.chunked:
+                self.send_header("Transfer-Encoding", "chunked")
+            elif shelf.lengths:
                 self.send_header("Content-Length", str(length))
             if span and shelf.spans:
                 self.send_header("Content-Range", span)

@@ -6,7 +6,8 @@ import errno
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -138,7 +139,10 @@ class Resuming:
         """Fetch the rest of a file; tell whether it is complete."""
         import requests
 
-        have, known = part.size, part.version
+        known = part.version
+        if known is None or not (known.validator or known.total):
+            part.drop()  # nothing would tell whether what is to come belongs to what is there
+        have = part.size
         headers = {"Accept-Encoding": "identity"}
         if have and known is not None:
             headers["Range"] = f"bytes={have}-"
@@ -260,6 +264,17 @@ class Bar:
         if self._bar is not None:
             self._bar.close()
             self._bar = None
+
+
+@contextmanager
+def progressing(progress: Progress | bool) -> Iterator[Progress | None]:
+    """Give what shows progress: a bar (True), what was given, or nothing (False); the bar ends with the block."""
+    bar = Bar() if progress is True else None
+    try:
+        yield bar or (progress if callable(progress) else None)
+    finally:
+        if bar is not None:
+            bar.close()
 
 
 def made(folder: Path) -> Path:

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.download import Bar, Progress, Resuming, fetch_one, is_pointer, made
+from riftberg.ocean.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.ocean.services import fetch_product
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
@@ -131,14 +131,11 @@ def fetch_a68a(
         If the network, a checksum, the disk or the merged records are wrong; what was fetched is kept.
     """
     folder = made(Path(folder))
-    bar = Bar() if progress is True else None
-    show = bar or (progress if callable(progress) else None)
-    downloader = Resuming(show, attempts, large_files=lambda url: url.replace(base_url, large_files_url))
     registry = FILES if files is None else files
-    fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
-    fetched += [_fetch_hourly(field, folder, base_url, downloader, keep_parts) for field in hourly]
-    if bar is not None:
-        bar.close()
+    with progressing(progress) as show:
+        downloader = Resuming(show, attempts, large_files=lambda url: url.replace(base_url, large_files_url))
+        fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
+        fetched += [_fetch_hourly(field, folder, base_url, downloader, keep_parts) for field in hourly]
     return fetched
 
 
