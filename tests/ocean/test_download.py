@@ -136,7 +136,8 @@ def test_part_of_an_older_version_starts_anew(
     getattr(shelf, kind)["/data/field.nc"] = {"etag": '"second"', "modified": "Thu, 17 Dec 2020 12:00:00 GMT"}[kind]
     shelf.if_range = obeys
     assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
-    assert shelf.requests[0] == ("/data/field.nc", f"bytes={after}-")
+    # One that looks at If-Range sends the whole at once; the other's answer is seen to be of another version.
+    assert [asked for _, asked in shelf.requests] == [f"bytes={after}-", *([] if obeys else [""])]
 
 
 @pytest.mark.parametrize("obeys", [True, False])
