@@ -288,6 +288,19 @@ def test_pointer_of_git_lfs_is_followed(shelf: Shelf, base: str, tmp_path: Path)
     assert fetched.read_bytes() == CONTENT
 
 
+def test_large_file_behind_a_pointer_is_continued_by_the_next_run(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    """Its pointer has another address, tag and size: asked for the rest of that, a server answered 416."""
+    shelf.files["/data/field.nc"] = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
+    shelf.files["/large/data/field.nc"] = CONTENT
+    shelf.etag = {"/data/field.nc": '"pointer"', "/large/data/field.nc": '"large"'}
+    part = Part(tmp_path / "field.nc.part", f"{base}large/data/field.nc")
+    part.begin(Version(part.url, '"large"', "", len(CONTENT)))
+    part.path.write_bytes(CONTENT[:1_000_000])
+    fetched = fetch_field(tmp_path, base, digest=None, large_files=lambda url: url.replace("/data/", "/large/data/"))
+    assert fetched.read_bytes() == CONTENT
+    assert shelf.requests == [("/large/data/field.nc", "bytes=1000000-")]
+
+
 def test_progress_is_told(base: str, tmp_path: Path) -> None:
     seen: list[tuple[str, int, int]] = []
     fetch_field(tmp_path, base, progress=lambda *told: seen.append(told))

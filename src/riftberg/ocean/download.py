@@ -69,11 +69,15 @@ class Resuming:
     def __call__(self, url: str, output_file: str | Path, pooch: pooch.Pooch | None = None) -> None:
         """Fetch ``url`` into ``output_file`` (the signature that pooch asks for)."""
         target = Path(output_file)
-        part = Part(part_of(target.parent, url), url)
+        path = part_of(target.parent, url)
+        large = self.large_files(url) if self.large_files is not None else url
+        part = Part(path, large)
+        if part.version is None:  # else an earlier run has followed the pointer already
+            part = Part(path, url)
         self.fetch(part)
-        if self.large_files is not None and is_pointer(part.path):
+        if part.url != large and is_pointer(path):
             part.drop()
-            part = Part(part.path, self.large_files(url))
+            part = Part(path, large)
             self.fetch(part)
         part.finish(target)
 
