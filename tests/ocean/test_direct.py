@@ -20,6 +20,7 @@ import product_files as files
 
 from ocean.serving import Shelf
 from riftberg.errors import ForcingError
+from riftberg.ocean import download
 from riftberg.ocean.direct import gebco_query
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.products import open_product
@@ -251,3 +252,14 @@ def test_gebco_boxes_that_cannot_be_had(lon: tuple, lat: tuple, words: str, shel
 def test_gebco_refusal_is_explained(shelf: Shelf, base: str, tmp_path: Path) -> None:
     with pytest.raises(ForcingError, match=r"the file is not there \(HTTP 404\)"):
         fetch_floor(tmp_path, base, [])
+
+
+def test_gebco_without_the_extra_names_it(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(download, "find_spec", lambda package: None)
+    with pytest.raises(ForcingError, match=r"is not installed.*pip install 'riftberg\[fetch\]'"):
+        fetch_floor(tmp_path, base, [])
+
+
+def test_gebco_promises_no_continuation(tmp_path: Path, base: str) -> None:
+    with pytest.raises(ForcingError, match=r"Check the network and run again$"):
+        fetch_floor(tmp_path, "http://127.0.0.1:1/", [])

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -68,6 +69,8 @@ class Resuming:
 
     def __call__(self, url: str, output_file: str | Path, pooch: pooch.Pooch | None = None) -> None:
         """Fetch ``url`` into ``output_file`` (the signature that pooch asks for)."""
+        if find_spec("requests") is None or find_spec("tqdm") is None:
+            raise missing_package("requests or tqdm", "fetch", "to fetch files")
         target = Path(output_file)
         path = part_of(target.parent, url)
         large = self.large_files(url) if self.large_files is not None else url
@@ -102,10 +105,13 @@ class Resuming:
             # Attempts that brought something do not count: a slow line may be cut many times.
             vain = 0 if part.size > before else vain + 1
             time.sleep(self.pause * vain)
+        known = part.version
+        continued = part.size and known is not None and known.validator
+        kept = f": {part.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
         raise ForcingError(
             f"could not be fetched, {self.attempts} attempts in a row brought nothing ({reason})",
             where=part.url,
-            remedy=f"Check the network and run again: {part.size / 1e6:.1f} MB are kept and will be continued",
+            remedy=f"Check the network and run again{kept}",
         )
 
     def changed(self, url: str, path: Path) -> str | None:
