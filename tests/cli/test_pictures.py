@@ -237,11 +237,24 @@ def test_fetch_calls_what_was_asked_for(tmp_path: Path, monkeypatch: pytest.Monk
     assert result.exit_code == 0, result.output
     assert asked[-1][0][:4] == ("duacs", tmp_path, (-43.0, -33.0), (-59.0, -53.0))
     assert asked[-1][1]["progress"] is False
+    assert asked[-1][1]["fields"] == ()
+    place = ("-o", tmp_path, "--lon", "-43,-33", "--lat", "-59,-53")
+    assert call("fetch", "era5", *place, "--time", "2020-12-09,2020-12-10", "--fields", "wind, ice").exit_code == 0
+    assert asked[-1][1]["fields"] == ("wind", "ice")
+    assert call("fetch", "gebco", *place).exit_code == 0
+    assert asked[-1][0] == ("gebco", tmp_path, (-43.0, -33.0), (-59.0, -53.0), None)
 
 
 def test_fetch_refuses_what_it_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "'b15' is not known" in call("fetch", "b15").stderr
-    assert "box and days are needed" in call("fetch", "oscar", "--lon", "1,2").stderr
+    assert "a box is needed" in call("fetch", "oscar", "--lon", "1,2").stderr
+    assert "days are needed" in call("fetch", "oscar", "--lon", "1,2", "--lat", "1,2").stderr
+    assert (
+        "Choose from: wind, waves, ice"
+        in call(
+            "fetch", "era5", "--lon", "1,2", "--lat", "1,2", "--time", "2020-12-09,2020-12-10", "--fields", "snow"
+        ).stderr
+    )
 
     def refused(*arguments: Any, **how: Any) -> list[Path]:
         raise ForcingError("no login", remedy="Log in")

@@ -11,7 +11,7 @@ from riftberg.cli.doctor import dates, pair
 from riftberg.cli.failures import reported
 from riftberg.errors import InputError
 
-PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1")
+PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
 
 
 @reported
@@ -22,7 +22,18 @@ def fetch(
     ] = None,
     lon: Annotated[str | None, typer.Option("--lon", metavar="WEST,EAST", help="Longitudes, for products.")] = None,
     lat: Annotated[str | None, typer.Option("--lat", metavar="SOUTH,NORTH", help="Latitudes, for products.")] = None,
-    time: Annotated[str | None, typer.Option("--time", metavar="FIRST,LAST", help="Days, for products.")] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="FIRST,LAST", help="Days, for products; gebco needs none.")
+    ] = None,
+    fields: Annotated[
+        str | None,
+        typer.Option(
+            "--fields",
+            metavar="FIELD,...",
+            help="era5: wind, waves, ice; glorys: currents, ssh, ice; duacs: ssh, currents.  "
+            "[default: wind; currents,ssh; ssh]",
+        ),
+    ] = None,
     depth: Annotated[float, typer.Option("--depth", help="Deepest level (m), for products with levels.")] = 250.0,
     small: Annotated[bool, typer.Option("--small", help="a68a: only the small files, no hourly fields.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
@@ -37,10 +48,14 @@ def fetch(
         from riftberg.ocean.services import fetch_product
 
         box, span = (pair(lon, "--lon"), pair(lat, "--lat")), dates(time)
-        if box[0] is None or box[1] is None or span is None:
-            raise InputError("box and days are needed", where=f"fetch {what}",
-                             remedy="For example --lon -43,-33 --lat -59,-53 --time 2020-12-09,2020-12-25")  # fmt: skip
-        paths = fetch_product(what, folder, box[0], box[1], span, depth=depth, progress=not quiet)  # type: ignore[arg-type]
+        if box[0] is None or box[1] is None:
+            raise InputError("a box is needed", where=f"fetch {what}", remedy="For example --lon -43,-33 --lat -59,-53")
+        if span is None and what != "gebco":
+            raise InputError(
+                "days are needed", where=f"fetch {what}", remedy="For example --time 2020-12-09,2020-12-25"
+            )
+        chosen = tuple(field.strip() for field in fields.split(",")) if fields else ()
+        paths = fetch_product(what, folder, *box, span, fields=chosen, depth=depth, progress=not quiet)  # type: ignore[arg-type]
     else:
         raise InputError(f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join(PRODUCTS)}")
     for path in paths:

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.download import Bar, Progress, Resuming, fetch_one, is_pointer, made
+from riftberg.ocean.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.ocean.services import fetch_product
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
@@ -131,14 +131,11 @@ def fetch_a68a(
         If the network, a checksum, the disk or the merged records are wrong; what was fetched is kept.
     """
     folder = made(Path(folder))
-    bar = Bar() if progress is True else None
-    show = bar or (progress if callable(progress) else None)
-    downloader = Resuming(show, attempts, large_files=lambda url: url.replace(base_url, large_files_url))
     registry = FILES if files is None else files
-    fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
-    fetched += [_fetch_hourly(field, folder, base_url, downloader, keep_parts) for field in hourly]
-    if bar is not None:
-        bar.close()
+    with progressing(progress) as show:
+        downloader = Resuming(show, attempts, large_files=lambda url: url.replace(base_url, large_files_url))
+        fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
+        fetched += [_fetch_hourly(field, folder, base_url, downloader, keep_parts) for field in hourly]
     return fetched
 
 
@@ -173,9 +170,12 @@ def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
     unfinished = target.with_suffix(".unfinished")
     try:
         _join(_in_order(parts), unfinished)
-    except OSError as error:
+    except ForcingError:
         unfinished.unlink(missing_ok=True)
-        remedy = "Free some space, or choose another folder"
+        raise
+    except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
+        unfinished.unlink(missing_ok=True)
+        remedy = "Free some space, or choose another folder: the parts are kept"
         raise ForcingError(f"could not be written ({error})", where=str(target), remedy=remedy) from error
     try:
         check_hourly(unfinished, field)
@@ -193,14 +193,19 @@ def _in_order(parts: Sequence[Path]) -> list[Path]:
             with netCDF4.Dataset(part) as ds:
                 records = len(ds.dimensions["time"]) if "time" in ds.dimensions else 0
                 begins.append(float(ds["time"][0]) if records and "time" in ds.variables else 0.0)
-        except OSError as error:
-            part.unlink()
-            remedy = "It was removed: run the same command again"
-            raise ForcingError(f"this part is damaged ({error})", where=str(part), remedy=remedy) from error
+        except (OSError, RuntimeError) as error:
+            raise _damaged(part, error) from error
         if not records:
             remedy = "The source has changed: do not use the data"
             raise ForcingError("this part has no records", where=str(part), remedy=remedy)
     return [part for _, part in sorted(zip(begins, parts, strict=True), key=lambda pair: pair[0])]
+
+
+def _damaged(part: Path, error: Exception) -> ForcingError:
+    """Remove a part that cannot be read, and return the error that says so."""
+    part.unlink()
+    remedy = "It was removed: run the same command again"
+    return ForcingError(f"this part is damaged ({error})", where=str(part), remedy=remedy)
 
 
 def _join(parts: Sequence[Path], target: Path) -> None:
@@ -214,7 +219,11 @@ def _join(parts: Sequence[Path], target: Path) -> None:
                 first = len(out.dimensions["time"])
                 for name, variable in ds.variables.items():
                     if "time" in variable.dimensions:
-                        out[name][first : first + len(ds.dimensions["time"])] = variable[...]
+                        try:
+                            values = variable[...]
+                        except (OSError, RuntimeError) as error:
+                            raise _damaged(part, error) from error
+                        out[name][first : first + len(ds.dimensions["time"])] = values
 
 
 def _copy_header(ds: netCDF4.Dataset, out: netCDF4.Dataset) -> None:

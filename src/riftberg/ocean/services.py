@@ -1,61 +1,120 @@
 """Fetching of original products from the services that hold them, over a box and some days.
 
-The services' own clients are used (earthaccess for OSCAR, copernicusmarine for GLORYS12 and DUACS, cdsapi for ERA5)
-where they are installed and logged in; NCEP/NCAR R1 needs no login.
+The services' own clients are used where they are installed and logged in: earthaccess for OSCAR, copernicusmarine for
+GLORYS12 and DUACS, cdsapi for ERA5. NCEP/NCAR R1 and GEBCO need neither (`riftberg.ocean.direct`).
 """
 
 from __future__ import annotations
 
-import os
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
+import netCDF4
 import numpy as np
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.download import Bar, Progress, Resuming, fetch_one, made, missing_package
+from riftberg.ocean import logins
+from riftberg.ocean.direct import GEBCO_URL, NCEP_URL, fetch_gebco, fetch_ncep
+from riftberg.ocean.download import Progress, Tell, made, missing_package, tell_terminal
 from riftberg.ocean.products.window import utc
 
-Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1"]
-NCEP_URL = "https://downloads.psl.noaa.gov/Datasets/ncep.reanalysis/surface_gauss/"
-_COPERNICUS = {
-    "glorys": ("cmems_mod_glo_phy_my_0.083deg_P1D-m", ["uo", "vo", "zos"]),
-    "duacs": ("cmems_obs-sl_glo_phy-ssh_my_allsat-l4-duacs-0.125deg_P1D", ["adt"]),
+Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
+Span = tuple[float, float]
+
+FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "oscar": {"currents": ("u", "v")},
+    "glorys": {"currents": ("uo", "vo"), "ssh": ("zos",), "ice": ("siconc", "sithick", "usi", "vsi")},
+    "duacs": {"ssh": ("adt",), "currents": ("ugos", "vgos")},
+    "era5": {
+        "wind": ("10m_u_component_of_wind", "10m_v_component_of_wind"),
+        "waves": (
+            "significant_height_of_combined_wind_waves_and_swell", "mean_wave_period", "mean_wave_direction",
+        ),
+        "ice": ("sea_ice_cover",),
+    },
+    "ncep-r1": {"wind": ("uwnd", "vwnd")},
+    "gebco": {"depth": ("elevation",)},
+}  # fmt: skip
+"""Fields that each service gives here, and the service's names of their variables."""
+
+DEFAULT_FIELDS = {"glorys": ("currents", "ssh"), "duacs": ("ssh",), "era5": ("wind",)}
+"""Fields that are fetched if none are named, where a service gives several: those that every run needs."""
+
+EXTRAS = {"earthaccess": "oscar", "copernicusmarine": "copernicus", "cdsapi": "era5"}
+"""Optional extra of Riftberg that brings the client of a service."""
+
+_DATASETS = {
+    "glorys": "cmems_mod_glo_phy_my_0.083deg_P1D-m",
+    "duacs": "cmems_obs-sl_glo_phy-ssh_my_allsat-l4-duacs-0.125deg_P1D",
 }
+
+
+class Wanted(NamedTuple):
+    """What is asked of a service."""
+
+    name: str
+    folder: Path
+    lon: Span
+    lat: Span
+    first: np.datetime64
+    last: np.datetime64
+    fields: tuple[str, ...]
+    depth: float
+
+    @property
+    def days(self) -> tuple[str, str]:
+        """First and last day, as text."""
+        return str(self.first)[:10], str(self.last)[:10]
+
+    def file(self, *fields: str) -> Path:
+        """Return the file for some fields; its name holds all that was asked for, so that it can be known again."""
+        levels = (f"{self.depth:g}m",) if self.name == "glorys" else ()
+        box = (f"{end:g}" for end in (*self.lon, *self.lat))
+        return self.folder / f"{'_'.join((self.name, *fields, *levels, *box, *self.days))}.nc"
 
 
 def fetch_product(
     name: Service,
     folder: str | Path,
-    lon: tuple[float, float],
-    lat: tuple[float, float],
-    time: tuple[Any, Any],
+    lon: Span,
+    lat: Span,
+    time: tuple[Any, Any] | None = None,
     *,
+    fields: Sequence[str] = (),
     depth: float = 250.0,
     progress: Progress | bool = True,
+    tell: Tell = tell_terminal,
     ncep_url: str = NCEP_URL,
+    gebco_url: str = GEBCO_URL,
 ) -> list[Path]:
     """Fetch an original product from the service that holds it.
 
     Parameters
     ----------
-    name : {"oscar", "glorys", "duacs", "era5", "ncep-r1"}
-        OSCAR v2 final (Earthdata login), GLORYS12 and DUACS (Copernicus Marine login), ERA5 wind (Climate Data Store
-        key), NCEP/NCAR R1 10 m wind (no login, whole years).
+    name : {"oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"}
+        OSCAR v2 final (Earthdata login, whole globe), GLORYS12 and DUACS (Copernicus Marine login), ERA5 (Climate Data
+        Store key), NCEP/NCAR R1 10 m wind (no login, whole years), GEBCO_2020 sea floor (no login).
     folder : str or Path
         Where the files go.
     lon, lat : tuple of float
         Box (degrees, -180..180).
-    time : tuple
-        First and last day (UTC).
+    time : tuple, optional
+        First and last day (UTC); only the sea floor needs none.
+    fields : sequence of str
+        Fields of `FIELDS`; none = `DEFAULT_FIELDS`, or all where these name none.
     depth : float
         Deepest level wanted (m), where the product has levels.
     progress : bool or callable
         As in `fetch_a68a`, for services without a client of their own.
-    ncep_url : str
-        Address of the NCEP files.
+    tell : callable
+        Called with a word on sizes and on files that have changed at their source.
+    ncep_url, gebco_url : str
+        Address of the NCEP files, and of the ERDDAP that has GEBCO.
 
     Returns
     -------
@@ -64,121 +123,158 @@ def fetch_product(
     Raises
     ------
     ForcingError
-        If the client of the service is not installed or not logged in; the message says how to come by either.
+        If the client of the service is not installed, not logged in, or refused; the message says what to do.
     """
+    if name not in FIELDS:
+        raise ForcingError(
+            f"there is no service for {name!r}", where="fetch", remedy=f"Choose one of: {', '.join(FIELDS)}"
+        )
+    chosen = _fields(name, fields)
     folder = made(Path(folder))
-    first, last = utc(time[0]), utc(time[1])
-    if name == "oscar":
-        return _fetch_oscar(folder, first, last)
-    if name in _COPERNICUS:
-        return _fetch_copernicus(name, folder, lon, lat, first, last, depth)
-    if name == "era5":
-        return _fetch_era5(folder, lon, lat, first, last)
+    if name == "gebco":
+        return fetch_gebco(folder, lon, lat, progress=progress, tell=tell, base_url=gebco_url)
+    if time is None:
+        raise ForcingError("days are needed", where=f"fetch {name}", remedy="Give the first and the last")
+    wanted = Wanted(name, folder, lon, lat, utc(time[0]), utc(time[1]), chosen, depth)
     if name == "ncep-r1":
-        return _fetch_ncep(folder, first, last, ncep_url, progress)
-    known = "oscar, glorys, duacs, era5, ncep-r1"
-    raise ForcingError(f"there is no service for {name!r}", where="fetch", remedy=f"Choose one of: {known}")
+        years = range(int(wanted.days[0][:4]), int(wanted.days[1][:4]) + 1)
+        return fetch_ncep(folder, years, progress=progress, tell=tell, base_url=ncep_url)
+    clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
+    return clients.get(name, _fetch_copernicus)(wanted)
+
+
+def _fields(name: str, asked: Sequence[str]) -> tuple[str, ...]:
+    """Return the fields to fetch, in the order of `FIELDS`."""
+    known = FIELDS[name]
+    unknown = [field for field in asked if field not in known]
+    if unknown:
+        raise ForcingError(
+            f"{name} has no field {unknown[0]!r} here", where="fetch", remedy=f"Choose from: {', '.join(known)}"
+        )
+    chosen = asked or DEFAULT_FIELDS.get(name, tuple(known))
+    return tuple(field for field in known if field in chosen)
 
 
 def _client(package: str, what: str) -> Any:
     """Return the client of a service, or say that it is not installed."""
     if find_spec(package) is None:
-        raise missing_package(package, package, what)
+        raise missing_package(package, EXTRAS[package], what)
     return import_module(package)
 
 
-def _needs_login(service: str, remedy: str) -> ForcingError:
-    return ForcingError(f"{service} wants a login and none was found", where="fetch", remedy=remedy)
+@contextmanager
+def _asking(service: str, remedy: str) -> Iterator[None]:
+    """Turn whatever a client raises into an error that names the service; each client has errors of its own."""
+    try:
+        yield
+    except ForcingError:
+        raise
+    except Exception as error:
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise ForcingError(f"{service} did not give the data ({told})", where="fetch", remedy=remedy) from error
 
 
-def _fetch_oscar(folder: Path, first: np.datetime64, last: np.datetime64) -> list[Path]:
+def _fetch_oscar(wanted: Wanted) -> list[Path]:
     client = _client("earthaccess", "to fetch OSCAR from NASA PO.DAAC")
-    remedy = (
-        "Make a free account at https://urs.earthdata.nasa.gov, then put it in ~/.netrc "
-        "(machine urs.earthdata.nasa.gov) or in EARTHDATA_USERNAME and EARTHDATA_PASSWORD"
+    strategy = logins.earthdata()
+    refused = ForcingError(
+        "NASA Earthdata refused the login",
+        where="fetch",
+        remedy=f"Check user name and password at https://{logins.EARTHDATA_HOST}; tokens expire after some weeks",
     )
-    if not _earthdata_known():
-        raise _needs_login("NASA Earthdata", remedy)
-    if not client.login(strategy="all", persist=False):
-        raise ForcingError("NASA Earthdata refused the login", where="fetch", remedy=remedy)
-    found = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=(str(first)[:10], str(last)[:10]))
-    if not found:
-        raise ForcingError(
-            f"no OSCAR file for {str(first)[:10]}..{str(last)[:10]}",
-            where="fetch",
-            remedy="Check the dates (from 1993)",
-        )
-    return sorted(Path(path) for path in client.download(found, str(folder)))
+    try:  # by the one way that has a login: "all" would end in questions at the terminal
+        login = client.login(strategy=strategy, persist=False)
+    except Exception as error:
+        raise refused from error
+    if not getattr(login, "authenticated", False):
+        raise refused
+    with _asking("NASA PO.DAAC", "Run again: files that are there are not fetched twice"):
+        found = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=wanted.days)
+        if not found:
+            raise ForcingError(
+                f"no OSCAR file for {'..'.join(wanted.days)}",
+                where="fetch",
+                remedy="Check the dates (from 1993; the final version appears more than a year later)",
+            )
+        return sorted(Path(path) for path in client.download(found, local_path=str(wanted.folder)))
 
 
-def _earthdata_known() -> bool:
-    """Tell whether a login for Earthdata is to be found; its content is not looked at."""
-    variables = "EARTHDATA_TOKEN" in os.environ or {"EARTHDATA_USERNAME", "EARTHDATA_PASSWORD"} <= set(os.environ)
-    return variables or Path(os.environ.get("NETRC", Path.home() / ".netrc")).exists()
-
-
-def _fetch_copernicus(
-    name: str,
-    folder: Path,
-    lon: tuple[float, float],
-    lat: tuple[float, float],
-    first: np.datetime64,
-    last: np.datetime64,
-    depth: float,
-) -> list[Path]:
+def _fetch_copernicus(wanted: Wanted) -> list[Path]:
     client = _client("copernicusmarine", "to fetch from the Copernicus Marine Service")
-    known = {"COPERNICUSMARINE_SERVICE_USERNAME", "COPERNICUSMARINE_SERVICE_PASSWORD"} <= set(os.environ)
-    if not known and not (Path.home() / ".copernicusmarine").exists():
-        remedy = "Make a free account at https://data.marine.copernicus.eu, then run: copernicusmarine login"
-        raise _needs_login("Copernicus Marine", remedy)
-    dataset, variables = _COPERNICUS[name]
-    target = folder / f"{name}_{str(first)[:10]}_{str(last)[:10]}.nc"
-    levels = {"minimum_depth": 0.0, "maximum_depth": depth} if name == "glorys" else {}
-    client.subset(
-        dataset_id=dataset,
-        variables=variables,
-        minimum_longitude=lon[0],
-        maximum_longitude=lon[1],
-        minimum_latitude=lat[0],
-        maximum_latitude=lat[1],
-        start_datetime=str(first)[:19],
-        end_datetime=str(last)[:19],
-        output_filename=target.name,
-        output_directory=str(folder),
-        **levels,
-    )
-    return [target]
+    logins.copernicus()
+    target = wanted.file(*wanted.fields)
+    if _whole(target):
+        return [target]
+    known = FIELDS[wanted.name]
+    levels = {"minimum_depth": 0.0, "maximum_depth": wanted.depth} if wanted.name == "glorys" else {}
+    with _asking("Copernicus Marine", "Check the dates and the network, or log in anew: copernicusmarine login"):
+        answer = client.subset(
+            dataset_id=_DATASETS[wanted.name],
+            variables=[variable for field in wanted.fields for variable in known[field]],
+            minimum_longitude=wanted.lon[0],
+            maximum_longitude=wanted.lon[1],
+            minimum_latitude=wanted.lat[0],
+            maximum_latitude=wanted.lat[1],
+            start_datetime=str(wanted.first)[:19],
+            end_datetime=str(wanted.last)[:19],
+            coordinates_selection_method="outside",  # else the box, the days and the depth would not be covered
+            output_filename=target.name,
+            output_directory=str(wanted.folder),
+            overwrite=True,  # what is there is not whole; else the client would number the new file
+            **levels,
+        )
+        written = Path(getattr(answer, "file_path", target))
+        if not _whole(written):  # it does not raise where a question at the terminal is given up
+            raise ForcingError("Copernicus Marine gave no file", where="fetch", remedy="Run again")
+    return [written]
 
 
-def _fetch_era5(
-    folder: Path, lon: tuple[float, float], lat: tuple[float, float], first: np.datetime64, last: np.datetime64
-) -> list[Path]:
+def _fetch_era5(wanted: Wanted) -> list[Path]:
+    """Fetch each field by a request of its own: waves have another grid, and mixed requests come as archives."""
     client = _client("cdsapi", "to fetch ERA5 from the Climate Data Store")
-    if not ((Path.home() / ".cdsapirc").exists() or {"CDSAPI_URL", "CDSAPI_KEY"} <= set(os.environ)):
-        remedy = "Make a free account at https://cds.climate.copernicus.eu and write your key to ~/.cdsapirc"
-        raise _needs_login("the Climate Data Store", remedy)
-    target = folder / f"era5_wind_{str(first)[:10]}_{str(last)[:10]}.nc"
-    request = {
-        "product_type": ["reanalysis"],
-        "variable": ["10m_u_component_of_wind", "10m_v_component_of_wind"],
-        "date": [f"{str(first)[:10]}/{str(last)[:10]}"],
-        "time": [f"{hour:02d}:00" for hour in range(24)],
-        "area": [lat[1], lon[0], lat[0], lon[1]],
-        "data_format": "netcdf",
-        "download_format": "unarchived",
-    }
-    client.Client().retrieve("reanalysis-era5-single-levels", request, str(target))
-    return [target]
-
-
-def _fetch_ncep(
-    folder: Path, first: np.datetime64, last: np.datetime64, base_url: str, progress: Progress | bool
-) -> list[Path]:
-    years = range(int(str(first)[:4]), int(str(last)[:4]) + 1)
-    names = [f"{part}.10m.gauss.{year}.nc" for year in years for part in ("uwnd", "vwnd")]
-    bar = Bar() if progress is True else None
-    downloader = Resuming(bar or (progress if callable(progress) else None))
-    fetched = [fetch_one(name, None, folder, base_url, downloader) for name in names]
-    if bar is not None:
-        bar.close()
+    logins.climate_data_store()
+    fetched: list[Path] = []
+    for field in wanted.fields:
+        target = wanted.file(field)
+        if _whole(target):
+            fetched.append(target)
+            continue
+        request = {
+            "product_type": ["reanalysis"],
+            "variable": list(FIELDS["era5"][field]),
+            "date": "/".join(wanted.days),
+            "time": [f"{hour:02d}:00" for hour in range(24)],
+            "area": [wanted.lat[1], wanted.lon[0], wanted.lat[0], wanted.lon[1]],
+            "data_format": "netcdf",
+            "download_format": "unarchived",
+        }
+        answer = target.with_suffix(".answer")
+        with _asking(
+            "The Climate Data Store",
+            "Check the key in ~/.cdsapirc, and accept the licence on the page of 'ERA5 hourly data on single levels'",
+        ):
+            client.Client().retrieve("reanalysis-era5-single-levels", request, str(answer))
+        fetched += _unpacked(answer, target)
     return fetched
+
+
+def _unpacked(answer: Path, target: Path) -> list[Path]:
+    """Put an answer in its place; of an archive, each file that is in it."""
+    if not zipfile.is_zipfile(answer):
+        return [answer.replace(target)]
+    with zipfile.ZipFile(answer) as archive:
+        names = [name for name in archive.namelist() if name.endswith(".nc")]
+        targets = [target] if len(names) == 1 else [target.with_suffix(f".{number}.nc") for number in range(len(names))]
+        for name, path in zip(names, targets, strict=True):
+            path.write_bytes(archive.read(name))
+    answer.unlink()
+    return targets
+
+
+def _whole(path: Path) -> bool:
+    """Tell whether a file is there and can be opened."""
+    try:
+        with netCDF4.Dataset(path):
+            return True
+    except (OSError, RuntimeError):
+        return False
