@@ -13,6 +13,7 @@ from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
+from riftberg.io.provenance import forcing_title
 from riftberg.model import Model
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
 from riftberg.parameters import Packing
@@ -253,3 +254,16 @@ def test_missing_files_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         build("a68a-oras5")
     with pytest.raises(ForcingError, match=r"no icebergs.res.nc.*riftberg fetch a68a"):
         build("a68a-oras5", Options(data=tmp_path))
+
+
+def test_what_a_run_should_not_be_taken_for_is_told_before_it() -> None:
+    assert build("a68a")[1].notices == ()
+    (late,) = build("a68a", Options(days=20.0))[1].notices
+    assert "until 26 December" in late
+    (other,) = build("a68a", Options(numerics="reference"))[1].notices
+    assert "another one" in other
+    model, _ = build("a68a", Options(numerics="reference"))
+    assert (
+        forcing_title(model.forcing)
+        == "currents fitted to the observed drift with the reference's numerics, not measured"
+    )

@@ -277,3 +277,26 @@ def test_a_berg_that_leaves_the_data_is_told_where(folder: Path) -> None:
     (folder / "files.yaml").write_text(OWN.replace("[-39.0, -55.5]", "[-44.5, -55.5]"))
     with pytest.raises(ForcingError, match=r"element \d+ at \(-44\.\d+, -55\.\d+\) is outside of the data of uo"):
         _run(folder / "files.yaml")
+
+
+def test_values_that_cannot_be_are_refused_before_the_first_step(folder: Path) -> None:
+    """Named for 1e20 in a file that declares no missing value: the run died half a day on, "outside of the data"."""
+    with xr.open_dataset(folder / "currents.nc") as file:
+        wrong = file.load()
+    wrong["u"][1, 5, 6] = 1e20
+    wrong.to_netcdf(folder / "wrong.nc", encoding={"u": {"_FillValue": None}})
+    path = folder / "wrong.yaml"
+    path.write_text(EXPERIMENT.replace("currents.nc", "wrong.nc"))
+    with pytest.raises(ForcingError, match=r"uo is .*e\+(19|20) m s-1 at .*56.* S, 40.* W.*not believable") as error:
+        _run(path)
+    assert "wrong.nc" in str(error.value)
+
+
+def test_fields_without_dates_are_told_to_be_held(folder: Path) -> None:
+    with xr.open_dataset(folder / "wind.nc") as file:
+        file.isel(time=0, drop=True).to_netcdf(folder / "mean.nc")
+    path = folder / "mean.yaml"
+    path.write_text(EXPERIMENT.replace("wind.nc", "mean.nc"))
+    _, info = build(str(path))
+    assert [text for text in info.notices if "ua, va are held constant" in text and "mean.nc" in text]
+    assert not build(str(folder / "files.yaml"))[1].notices  # the sea floor may well have no date

@@ -80,6 +80,11 @@ def story_model(
 
 def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
+    notices = []
+    if options.days is not None and options.days > DAYS:
+        notices.append("this ocean is fitted to the drift until 26 December 13:00; beyond that it says nothing of A68a")
+    if not options.own:
+        notices.append("this ocean is another one than by default: it is fitted with the reference's numerics")
     left_out = "".join(f", without {part}" for part in sorted(options.without))
     title = f"A68a, December 2020{left_out}"
-    return story_model(options), Info("a68a", title, days=DAYS, output_every_hours=1.0)
+    return story_model(options), Info("a68a", title, days=DAYS, output_every_hours=1.0, notices=tuple(notices))

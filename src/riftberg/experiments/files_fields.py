@@ -9,12 +9,15 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.errors import ForcingError
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.ocean.loading import wind_from_stress
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.products.axes import step_of
+from riftberg.ocean.products.canonical import QUANTITIES
 from riftberg.ocean.products.interpolate import to_grid
+from riftberg.ocean.products.records import named
 from riftberg.state import Floats
 
 NAMES = {"depth_below_surface": "depth"}
@@ -152,11 +155,33 @@ class FieldMaker:
                 if wanted:
                     values = to_grid(ds[wanted].assign_attrs(ds.attrs), *axes, moments)
                     shape = (-1, axes[1].size, axes[0].size)
-                    found |= {n: np.asarray(values[n].values, np.float64).reshape(shape) for n in wanted}
+                    made = {n: np.asarray(values[n].values, np.float64).reshape(shape) for n in wanted}
+                    for n in wanted:
+                        check_believable(n, made[n], axes, ds, moments)
+                    found |= made
         if "taux" in found and "ua" not in found:
             found["ua"], found["va"] = wind_from_stress(found["taux"], found["tauy"])
         named = {NAMES.get(name, name): value for name, value in found.items()}
         return {name: value for name, value in named.items() if name in Fields._fields}
+
+
+def check_believable(
+    name: str, values: Floats, axes: tuple[Floats, Floats], ds: xr.Dataset, moments: Sequence[datetime] | None
+) -> None:
+    """Raise `ForcingError` where values (record, lat, lon) of a field are too large to be true."""
+    quantity = QUANTITIES[name]
+    wrong = np.argwhere(np.abs(values) > quantity.limit)
+    if wrong.size:
+        record, j, i = (int(k) for k in wrong[0])
+        when = f"{moments[record]:%Y-%m-%d %H:%M}, " if moments is not None else ""
+        lat, lon = axes[1][j], (axes[0][i] + 180.0) % 360.0 - 180.0
+        place = f"{abs(lat):.3f} {'S' if lat < 0 else 'N'}, {abs(lon):.3f} {'W' if lon < 0 else 'E'}"
+        raise ForcingError(
+            f"{name} is {values[record, j, i]:.3g} {quantity.units} at {when}{place}; "
+            f"beyond {quantity.limit:g} it is not believable",
+            where=named(ds),
+            remedy="Is it a missing value that the file does not declare, or another unit? Correct the file's attributes",
+        )
 
 
 def belongs(name: str) -> str:

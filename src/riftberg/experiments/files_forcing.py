@@ -27,6 +27,9 @@ from riftberg.ocean.products.registry import open_named
 from riftberg.ocean.products.window import utc, window
 from riftberg.state import Floats
 
+MOVING = ("uo", "vo", "ssh", "ua", "va", "taux", "tauy", "ui", "vi")
+"""Fields that change by the day; without dates they are a mean or a snapshot."""
+
 MARGIN = 3
 """Points of a product around the box that are read too."""
 
@@ -118,6 +121,11 @@ def _notices(datasets: list[xr.Dataset], given: FileForcing) -> tuple[str, ...]:
         )
     if not held & {"ua", "taux"} and given.wind == "files":
         told.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
+    told += [
+        f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
+        for ds in datasets
+        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if str(name) in MOVING])
+    ]
     return tuple(told)
 
 

@@ -47,7 +47,7 @@ WHERE_FROM = {
     "ice_thickness": "sea ice thickness: GLORYS12 sithick",
     "ui": "sea ice drift: GLORYS12 usi",
     "vi": "sea ice drift: GLORYS12 vsi",
-    "depth_below_surface": "sea floor: GEBCO grid (free, subset from the GEBCO site), IBCSO south of 50 S",
+    "depth_below_surface": "sea floor: GEBCO grid (`riftberg fetch gebco`), IBCSO south of 50 S",
     "sst": "sea surface temperature: GLORYS12 thetao or ERA5 sst",
     "sss": "salinity: GLORYS12 so",
     "wave_height": "waves: ERA5 swh",
