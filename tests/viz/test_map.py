@@ -111,6 +111,14 @@ def test_fragments_are_named_by_size_and_tracked_from_birth(run: tuple[FakeModel
     assert scene.birth(1) is None
 
 
+def test_dates_before_its_birth_stand_on_the_track_of_the_parent(run: tuple[FakeModel, xr.Dataset]) -> None:
+    """Named for a map whose largest piece at the end was a fragment: all earlier dates stood at the place of its birth."""
+    scene = Scene(run[1])
+    born = int(np.flatnonzero((scene.berg == 2).any(axis=1))[0])
+    assert [scene.ancestor(2, record) for record in (0, born - 1, born, -1)] == [1, 1, 2, 2]
+    assert scene.ancestor(1, 0) == 1
+
+
 def test_a_berg_on_the_date_line_stays_in_one_piece(tmp_path: Path) -> None:
     model = FakeModel(lon=179.9, lat=-70.0)
     model.elements.lon[model.elements.lon > 180.0] -= 360.0

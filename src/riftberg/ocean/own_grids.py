@@ -69,6 +69,11 @@ class OwnGrids:
         filled = {variable for name in served for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
 
+    @property
+    def title(self) -> str:
+        """Return the products, for titles."""
+        return ", ".join(dict.fromkeys(part.forcing.source for part in self.parts if part.forcing.source))
+
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""
         for part, view in self._views(elements):

@@ -241,16 +241,20 @@ class _MapFigure:
                 path_effects=[withStroke(linewidth=3.6, foreground="black"), Normal()])  # fmt: skip
 
     def _draw_dates(self, ax: Axes, labels: style.Labels, records: list[int]) -> None:
-        """Mark and label the chosen dates on the track of the largest fragment."""
-        x, y, there = self.scene.track(self.scene.numbers[0])
-        rows = [int(np.argmin(np.abs(there - record))) for record in records]
-        ax.plot(x[rows], y[rows], "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
-        for row in rows:
-            labels.avoid(x[row], y[row])
-        days = [_day(self.scene.times[there[row]]) for row in rows]
-        for row, day in zip(rows, days, strict=True):
-            text = day if days.count(day) == 1 else _day(self.scene.times[there[row]], hour=True)
-            labels.put(text, x[row], y[row], fontsize=9, fontweight="bold")
+        """Mark and label the chosen dates on the track of the largest fragment, and before its birth of what it was part of."""
+        largest = self.scene.numbers[0]
+        places = []
+        for record in records:
+            x, y, there = self.scene.track(self.scene.ancestor(largest, record))
+            row = int(np.argmin(np.abs(there - record)))
+            places.append((float(x[row]), float(y[row])))
+        ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
+        for place in places:
+            labels.avoid(*place)
+        days = [_day(self.scene.times[record]) for record in records]
+        for record, place, day in zip(records, places, days, strict=True):
+            text = day if days.count(day) == 1 else _day(self.scene.times[record], hour=True)
+            labels.put(text, *place, fontsize=9, fontweight="bold")
 
     def _draw_breakups(self, ax: Axes, labels: style.Labels) -> None:
         for number in self.scene.numbers:

@@ -208,6 +208,18 @@ class Scene:
         thickness = float(self.run["thickness"].isel(time=0).max())
         return thickness * self.parameters.ice.density / constants.RHO_SEAWATER
 
+    def ancestor(self, number: int, record: int) -> int:
+        """Return the fragment of which this one was a part at a record: itself once it is there."""
+        seen = {number}
+        while not (self.berg[record] == number).any():
+            row = np.flatnonzero(self.run["fragment_number"].values == number)
+            parent = int(self.run["fragment_parent"].values[row[0]]) if len(row) else 0
+            if parent <= 0 or parent in seen:
+                break
+            number = parent
+            seen.add(number)
+        return number
+
     def birth(self, number: int) -> tuple[np.datetime64, bool] | None:
         """Return when a fragment broke off and whether aground; None for a berg of the start."""
         rows = np.flatnonzero(self.run["fragment_number"].values == number)
