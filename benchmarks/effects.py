@@ -1,7 +1,7 @@
 """What each option beyond the reference, and each quirk of it, changes for A68a.
 
     python benchmarks/effects.py             print the table
-    python benchmarks/effects.py --write     also put it and its figure into the documentation
+    python benchmarks/effects.py --write     also put it into the documentation
 
 The built-in experiment ``a68a`` is run once for each row with one thing changed; the ocean is the same. About one to three
 seconds of computing a row.
@@ -196,38 +196,10 @@ def markdown(results: dict[str, Result]) -> str:
     return "\n".join(lines)
 
 
-def figure(results: dict[str, Result], path: Path) -> None:
-    """Draw the azimuth of the main berg in the runs that differ visibly."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    chosen = (
-        "own",
-        "reference",
-        "damper of the reference (Q43)",
-        "explicit grounding drag",
-        "no rotational water drag",
-    )
-    figure_, (left, right) = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
-    for name in chosen:
-        rows = results[name].track
-        day = [(when - rows[0][0]).total_seconds() / 86400.0 + 9.54 for when, _ in rows]
-        azimuth = np.unwrap([p.azimuth for _, p in rows], period=180.0)
-        left.plot(day, azimuth, label=name)
-        right.plot([p.lon for _, p in rows], [p.lat for _, p in rows], ".-", label=name)
-    left.set(xlabel="December 2020", ylabel="azimuth of the long axis of the largest piece, degrees")
-    right.set(xlabel="longitude", ylabel="latitude", aspect=1.0 / np.cos(np.radians(56.0)))
-    left.legend(frameon=False, fontsize=8)
-    figure_.suptitle("A68a in the fitted (not measured) ocean, one option changed at a time", fontsize=10)
-    figure_.savefig(path, dpi=120)
-
-
 def main() -> int:
     """Run all rows, print the table and perhaps write it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--write", action="store_true", help="put table and figure into the documentation")
+    parser.add_argument("--write", action="store_true", help="put the table into the documentation")
     write = parser.parse_args().write
     results: dict[str, Result] = {}
     for row in ROWS:
@@ -238,7 +210,6 @@ def main() -> int:
     if write:
         before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
         PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}", "utf-8")
-        figure(results, DOCS / "figures" / "effects.png")
     return 0
 
 

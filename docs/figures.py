@@ -24,8 +24,9 @@ def five_lines(path: Path) -> Path:
     from riftberg import Iceberg, Model, Steady, draw_map
 
     berg = Iceberg.rectangle(60e3, 20e3, thickness=200.0, placement=(-37.0, -56.0))
-    run = Model(berg, Steady.balanced(current=(0.2, 0.05), latitude=-56.0, wind=(5.0, -2.0))).run(days=3)
-    draw_map(run, path)
+    model = Model(berg, Steady.balanced(current=(0.2, 0.05), latitude=-56.0, wind=(5.0, -2.0)))
+    run = model.run(days=3)
+    draw_map(run, path, forcing=model.forcing)
     return path
 
 

@@ -327,7 +327,7 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
         lon = (event["lon"] + 180.0) % 360.0 - 180.0 if summary["numerics"]["earth"]["latlon"] else event["lon"]
         lines.append(
             f"  {event['time'].replace('T', ' ')[:16]}  {event['area_km2']:.0f} km2 broke off {ground} "
-            f"({event['bonds']} bonds) at {event['lat']:.3f}, {lon:.3f}"
+            f"({event['bonds']} bond{'s' if event['bonds'] != 1 else ''}) at {event['lat']:.3f}, {lon:.3f}"
         )
     if len(summary["breakups"]) > 10:
         lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")

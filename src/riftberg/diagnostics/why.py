@@ -179,7 +179,7 @@ def _cause_words(b: Breakup, strength: float) -> str:
     shares[GEOSTROPHIC] = shares.pop("Coriolis") + shares.pop("surface slope")
     leading = max(shares, key=lambda name: shares[name])
     if b.decisive.nominal < SMALL_LOAD * strength and not b.decisive.aground:
-        return "That is little beside the strength: no force parts the cut as a whole, it failed bond by bond."
+        return "The load of the cut is small beside the strength: no force parts the cut as a whole, it failed bond by bond."
     if shares[leading] <= 0.0:
         return ""
     begin = "What loads the cut:" if b.sudden and not b.decisive.aground else "It broke because"

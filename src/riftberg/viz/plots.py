@@ -348,7 +348,7 @@ def _areas(ax: Axes, scene: Scene) -> None:
             ax.plot(birth[0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("area (km²)", fontsize=9)
-    ax.legend(fontsize=8, loc="center left", framealpha=0.9)
+    ax.legend(fontsize=8, loc="best", framealpha=0.9)
 
 
 def _peak_stress(ax: Axes, scene: Scene) -> None:
@@ -372,6 +372,6 @@ def _peak_stress(ax: Axes, scene: Scene) -> None:
     lowest = scene.lowest_strength()
     if lowest is not None:
         ax.plot(scene.times, lowest / 1e3, color="#63308F", ls="--", lw=1.2, label="lowest strength left by damage")
-    ax.legend(fontsize=8, loc="center left", framealpha=0.9)
+    ax.legend(fontsize=8, loc="best", framealpha=0.9)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)

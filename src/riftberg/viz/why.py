@@ -103,7 +103,7 @@ def _load(ax: Axes, b: Breakup) -> None:
     ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color="#A50026", fontsize=7, ha="right", va="top",
             transform=ax.get_xaxis_transform())  # fmt: skip
     ax.axhline(0.0, color="#BBBBBB", lw=0.6)
-    ax.legend(fontsize=7, loc="upper left", ncols=2, framealpha=0.85)
+    ax.legend(fontsize=7, loc="best", ncols=2, framealpha=0.85)
     ax.set_title(f"nominal stress of the cut of {b.decisive.cut_km:.0f} km (kPa), by force", fontsize=9)
     ax.set_xlabel(f"hours before {_when(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
@@ -124,7 +124,7 @@ def _bonds(ax: Axes, b: Breakup) -> None:
     ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
     if b.first_bonds[0].peak:
         ax.plot([], [], lw=0.8, ls=":", color="#222222", label="at the records")
-    ax.legend(fontsize=7, loc="center left", title="bonds, by time of failure", title_fontsize=7)
+    ax.legend(fontsize=7, loc="best", title="bonds, by time of failure", title_fontsize=7)
     if b.first_bonds[0].peak:
         ax.set_ylabel("largest between records", fontsize=8)
     ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
