@@ -80,7 +80,7 @@ def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> No
     assert rows["break-up 1"][0] == "about then"
     assert rows["break-up 1"][2].startswith("10 Dec 13:00 aground: 54 km², 3 bonds, at 55.0")
     assert rows["break-up 1"][2].endswith(" W")
-    assert rows["break-up 1"][3] == ""
+    assert rows["break-up 1"][3] == "none"
     assert rows["break-up 2"] == ["", "nobody's", "", ""]
     assert rows["bonds broken"][2:] == ["3 of 37 = 8.1 %", "0 of 37 = 0.0 %"]
     assert rows["largest piece at the end"][2:] == ["162 km²", "216 km²"]

@@ -1,8 +1,9 @@
 """Runs side by side: what broke off when and where, and how far each was from what was observed, day by day.
 
-Each run is read from its folder (``summary.json`` and ``run.nc``). The berg at an observed day is the largest fragment,
-together with further ones, largest first, as long as they bring its area closer to the observed area: so a finger that
-is off but still in the observed outline counts to the berg, and a tip that was left behind does not.
+The same break-up of all runs stands in one row (`riftberg.diagnostics.side_by_side`). Each run is read from its folder
+(``summary.json`` and ``run.nc``). The berg at an observed day is the largest fragment, together with further ones,
+largest first, as long as they bring its area closer to the observed area: so a finger that is off but still in the
+observed outline counts to the berg, and a tip that was left behind does not.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.overlap import axis_difference, distance
+from riftberg.diagnostics.side_by_side import Event, aligned, differences
 from riftberg.diagnostics.track import Position, berg_position
 from riftberg.errors import InputError
 from riftberg.viz.scene import Scene
@@ -199,8 +201,11 @@ def compare(runs: Sequence[Told], known: Known | None = None) -> Comparison:
     if seen:
         beside["observed"] = {**known.observed, **seen}
     cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*known.published, *known.observed)}
+    cells |= differences([run.summary for run in runs])
+    large = [[event for event in run.summary["breakups"] if event["area_km2"] >= SMALL] for run in runs]
+    events = aligned(large, runs[0].summary["numerics"]["earth"]) if runs else []
     for k, run in enumerate(runs):
-        for label, text in _cells(run).items():
+        for label, text in _cells(run, events[k]).items():
             cells.setdefault(label, [""] * len(runs))[k] = text
     order = sorted(cells, key=lambda label: (_RANK.get(label, 1 if label.startswith(_BREAK_UP) else 7), label))
     rows = [(label, [*(texts.get(label, "") for texts in beside.values()), *cells[label]]) for label in order]
@@ -209,6 +214,9 @@ def compare(runs: Sequence[Told], known: Known | None = None) -> Comparison:
 
 _BREAK_UP: Final = "break-up"
 _RANK: Final = {
+    "experiment": 0,
+    "forcing": 0,
+    "parameters that differ": 0,
     "further break-ups": 2,
     "smaller pieces": 3,
     "largest piece at the end": 4,
@@ -218,14 +226,16 @@ _RANK: Final = {
 }
 
 
-def _cells(run: Told) -> dict[str, str]:
+def _cells(run: Told, events: Sequence[Event | None]) -> dict[str, str]:
+    """Return the cells of a run by label; ``events`` are its break-ups by row, None where it has none."""
     s = run.summary
     latlon = s["numerics"]["earth"]["latlon"]
-    events = [event for event in s["breakups"] if event["area_km2"] >= SMALL]
-    rows = {f"{_BREAK_UP} {k}": _event(event, latlon) for k, event in enumerate(events[:MOST_EVENTS], 1)}
-    if len(events) > MOST_EVENTS:
-        rows["further break-ups"] = str(len(events) - MOST_EVENTS)
-    rows["smaller pieces"] = f"{len(s['breakups']) - len(events)} below {SMALL:g} km²"
+    listed = enumerate(events[:MOST_EVENTS], 1)
+    rows = {f"{_BREAK_UP} {k}": "none" if event is None else _event(event, latlon) for k, event in listed}
+    beyond = sum(event is not None for event in events[MOST_EVENTS:])
+    if beyond:
+        rows["further break-ups"] = str(beyond)
+    rows["smaller pieces"] = f"{sum(event['area_km2'] < SMALL for event in s['breakups'])} below {SMALL:g} km²"
     rows["largest piece at the end"] = f"{s['largest_km2']:.0f} km²"
     share = 100.0 * s["bonds_broken"] / max(1, s["bonds_total"])
     rows["bonds broken"] = f"{s['bonds_broken']} of {s['bonds_total']} = {share:.1f} %"
