@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shlex
 import subprocess
@@ -15,6 +14,7 @@ from typer.models import OptionInfo
 
 from riftberg.cli.main import app
 from riftberg.parameters import Compatibility
+from scripts import loaded
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -27,12 +27,7 @@ QUIRKS = DOCS / "explanation" / "differences-from-the-reference.md"
 
 def script() -> ModuleType:
     """Return docs/build.py as a module."""
-    spec = importlib.util.spec_from_file_location("docs_build", DOCS / "build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded("docs/build.py")
 
 
 def blocks(page: Path) -> list[tuple[str, str]]:

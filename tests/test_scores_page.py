@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from scripts import loaded
 
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
     """Return benchmarks/scores.py as a module."""
-    spec = importlib.util.spec_from_file_location("benchmark_scores", ROOT / "benchmarks" / "scores.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return loaded("benchmarks/scores.py")
 
 
 def test_numbers_are_written_with_a_true_minus_and_nought_without_sign(script: ModuleType) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -16,23 +13,12 @@ from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polyg
 from riftberg.experiments.a68a_observed import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.viz.plane import Plane
+from scripts import loaded
 
-ROOT = Path(__file__).resolve().parents[1]
 AGAIN = "run: python benchmarks/story.py --write"
 
 
-def loaded() -> ModuleType:
-    """Return benchmarks/story.py as a module."""
-    spec = importlib.util.spec_from_file_location("benchmark_story", ROOT / "benchmarks" / "story.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-SCRIPT = loaded()
+SCRIPT = loaded("benchmarks/story.py")
 
 
 def rows(name: str) -> list[tuple[str, ...]]:

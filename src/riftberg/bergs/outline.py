@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from riftberg.bergs.feature import DATE_KEYS as DATE_KEYS
 from riftberg.bergs.feature import Feature, needed, polygon
 from riftberg.bergs.outline_csv import features_of_csv
 from riftberg.bergs.outline_kml import features_of_kml

@@ -33,7 +33,7 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
     lines : bool
         Join the vertices to open lines instead of closed rings.
     """
-    rows, separator = _rows(path)
+    rows, separator = rows_of_csv(path)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))
     if lon is None or lat is None:
@@ -60,12 +60,10 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
     return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
 
 
-def _rows(path: Path) -> tuple[list[dict[str, str]], str]:
-    """Return the rows of a table by column, and its separator."""
-    text = _text(path.read_bytes())
-    header = text.partition("\n")[0]
-    separator = max(",;\t", key=header.count)
-    lines = [line for line in text.splitlines() if line.strip(" ,;\t")]
+def rows_of_csv(path: Path) -> tuple[list[dict[str, str]], str]:
+    """Return the rows of a table by column, and its separator: comma, semicolon or tab. Empty lines are passed over."""
+    lines = [line for line in _text(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
+    separator = max(",;\t", key=lines[0].count) if lines else ","
     return list(csv.DictReader(lines, delimiter=separator)), separator
 
 

@@ -301,12 +301,13 @@ def berg_line(model: Model) -> str:
     """Return size and place of the berg of a model in one line: swapped coordinates show there before the run."""
     import numpy as np
 
+    from riftberg.places import latitude, longitude
+
     e = model.elements
     lon, lat = (float(np.average(a, weights=e.mass)) for a in (e.lon, e.lat))
     place = f"x {lon:g} m, y {lat:g} m"
     if model.parameters.earth.latlon:
-        lon = (lon + 180.0) % 360.0 - 180.0
-        place = f"{abs(lat):.3f} {'NS'[lat < 0]}, {abs(lon):.3f} {'EW'[lon < 0]}"
+        place = f"{latitude(lat, 3)}, {longitude(lon, 3)}"
     count = len(np.unique(e.berg))
     area = float((e.length * e.width).sum()) / 1e6
     return f"Berg: {len(e.lon)} elements, {area:.6g} km2 in {count} piece{'s' if count != 1 else ''} at {place}"

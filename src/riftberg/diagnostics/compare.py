@@ -23,6 +23,7 @@ from riftberg.diagnostics.overlap import axis_difference, distance
 from riftberg.diagnostics.side_by_side import Event, aligned, differences
 from riftberg.diagnostics.track import Position, berg_position
 from riftberg.errors import InputError
+from riftberg.places import latitude, longitude
 from riftberg.viz.scene import Scene
 
 SMALL: Final = 50.0
@@ -251,20 +252,15 @@ def _cells(run: Told, events: Sequence[Event | None]) -> dict[str, str]:
 def _event(event: dict[str, Any], latlon: bool) -> str:
     when = datetime.fromisoformat(event["time"])
     ground = "aground" if event["grounded"] else "afloat"
-    place = f"{_degrees(event['lat'], 'NS')} {_degrees(event['lon'], 'EW')}"
+    place = f"{latitude(event['lat'], 2)} {longitude(event['lon'], 2)}"
     if not latlon:
         place = f"{event['lon'] / 1e3:.1f}, {event['lat'] / 1e3:.1f} km"
     return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {place}"
 
 
-def _degrees(value: float, letters: str) -> str:
-    value = (value + 180.0) % 360.0 - 180.0
-    return f"{abs(value):.2f} {letters[value < 0.0]}"
-
-
 def _place(fix: Fix) -> str:
     turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
-    return f"{_degrees(fix.lat, 'NS')} {_degrees(fix.lon, 'EW')}{turned}"
+    return f"{latitude(fix.lat, 2)} {longitude(fix.lon, 2)}{turned}"
 
 
 def _stamp(time: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime, timedelta
 from typing import Any, Final
 
-from riftberg.bergs.outline import DATE_KEYS
+from riftberg.bergs.feature import DATE_KEYS
 from riftberg.errors import InputError
 
 NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")

@@ -11,7 +11,6 @@ not known are left alone.
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,7 +22,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from riftberg.bergs.outline import DATE_KEYS
+from riftberg.bergs.feature import DATE_KEYS
+from riftberg.bergs.outline_csv import rows_of_csv
 from riftberg.diagnostics.dates import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError
@@ -124,13 +124,9 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
 
 
 def _table(path: Path) -> Observed:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        lines = [line for line in file if line.strip(" ,;\t\r\n")]
-    # As the reader that makes bergs of tables (`riftberg.bergs.outline`): commas, semicolons or tabs.
-    separator = max(",;\t", key=lines[0].count) if lines else ","
     rows = [
         {str(k).strip().lower(): v.strip() for k, v in row.items() if k is not None and v is not None}
-        for row in csv.DictReader(lines, delimiter=separator)
+        for row in rows_of_csv(path)[0]
     ]
     if not rows:
         raise InputError("no rows", where=str(path), remedy="A table needs a line of names and rows below")

@@ -19,6 +19,9 @@ KILOMETRES_APART: Final = 150.0
 TIMES_AS_LARGE: Final = 4.0
 """Break-ups further apart in time or place, or with areas that differ by more, are not the same event."""
 
+WORST: Final = 3.0
+"""Cost of a pair at all three limits, and of an event without a partner."""
+
 MOST_NAMED: Final = 3
 """Parameters named; of more only the number is told."""
 
@@ -47,7 +50,7 @@ def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list
             placed.append(dict(enumerate(rows)))
             continue
         costs = np.array([[_cost(event, row, earth) for row in rows] for event in events])
-        pairs = dict(best_pairs(costs.reshape(len(events), len(rows)), 3.0)) if rows and events else {}
+        pairs = dict(best_pairs(costs.reshape(len(events), len(rows)), alone=WORST)) if rows and events else {}
         mine: dict[int, Event] = {}
         for number, event in enumerate(events):
             if number not in pairs:

@@ -18,6 +18,7 @@ from riftberg.ocean.products.axes import step_of
 from riftberg.ocean.products.canonical import QUANTITIES
 from riftberg.ocean.products.interpolate import to_grid
 from riftberg.ocean.products.records import named
+from riftberg.places import latitude, longitude
 from riftberg.state import Floats
 
 NAMES = {"depth_below_surface": "depth"}
@@ -174,8 +175,7 @@ def check_believable(
     if wrong.size:
         record, j, i = (int(k) for k in wrong[0])
         when = f"{moments[record]:%Y-%m-%d %H:%M}, " if moments is not None else ""
-        lat, lon = axes[1][j], (axes[0][i] + 180.0) % 360.0 - 180.0
-        place = f"{abs(lat):.3f} {'S' if lat < 0 else 'N'}, {abs(lon):.3f} {'W' if lon < 0 else 'E'}"
+        place = f"{latitude(axes[1][j], 3)}, {longitude(axes[0][i], 3)}"
         raise ForcingError(
             f"{name} is {values[record, j, i]:.3g} {quantity.units} at {when}{place}; "
             f"beyond {quantity.limit:g} it is not believable",

@@ -27,13 +27,14 @@ from riftberg.ocean.products.registry import open_named
 from riftberg.ocean.products.window import utc, window
 from riftberg.state import Floats
 
-MOVING = ("uo", "vo", "ssh", "ua", "va", "taux", "tauy", "ui", "vi")
+PARTNER = dict(records.VECTORS)
+"""Northward component of each vector by its eastward one."""
+
+MOVING = frozenset({"ssh", *PARTNER, *PARTNER.values()})
 """Fields that change by the day; without dates they are a mean or a snapshot."""
 
 MARGIN = 3
 """Points of a product around the box that are read too."""
-
-VECTORS = {"uo": "vo", "ui": "vi", "ua": "va"}
 
 
 class Run(NamedTuple):
@@ -281,7 +282,7 @@ def _own_part(
 ) -> GriddedForcing:
     """Return the forcing of one product that serves some fields."""
     canonical = {short: long for long, short in NAMES.items()}
-    wanted = {canonical.get(name, name) for name in names} | {VECTORS[name] for name in names if name in VECTORS}
+    wanted = {canonical.get(name, name) for name in names} | {PARTNER[name] for name in names if name in PARTNER}
     if "ua" in names:
         wanted |= {"taux", "tauy"}
     mine = ds[[name for name in ds.data_vars if name in wanted]].assign_attrs(ds.attrs)

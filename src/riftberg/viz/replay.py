@@ -197,8 +197,7 @@ class ReplayContent:
 
     def _peak(self) -> dict[str, Any]:
         """Return the largest tensile stress over all bonds, since the record before."""
-        stress = self._element_stress()
-        return pack(stress.max(axis=1) if stress.size else np.zeros(len(self.records)), "uint16")
+        return pack(self.scene.tension()[self.records].max(axis=1, initial=0.0), "uint16")
 
     def _aground(self) -> dict[str, Any]:
         ratio = self.scene.parameters.ice.density / 1025.0

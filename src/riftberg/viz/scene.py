@@ -73,8 +73,12 @@ class Scene:
     @cached_property
     def unbroken(self) -> NDArray[np.bool_]:
         """Which bonds hold at each record, (time, bond)."""
+        return self._holding(self.times)
+
+    def _holding(self, moments: NDArray[np.datetime64]) -> NDArray[np.bool_]:
+        """Which bonds hold at moments, (moment, bond)."""
         broken_at = self.run["break_time"].values
-        holds: NDArray[np.bool_] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > self.times[:, None])
+        holds: NDArray[np.bool_] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > moments[:, None])
         return holds
 
     def tension(self) -> Floats:
@@ -83,8 +87,7 @@ class Scene:
         Files without ``peak_stress`` give the stress at the records, of the bonds that hold then.
         """
         if "peak_stress" in self.run:
-            broken_at, before = self.run["break_time"].values, np.r_[self.times[:1], self.times[:-1]]
-            held = np.isnat(broken_at)[None, :] | (broken_at[None, :] > before[:, None])
+            held = self._holding(np.r_[self.times[:1], self.times[:-1]])
             stress = self.run["peak_stress"].transpose("time", "bond").values
         else:
             held, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values

@@ -1,0 +1,22 @@
+"""Scripts of ``benchmarks/`` and ``docs/`` as modules, for the tests of the pages that they write."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def loaded(path: str) -> ModuleType:
+    """Return a script as a module; ``path`` is that from the root of the repository."""
+    file = ROOT / path
+    spec = importlib.util.spec_from_file_location(f"{file.parent.name}_{file.stem}", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
