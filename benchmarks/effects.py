@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.diagnostics.track import DailyTrack
 from riftberg.experiments import Options, build
 from riftberg.model import Model
 from riftberg.parameters import A68A_2022_KID
+from riftberg.runs.track import DailyTrack
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "explanation" / "differences-from-the-reference.md"

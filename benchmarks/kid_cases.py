@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from riftberg.diagnostics.speed import measure
-from riftberg.io.kid.run import load_case
+from riftberg.kid.run import load_case
 
 REFERENCE = {"a68_synthetic": 0.72, "a68_oras5": 1.53}
 """Wall seconds per simulated day of the reference."""

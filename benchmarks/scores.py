@@ -29,10 +29,10 @@ from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import aligned_overlap, distance, overlap, shapely_module
 from riftberg.diagnostics.score import Day, Match, Score, score_run
 from riftberg.diagnostics.summary import breakups
-from riftberg.diagnostics.track import to_plane
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL
-from riftberg.io.run_file import open_run
+from riftberg.runs.run_file import open_run
+from riftberg.runs.track import to_plane
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "explanation" / "scores.md"

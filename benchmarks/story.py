@@ -19,7 +19,6 @@ import numpy as np
 
 from riftberg.diagnostics.overlap import axis_difference, rectangle_azimuth, shapely_module
 from riftberg.diagnostics.summary import breakups, fragment_areas
-from riftberg.diagnostics.track import Position, berg_position
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import DAYS, story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
@@ -27,8 +26,9 @@ from riftberg.model import Model
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import Packing
 from riftberg.physics.drag import draft_of
-from riftberg.viz.plane import Plane
-from riftberg.viz.shapes import element_polygons
+from riftberg.plane import Plane
+from riftberg.runs.shapes import element_polygons
+from riftberg.runs.track import Position, berg_position
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
 KM_PER_DEGREE = 111.07

@@ -137,7 +137,7 @@ def _default(field: Any) -> str:
 
 def variables_page() -> str:
     """Return the page of the state variables and of the run file."""
-    from riftberg.io import run_file
+    from riftberg.runs import run_file
     from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
     def rows(variables: Any) -> list[tuple[str, ...]]:
@@ -174,7 +174,7 @@ def variables_page() -> str:
 
 def namelist_page() -> str:
     """Return the page of KID's namelist entries."""
-    from riftberg.io.kid.entry_table import DRIVER, ICEBERGS
+    from riftberg.kid.entry_table import DRIVER, ICEBERGS
 
     words = {
         "honoured": "acts as in KID",
@@ -280,8 +280,8 @@ def _type_name(kind: Any) -> str:
 
 def products_page() -> str:
     """Return the page of the data products and the canonical quantities."""
-    from riftberg.ocean.products.canonical import QUANTITIES
-    from riftberg.ocean.products.registry import PRODUCTS
+    from riftberg.products.canonical import QUANTITIES
+    from riftberg.products.registry import PRODUCTS
 
     products = [
         (code(p.name), p.title, ", ".join(map(code, dict.fromkeys(p.gives))), p.checked(), "; ".join(p.notes))
@@ -307,11 +307,11 @@ def products_page() -> str:
 PAGES: dict[str, tuple[Callable[[], str], str]] = {
     "parameters.md": (parameters_page, "src/riftberg/parameter_groups.py"),
     "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
-    "variables.md": (variables_page, "src/riftberg/state.py and io/run_file.py"),
-    "namelist.md": (namelist_page, "src/riftberg/io/kid/entry_table.py"),
+    "variables.md": (variables_page, "src/riftberg/state/__init__.py and runs/run_file.py"),
+    "namelist.md": (namelist_page, "src/riftberg/kid/entry_table.py"),
     "summary.md": (summary_page, "src/riftberg/diagnostics/summary.py and speed.py"),
     "commands.md": (commands_page, "src/riftberg/cli and experiments"),
-    "products.md": (products_page, "src/riftberg/ocean/products"),
+    "products.md": (products_page, "src/riftberg/products"),
 }
 
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from riftberg import constants
-from riftberg.diagnostics.fragments import Fragment
 from riftberg.errors import RunError
-from riftberg.io.restart import save
 from riftberg.parameters import A68A_2022, Parameters
+from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
+from riftberg.stepping.fragments import Fragment
 
 SIDE = 3000.0
 

@@ -1,6 +1,6 @@
 """Bad input is refused before the first step, in one message with place, value and remedy; nothing is written half.
 
-Files of KID runs are in ``tests/io/kid``; here are the model, the built-in ways to make it, and the command line.
+Files of KID runs are in ``tests/kid``; here are the model, the built-in ways to make it, and the command line.
 """
 
 from __future__ import annotations

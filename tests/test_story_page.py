@@ -12,7 +12,7 @@ from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polygon_on, rectangle_azimuth
 from riftberg.experiments.a68a_observed import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
-from riftberg.viz.plane import Plane
+from riftberg.plane import Plane
 from scripts import loaded
 
 AGAIN = "run: python benchmarks/story.py --write"

@@ -20,11 +20,11 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.io.run_file import open_run
     from riftberg.model import Model
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.gridded import GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.runs.run_file import open_run
     from riftberg.viz.map import draw_map
 
 _HOMES = {
@@ -35,7 +35,7 @@ _HOMES = {
     "A68A_2022_KID": "riftberg.parameters",
     "Steady": "riftberg.ocean.analytic",
     "GriddedForcing": "riftberg.ocean.gridded",
-    "open_run": "riftberg.io.run_file",
+    "open_run": "riftberg.runs.run_file",
     "draw_map": "riftberg.viz.map",
 }
 

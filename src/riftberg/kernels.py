@@ -29,7 +29,7 @@ from platformdirs import user_cache_path
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
-KERNEL_PACKAGES = ("physics", "stepping", "ocean")
+KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean")
 """Sub-packages whose sources decide whether cached machine code is still right."""
 
 for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold", "vectorize-memory-check-threshold"):
@@ -50,7 +50,7 @@ def cache_folder() -> Path:
     for package in KERNEL_PACKAGES:
         for source in sorted((root / package).rglob("*.py")):
             digest.update(source.read_bytes())
-    digest.update((root / "state.py").read_bytes())
+    digest.update((root / "constants.py").read_bytes())
     digest.update(Path(__file__).read_bytes())
     base = os.environ.get("RIFTBERG_CACHE")
     home = Path(base) if base else user_cache_path("riftberg")

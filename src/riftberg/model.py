@@ -12,11 +12,11 @@ import numpy as np
 from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.diagnostics.fragments import Fragment, FragmentTree
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements, Floats, copy_state
+from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.sizes import interaction_sizes
 from riftberg.stepping.substep_choice import choose_substeps
@@ -206,7 +206,7 @@ class Model:
         Returns
         -------
         xarray.Dataset
-            The run, as `riftberg.io.run_file` writes it.
+            The run, as `riftberg.runs.run_file` writes it.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Model:
             If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
             where. Without ``output`` the model itself is left at that state.
         """
-        from riftberg.io.run_file import memory_run
+        from riftberg.runs.run_file import memory_run
 
         before = self.step_number
         with memory_run(output, every_hours) as writer:
@@ -279,7 +279,7 @@ class Model:
 
     def save(self, path: str | Path) -> Path:
         """Write a restart file from which `resume` goes on bit for bit."""
-        from riftberg.io.restart import save
+        from riftberg.runs.restart import save
 
         return save(self, path, extra={"substeps": self.substeps})
 
@@ -294,7 +294,7 @@ class Model:
         forcing : Forcing
             The same forcing as before.
         """
-        from riftberg.io.restart import load_state
+        from riftberg.runs.restart import load_state
 
         state = load_state(path)
         model = cls.__new__(cls)

@@ -17,12 +17,12 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from experiments.paper_files import stand_ins
-from ocean.serving import Shelf, serving
+from fetching.serving import Shelf, serving
 from riftberg import experiments
 from riftberg.cli.main import app
 from riftberg.experiments import Options
 from riftberg.experiments.a68a_files import BERG, GRID
-from riftberg.ocean import download, fetch
+from riftberg.fetching import download, fetch
 
 BOX = np.s_[18:38, 8:40]
 """Cells around the berg's first day."""

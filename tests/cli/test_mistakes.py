@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.experiments import Info, Options
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.map import draw_map
 
 

@@ -19,7 +19,7 @@ from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
 from riftberg.experiments import Entry, Info, Options
-from riftberg.io.run_file import RunWriter
+from riftberg.runs.run_file import RunWriter
 
 RING = [[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95], [-39.1, -55.05]]
 
@@ -199,7 +199,7 @@ def test_doctor_takes_the_path_of_a_run(folder: Path, monkeypatch: pytest.Monkey
         asked.update(how, files=files)
         return Report()
 
-    monkeypatch.setattr("riftberg.ocean.doctor.doctor", examine)
+    monkeypatch.setattr("riftberg.products.doctor.doctor", examine)
     result = call("doctor", "a.nc", "b.nc", "--along", folder / "run.nc", "--need", "depth_below_surface")
     assert (result.exit_code, result.output) == (0, "all is well\n")
     assert asked["files"] == ["a.nc", "b.nc"]
@@ -216,8 +216,8 @@ def test_fetch_calls_what_was_asked_for(tmp_path: Path, monkeypatch: pytest.Monk
         asked.append((arguments, how))
         return [tmp_path / "a.nc"]
 
-    monkeypatch.setattr("riftberg.ocean.fetch.fetch_a68a", fetched)
-    monkeypatch.setattr("riftberg.ocean.services.fetch_product", fetched)
+    monkeypatch.setattr("riftberg.fetching.fetch.fetch_a68a", fetched)
+    monkeypatch.setattr("riftberg.fetching.services.fetch_product", fetched)
     assert call("fetch", "a68a", "-o", tmp_path, "--small").output.strip().endswith("a.nc")
     assert asked[-1][0] == (tmp_path,)
     assert asked[-1][1]["hourly"] == ()
@@ -259,6 +259,6 @@ def test_fetch_refuses_what_it_does_not_know(monkeypatch: pytest.MonkeyPatch) ->
     def refused(*arguments: Any, **how: Any) -> list[Path]:
         raise ForcingError("no login", remedy="Log in")
 
-    monkeypatch.setattr("riftberg.ocean.fetch.fetch_a68a", refused)
+    monkeypatch.setattr("riftberg.fetching.fetch.fetch_a68a", refused)
     result = call("fetch", "a68a")
     assert (result.exit_code, result.stderr) == (2, "Error: no login. Log in\n")

@@ -21,7 +21,7 @@ from riftberg import kernels
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
 from riftberg.experiments import EXPERIMENTS, Info, Options
-from riftberg.io.restart import load_state
+from riftberg.runs.restart import load_state
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from riftberg.diagnostics.compare import Known, compare, dated, observed_part, r
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize, write_summary
 from riftberg.errors import InputError
-from riftberg.io.run_file import RunWriter, open_run
-from riftberg.viz.scene import Scene
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
 
 METRES = math.radians(1.0) * 6_363_827.0
 WHOLE, REST, END = 216.0, 162.0, 54.0

@@ -10,8 +10,8 @@ import xarray as xr
 
 from riftberg import Iceberg, Model, Steady
 from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
-from riftberg.io.run_file import RunWriter, open_run
 from riftberg.parameters import A68A_2022
+from riftberg.runs.run_file import RunWriter, open_run
 
 P = A68A_2022.changed(stepping={"substeps": None}, bonds={"constant_size": False})
 

@@ -31,8 +31,8 @@ from riftberg.diagnostics.overlap import (
 )
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
-from riftberg.io.run_file import RunWriter, open_run
-from riftberg.viz.plane import Plane
+from riftberg.plane import Plane
+from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.score import draw_score
 
 START = datetime(2020, 12, 9, 13)

@@ -18,7 +18,7 @@ from fakes import FakeModel
 from riftberg.diagnostics import why
 from riftberg.diagnostics.breakup import Breakup
 from riftberg.diagnostics.forces import FORCES
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.why import draw_reasons
 
 PIECE = slice(18, 24)

@@ -18,7 +18,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.io.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
+from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 
 HOURS = {WIND_FILE: 739, OCEAN_FILE: 744, SEA_LEVEL_FILE: 744}
 """Records of the published files."""

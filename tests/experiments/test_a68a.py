@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg.diagnostics.track import berg_position
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
-from riftberg.io.provenance import forcing_title
 from riftberg.model import Model
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
 from riftberg.parameters import Packing
+from riftberg.runs.provenance import forcing_title
+from riftberg.runs.track import berg_position
 
 DAY = 86400.0
 START = 9.0 + 13.0 / 24.0

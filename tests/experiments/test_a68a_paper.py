@@ -19,11 +19,11 @@ from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build, names
 from riftberg.experiments.a68a_paper import DAYS, FILES, START_RECORD, ZONE, paper_model
-from riftberg.io.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
-from riftberg.io.kid.namelist import read_namelist
-from riftberg.io.kid.parameters import to_parameters
+from riftberg.fetching.fetch import HOURLY
+from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
+from riftberg.kid.namelist import read_namelist
+from riftberg.kid.parameters import to_parameters
 from riftberg.model import Model
-from riftberg.ocean.fetch import HOURLY
 from riftberg.parameters import A68A_2022, A68A_2022_KID
 
 ZONE_OF_STORY = (-37.305, -54.982)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from riftberg.io.kid.run import KidReport, run_kid
+from riftberg.kid.run import KidReport, run_kid
 
 from .cases import LATER, Case
 from .records import Table, largest, offset, paired, read, select

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from riftberg.io.kid.ncfile import checksum
+from riftberg.kid.ncfile import checksum
 
 from .cases import (
     BOND,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from riftberg.errors import NamelistError
-from riftberg.io.kid.run import run_kid
+from riftberg.kid.run import run_kid
 
 from .cases import CASES, REFUSED
 

@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Box
 from riftberg.viz import coast
 from riftberg.viz.animate import write_film
 from riftberg.viz.map import draw_map
 from riftberg.viz.plots import draw_dates
-from riftberg.viz.scene import Box
 
 SQUARE = [(-38.9, -54.95), (-38.5, -54.95), (-38.5, -54.8), (-38.9, -54.8), (-38.9, -54.95)]
 LAKE = [(-38.8, -54.9), (-38.8, -54.85), (-38.7, -54.85), (-38.7, -54.9), (-38.8, -54.9)]

@@ -17,12 +17,12 @@ from typer.testing import CliRunner
 from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.errors import InputError
-from riftberg.io.run_file import RunWriter, open_run
 from riftberg.parameters import A68A_2022
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
 from riftberg.viz.packing import unpack
 from riftberg.viz.plots import _peak_stress, draw_damage
 from riftberg.viz.replay import ReplayContent, write_replay
-from riftberg.viz.scene import Scene
 
 WORN, RIFT = 20, 11
 """A bond that loses strength, and one of a rift without any; neither is among those that break."""

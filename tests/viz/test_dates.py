@@ -20,10 +20,10 @@ from riftberg.diagnostics.observed import Observed
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
 from riftberg.viz import plots
 from riftberg.viz.panels import nearest_record
-from riftberg.viz.scene import Scene
 
 RING = np.array([[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95]])
 

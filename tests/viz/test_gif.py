@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from fakes import FakeModel
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.animate import GIF_FPS, write_film
 from riftberg.viz.gif import COLOURS, film_palette
 from riftberg.viz.style import FRAGMENT_COLOURS

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from fakes import SIDE, FakeModel
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
+from riftberg.runs.shapes import corner_offsets, element_polygons
 from riftberg.viz.map import draw_map
-from riftberg.viz.scene import Scene
-from riftberg.viz.shapes import corner_offsets, element_polygons
 from riftberg.viz.style import Labels, degree_label, round_length
 
 RADIUS = 6_363_827.0

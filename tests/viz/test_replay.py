@@ -15,7 +15,7 @@ from matplotlib.image import imread
 
 from fakes import FakeModel
 from riftberg.experiments import build
-from riftberg.io.run_file import RunWriter, open_run
+from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.packing import pack, unpack
 from riftberg.viz.replay import ReplayContent, chosen_records, write_replay
 

@@ -34,7 +34,7 @@ def animate(
     from rich.console import Console
     from rich.progress import Progress
 
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
     from riftberg.viz.animate import default_ending, write_film
 
     shown = outlines(observed)

@@ -70,7 +70,7 @@ def _known(folder: Path, observed: Path | None) -> Known:
     from riftberg.diagnostics.compare import Known, dated
     from riftberg.diagnostics.observed import Fix, read_observed
     from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
 
     with open_run(folder) as dataset:
         experiment = str(dataset.attrs.get("experiment", ""))

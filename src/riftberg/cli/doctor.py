@@ -44,8 +44,8 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Tell what forcing files are, whether they serve an experiment, and what is missing."""
-    from riftberg.ocean.doctor import NEEDED
-    from riftberg.ocean.doctor import doctor as examine
+    from riftberg.products.doctor import NEEDED
+    from riftberg.products.doctor import doctor as examine
 
     asked = _asked(experiment) if experiment else Asked()
     if not files and not asked.files:
@@ -154,7 +154,7 @@ def _path(run: Path | None) -> list[tuple[float, float]] | None:
     """Return the daily positions of a run."""
     if run is None:
         return None
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
 
     with open_run(run) as dataset:
         if "lon" not in dataset:

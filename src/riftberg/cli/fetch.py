@@ -41,11 +41,11 @@ def fetch(
     """Fetch forcing files; a fetch that was cut goes on where it stopped."""
     folder = folder or Path("riftberg-data") / what
     if what == "a68a":
-        from riftberg.ocean.fetch import HOURLY, fetch_a68a
+        from riftberg.fetching.fetch import HOURLY, fetch_a68a
 
         paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
     elif what in PRODUCTS:
-        from riftberg.ocean.services import fetch_product
+        from riftberg.fetching.services import fetch_product
 
         box, span = (pair(lon, "--lon"), pair(lat, "--lat")), dates(time)
         if box[0] is None or box[1] is None:

@@ -21,7 +21,7 @@ def kid(
 ) -> None:
     """Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files."""
     from riftberg.cli.progress import ProgressRecorder
-    from riftberg.io.kid.run import load_case, run_kid
+    from riftberg.kid.run import load_case, run_kid
 
     announce_compilation(quiet)
     clock = load_case(case).clock

@@ -27,7 +27,7 @@ def plot(
     dpi: Annotated[int, typer.Option("--dpi", min=30, max=1200, help="Resolution.")] = 150,
 ) -> None:
     """Draw maps at chosen dates beside observed outlines, the stress and damage in the bonds, and the life of the fragments."""
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import draw_damage, draw_dates, draw_stress, draw_timeline
 
     for name in kind or ():

@@ -23,7 +23,7 @@ def replay(
     show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
 ) -> None:
     """Write a run as one web page that needs no network: play, scrub, zoom."""
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 
     shown = outlines(observed)

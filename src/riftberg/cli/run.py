@@ -15,8 +15,8 @@ from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
-    from riftberg.diagnostics.track import DailyTrack
     from riftberg.model import Model, Recorder
+    from riftberg.runs.track import DailyTrack
 
 COMPILE_TIME = "about a minute on a free core"
 """About how long the first run compiles, as announced."""
@@ -228,8 +228,8 @@ class Session:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
         from riftberg.cli.progress import Interrupt, ProgressRecorder
         from riftberg.diagnostics.summary import Stopwatch
-        from riftberg.diagnostics.track import DailyTrack
-        from riftberg.io.run_file import RunWriter
+        from riftberg.runs.run_file import RunWriter
+        from riftberg.runs.track import DailyTrack
 
         remaining = days - self.model.time / 86400.0
         if remaining <= 0.0:
@@ -287,7 +287,7 @@ class Session:
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 
     def _draw(self) -> None:
-        from riftberg.io.run_file import open_run
+        from riftberg.runs.run_file import open_run
         from riftberg.viz.map import draw_map
 
         with open_run(self.folder) as dataset:

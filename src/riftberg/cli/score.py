@@ -55,7 +55,7 @@ def score(
 
     from riftberg.diagnostics.observed import read_observed
     from riftberg.diagnostics.score import score_run
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import heading
 
     folder = output or (run if run.is_dir() else run.parent)

@@ -43,8 +43,8 @@ def why(
 ) -> None:
     """Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
     from riftberg.diagnostics.why import explain, words
-    from riftberg.io.run_file import open_run
-    from riftberg.viz.scene import SMALL
+    from riftberg.runs.run_file import open_run
+    from riftberg.runs.scene import SMALL
 
     folder = output or (run if run.is_dir() else run.parent)
     folder.mkdir(parents=True, exist_ok=True)
@@ -124,8 +124,8 @@ def _control(
 
     from riftberg.cli.progress import ProgressRecorder
     from riftberg.experiments import Numerics, Options, build
-    from riftberg.io.run_file import RunWriter, open_run
     from riftberg.parameters import Parameters
+    from riftberg.runs.run_file import RunWriter, open_run
 
     times = run["time"].values
     days = float((times[-1] - times[0]) / np.timedelta64(1, "s")) / 86400.0

@@ -21,10 +21,10 @@ import numpy as np
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.overlap import axis_difference, distance
 from riftberg.diagnostics.side_by_side import Event, aligned, differences
-from riftberg.diagnostics.track import Position, berg_position
 from riftberg.errors import InputError
 from riftberg.places import latitude, longitude
-from riftberg.viz.scene import Scene
+from riftberg.runs.scene import Scene
+from riftberg.runs.track import Position, berg_position
 
 SMALL: Final = 50.0
 """Pieces below this area (km2) are counted, not listed."""
@@ -135,7 +135,7 @@ def read_told(folder: Path, name: str, fixes: Sequence[Fix]) -> Told:
     InputError
         If the folder lacks ``summary.json``; the run file is checked when it is opened.
     """
-    from riftberg.io.run_file import open_run
+    from riftberg.runs.run_file import open_run
 
     path = folder / "summary.json"
     if not path.is_file():

@@ -37,9 +37,9 @@ from numpy.typing import NDArray
 
 from riftberg.diagnostics.breakup import Breakup, Budget, FirstBond, Load
 from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
+from riftberg.plane import Plane
+from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
-from riftberg.viz.plane import Plane
-from riftberg.viz.scene import Scene
 
 HOURS_BEFORE: Final = 48.0
 """Length of the histories before a break-up, h."""

@@ -29,7 +29,7 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     record : int
     p : KernelParameters
 

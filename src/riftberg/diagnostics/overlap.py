@@ -11,8 +11,8 @@ import numpy as np
 
 from riftberg.diagnostics.assignment import best_pairs
 from riftberg.errors import InputError
+from riftberg.plane import Plane
 from riftberg.state import Floats
-from riftberg.viz.plane import Plane
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

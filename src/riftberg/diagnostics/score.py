@@ -40,11 +40,11 @@ from riftberg.diagnostics.overlap import (
     shapely_module,
     without_twins,
 )
-from riftberg.diagnostics.track import Position, berg_position
 from riftberg.errors import InputError
+from riftberg.plane import Plane
+from riftberg.runs.scene import Scene
+from riftberg.runs.track import Position, berg_position
 from riftberg.state import Floats
-from riftberg.viz.plane import Plane
-from riftberg.viz.scene import Scene
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -181,7 +181,7 @@ def score_run(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`, on a sphere.
+        From `riftberg.runs.run_file.open_run`, on a sphere.
     observed : Observed
         From `riftberg.diagnostics.observed.read_observed`.
     hour : float, optional

@@ -34,9 +34,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from riftberg import __version__, constants
-from riftberg.diagnostics.track import Position, track_table
-from riftberg.io.provenance import forcing_text
-from riftberg.io.restart import fragment_rows
+from riftberg.runs.provenance import forcing_text
+from riftberg.runs.restart import fragment_rows
+from riftberg.runs.track import Position, track_table
 
 if TYPE_CHECKING:
     from riftberg.model import Model

@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
-from riftberg.viz.scene import SMALL, Scene
+from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
 """These two forces nearly balance on each part, and each alone says little: reasons weigh them together."""
@@ -47,7 +47,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     smallest : float, optional
         Fragments below this part of the whole area are counted, not explained.
     """

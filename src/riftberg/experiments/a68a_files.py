@@ -9,7 +9,7 @@ from typing import Final
 
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options
-from riftberg.ocean.download import is_pointer
+from riftberg.fetching.download import is_pointer
 
 DATA: Final = "RIFTBERG_DATA"
 """Environment variable that names the folder of the files."""
@@ -51,7 +51,7 @@ def data_folder(options: Options, names: Iterable[str], experiment: str, *, hour
     """
     folder, wanted = named_folder(options), list(names)
     if options.fetch and any(_fault(folder / name) for name in wanted):
-        from riftberg.ocean import fetch
+        from riftberg.fetching import fetch
 
         fetch.fetch_a68a(folder, hourly=fetch.HOURLY if hourly else ())
     remedy = _remedy(options, folder, experiment)

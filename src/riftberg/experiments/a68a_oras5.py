@@ -16,8 +16,8 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
 from riftberg.experiments import Info, Options
 from riftberg.experiments.a68a_files import BERG, GRID, data_folder
-from riftberg.io.kid.ncfile import opened
-from riftberg.io.kid.restart import read_restart
+from riftberg.kid.ncfile import opened
+from riftberg.kid.restart import read_restart
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID

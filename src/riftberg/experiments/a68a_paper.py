@@ -20,7 +20,7 @@ from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Info, Options
 from riftberg.experiments.a68a_files import BERG, GRID, REMEDY, data_folder
-from riftberg.io.kid.a68 import (
+from riftberg.kid.a68 import (
     UNKNOWN_DEPTH,
     VARIABLES,
     Assembler,
@@ -28,8 +28,8 @@ from riftberg.io.kid.a68 import (
     open_hours,
     read_grid,
 )
-from riftberg.io.kid.hours import HourlyFile
-from riftberg.io.kid.restart import read_restart
+from riftberg.kid.hours import HourlyFile
+from riftberg.kid.restart import read_restart
 from riftberg.model import DEFAULT_START, Model
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing

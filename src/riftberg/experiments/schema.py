@@ -160,7 +160,7 @@ class NamedFiles(Section):
 
     @model_validator(mode="after")
     def _known(self) -> NamedFiles:
-        from riftberg.ocean.products.registry import PRODUCTS
+        from riftberg.products.registry import PRODUCTS
 
         names = [product.name for product in PRODUCTS]
         if self.product is not None and self.product not in names:

@@ -407,7 +407,7 @@ def build_forcing(
 
         return Steady(given.current, given.wind, given.slope, given.sea_ice, given.depth)
     if isinstance(given, FileForcing):
-        from riftberg.experiments.files_forcing import Run, forcing_from_files
+        from riftberg.ocean.files_forcing import Run, forcing_from_files
 
         if options.grid is not None:
             given = given.model_copy(update={"spacing": options.grid})

@@ -14,12 +14,12 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.io.background import stored_water
+from riftberg.runs.background import stored_water
+from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats, Ints
 from riftberg.viz import style
 from riftberg.viz.panels import Panel, Water, day_text, fragment_colours
 from riftberg.viz.plots import fragment_name, heading, new_figure
-from riftberg.viz.scene import Box, Scene
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -53,7 +53,7 @@ def write_film(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     path : path
         Ends in ``.mp4`` or ``.gif``.
     hours : float, optional

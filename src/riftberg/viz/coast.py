@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.viz.scene import Box
+from riftberg.runs.scene import Box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

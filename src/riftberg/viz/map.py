@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.scene import Box, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ def draw_map(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     path : path
         Picture to write; the ending decides on the format.
     forcing : Forcing, optional

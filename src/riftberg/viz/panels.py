@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.errors import InputError
-from riftberg.io.background import StoredWater
 from riftberg.ocean.forcing import Forcing
+from riftberg.runs.background import StoredWater
+from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.scene import Box, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

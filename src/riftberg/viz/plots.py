@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.io.background import stored_water
+from riftberg.runs.background import stored_water
+from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.panels import (
@@ -25,7 +26,6 @@ from riftberg.viz.panels import (
     root_scale,
     stress_map,
 )
-from riftberg.viz.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def draw_dates(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     path : path
         Picture.
     dates : sequence of numpy.datetime64, optional
@@ -300,7 +300,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     path : path
         Picture.
     dpi : int, optional

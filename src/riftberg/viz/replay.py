@@ -1,7 +1,7 @@
 """A run as one web page that works without a network: play, scrub, zoom, and see why it broke.
 
 Everything the page needs is in the page: quantised arrays in base64, the script and the style of
-``replay_template.html``. Positions are projected here (`riftberg.viz.plane`), so that the page draws plain metres.
+``replay_template.html``. Positions are projected here (`riftberg.plane`), so that the page draws plain metres.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import xarray as xr
 
 from riftberg import __version__
 from riftberg.errors import InputError
-from riftberg.io.background import StoredWater, bilinear, stored_water
+from riftberg.plane import Plane
+from riftberg.runs.background import StoredWater, bilinear, stored_water
+from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.viz.packing import pack
-from riftberg.viz.plane import Plane
-from riftberg.viz.scene import Scene
 from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
 
 LARGEST: Final = 10e6
@@ -48,7 +48,7 @@ def write_replay(
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.io.run_file.open_run`.
+        From `riftberg.runs.run_file.open_run`.
     path : path
         The page.
     title : str, optional

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.diagnostics.score import Match, Score
+from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
 from riftberg.viz.plots import new_figure
-from riftberg.viz.scene import Box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,1 @@
+"""Getting data: downloads that go on where they stopped, services and their logins."""

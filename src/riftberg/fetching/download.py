@@ -1,0 +1,364 @@
+"""Downloading that survives cut connections: parts are kept and continued, checksums decide, errors say what to do."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from riftberg.errors import ForcingError
+from riftberg.fetching.parts import Part, Version, content_range, seconds
+
+if TYPE_CHECKING:
+    import pooch  # type: ignore[import-untyped, unused-ignore]
+    import requests
+
+BLOCK = 1 << 18
+Progress = Callable[[str, int, int], None]
+"""Called with name, bytes so far and bytes in all (0 = unknown)."""
+Tell = Callable[[str], None]
+"""Called with a word for the person who fetches."""
+_POINTER = b"version https://git-lfs.github.com/spec/v1"
+
+
+def missing_package(package: str, extra: str, what: str) -> ForcingError:
+    """Return the error that says which package is needed for what, and which extra of Riftberg brings it."""
+    return ForcingError(
+        f"{package} is not installed, which is needed {what}", remedy=f"pip install 'riftberg[{extra}]' brings it"
+    )
+
+
+def tell_terminal(text: str) -> None:
+    """Write a word to the person at the terminal, beside the results."""
+    print(text, file=sys.stderr, flush=True)
+
+
+class Resuming:
+    """Downloader for pooch that continues a part left by an earlier attempt.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called as ``progress(name, bytes_so_far, bytes_in_all)``; 0 in all = unknown.
+    attempts : int
+        How many attempts in a row may bring nothing.
+    timeout : float
+        Seconds without data after which a connection counts as cut.
+    large_files : callable, optional
+        Turns an address into that of its Git LFS object, for repositories that answer with a pointer.
+    pause : float
+        Seconds to wait after an attempt that brought nothing; grows with each.
+    """
+
+    def __init__(
+        self,
+        progress: Progress | None = None,
+        attempts: int = 5,
+        timeout: float = 60.0,
+        large_files: Callable[[str], str] | None = None,
+        pause: float = 1.0,
+    ) -> None:
+        self.progress, self.attempts, self.timeout = progress, attempts, timeout
+        self.large_files, self.pause = large_files, pause
+
+    def __call__(self, url: str, output_file: str | Path, pooch: pooch.Pooch | None = None) -> None:
+        """Fetch ``url`` into ``output_file`` (the signature that pooch asks for)."""
+        if find_spec("requests") is None or find_spec("tqdm") is None:
+            raise missing_package("requests or tqdm", "fetch", "to fetch files")
+        target = Path(output_file)
+        path = part_of(target.parent, url)
+        large = self.large_files(url) if self.large_files is not None else url
+        part = Part(path, large)
+        if part.version is None:  # else an earlier run has followed the pointer already
+            part = Part(path, url)
+        self.fetch(part)
+        if part.url != large and is_pointer(path):
+            part.drop()
+            part = Part(path, large)
+            self.fetch(part)
+        part.finish(target)
+
+    def fetch(self, part: Part) -> None:
+        """Fetch the whole of a part's file, continuing what is there if it is of the version that the server has."""
+        import requests
+
+        known = part.version
+        if known is None or not known.validator:
+            part.drop()  # nothing says to which version it belongs
+        vain = 0
+        reason: object = "the connection was cut"
+        while vain < self.attempts:
+            before = part.size
+            try:
+                if self._continue(part):
+                    return
+            except requests.RequestException as error:
+                reason = error
+            except OSError as error:
+                raise _disk_error(error, part.path) from error
+            # Attempts that brought something do not count: a slow line may be cut many times.
+            vain = 0 if part.size > before else vain + 1
+            time.sleep(self.pause * vain)
+        known = part.version
+        continued = part.size and known is not None and known.validator
+        kept = f": {part.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
+        raise ForcingError(
+            f"could not be fetched, {self.attempts} attempts in a row brought nothing ({reason})",
+            where=part.url,
+            remedy=f"Check the network and run again{kept}",
+        )
+
+    def changed(self, url: str, path: Path) -> str | None:
+        """Ask the server whether it has another version of a file than the one that is there.
+
+        Parameters
+        ----------
+        url : str
+            Address.
+        path : Path
+            The file that is there.
+
+        Returns
+        -------
+        str or None
+            How it has changed; empty = it has not; None = the server could not be asked, or does not tell.
+        """
+        import requests
+
+        asking = {"Accept-Encoding": "identity"}
+        try:
+            answer = requests.head(url, headers=asking, allow_redirects=True, timeout=min(self.timeout, 15.0))
+            answer.raise_for_status()
+        except requests.RequestException:
+            return None
+        have, size = path.stat(), _length(answer)
+        dated = seconds(answer.headers.get("Last-Modified", ""))
+        if size and size != have.st_size:
+            return f"{size:,} bytes there, {have.st_size:,} here"
+        if dated is not None and dated > have.st_mtime + 1.0:
+            return f"it was written anew there on {answer.headers['Last-Modified']}"
+        return "" if size or dated is not None else None
+
+    def _continue(self, part: Part) -> bool:
+        """Fetch the rest of a file; tell whether it is complete."""
+        import requests
+
+        known = part.version
+        if known is None or not (known.validator or known.total):
+            part.drop()  # nothing would tell whether what is to come belongs to what is there
+        have = part.size
+        headers = {"Accept-Encoding": "identity"}
+        if have and known is not None:
+            headers["Range"] = f"bytes={have}-"
+            if known.validator:
+                headers["If-Range"] = known.validator
+        with requests.get(part.url, headers=headers, stream=True, timeout=self.timeout) as answer:
+            code = answer.status_code
+            if known is not None and have and code in (206, 416):
+                first, total = content_range(answer.headers)
+                other = Version.told(part.url, answer.headers, total).contradicts(known)
+                if code == 416 and (total or known.total) == have and not other:
+                    return True  # nothing is left to fetch
+                if code == 416 or first != have or other:
+                    part.drop()
+                    return self._continue(part)
+            _check_status(answer, part.url)
+            start = have if code == 206 else 0
+            length = _length(answer)
+            total = start + length if length else 0
+            _check_space(part.path, length)
+            if start == 0:
+                part.begin(Version.told(part.url, answer.headers, total))
+            written = self._write(answer, part.path, start, total)
+        return total == 0 or written >= total
+
+    def _write(self, answer: requests.Response, path: Path, start: int, total: int) -> int:
+        """Write the answer behind the first ``start`` bytes of ``path``; return the size reached."""
+        written = start
+        with opened(path, start) as stream:
+            for block in answer.iter_content(BLOCK):
+                stream.write(block)
+                written += len(block)
+                if self.progress is not None:
+                    self.progress(path.name.removesuffix(".part"), written, total)
+        return written
+
+
+def opened(path: Path, start: int) -> BinaryIO:
+    """Open a part for writing behind its first ``start`` bytes."""
+    stream = path.open("r+b" if start else "wb")
+    stream.seek(start)
+    return stream
+
+
+def _length(answer: requests.Response) -> int:
+    """Return how many bytes are to come; 0 = not told, or told of a coded form of the file."""
+    if answer.headers.get("Content-Encoding", "identity") != "identity":
+        return 0
+    return int(answer.headers.get("Content-Length", 0))
+
+
+def part_of(folder: Path, url: str) -> Path:
+    """Return where the unfinished part of ``url`` is kept."""
+    return folder / f"{url.rsplit('/', 1)[-1].split('?')[0]}.part"
+
+
+def is_pointer(path: Path) -> bool:
+    """Tell whether a file is a Git LFS pointer instead of the data."""
+    with path.open("rb") as stream:
+        return stream.read(len(_POINTER)) == _POINTER
+
+
+def _check_status(answer: requests.Response, url: str) -> None:
+    code = answer.status_code
+    if code in (401, 403):
+        raise ForcingError(
+            f"the server wants a login (HTTP {code})", where=url, remedy="Give credentials for this service"
+        )
+    if code in (404, 410):
+        raise ForcingError(
+            f"the file is not there (HTTP {code})",
+            where=url,
+            remedy="Check the base address, or whether the source has moved",
+        )
+    answer.raise_for_status()
+
+
+def _check_space(part: Path, length: int) -> None:
+    """Refuse a download that cannot fit before it fills the disk."""
+    free = shutil.disk_usage(part.parent).free
+    if length > free:
+        raise OSError(errno.ENOSPC, f"{length / 1e6:.0f} MB are to come, {free / 1e6:.0f} MB are free")
+
+
+def _disk_error(error: OSError, part: Path) -> ForcingError:
+    """Return the error that tells what the disk said."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        what, remedy = (
+            "the disk is full",
+            "Free some space, or choose another folder; what was fetched is kept and continued",
+        )
+    elif error.errno in (errno.EACCES, errno.EROFS, errno.EPERM):
+        what, remedy = "the folder cannot be written", "Choose another folder"
+    else:
+        what, remedy = f"writing failed ({error})", "Check the disk"
+    return ForcingError(what, where=str(part.parent), remedy=remedy)
+
+
+class Bar:
+    """Progress of downloads on one line of a terminal; silent when the output is no terminal."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._name = ""
+
+    def __call__(self, name: str, done: int, total: int) -> None:
+        """Show that ``done`` of ``total`` bytes of ``name`` are there."""
+        from tqdm import tqdm  # type: ignore[import-untyped, unused-ignore]
+
+        if name != self._name:
+            self.close()
+            self._name = name
+            self._bar = tqdm(desc=name[-50:], total=total or None, unit="B", unit_scale=True, disable=None)
+        self._bar.total = total or None  # another one where a fetch had to start anew
+        self._bar.update(done - self._bar.n)
+
+    def close(self) -> None:
+        """End the line."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+
+@contextmanager
+def progressing(progress: Progress | bool) -> Iterator[Progress | None]:
+    """Give what shows progress: a bar (True), what was given, or nothing (False); the bar ends with the block."""
+    bar = Bar() if progress is True else None
+    try:
+        yield bar or (progress if callable(progress) else None)
+    finally:
+        if bar is not None:
+            bar.close()
+
+
+def made(folder: Path) -> Path:
+    """Return the folder, made if absent."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ForcingError(
+            f"the folder cannot be made ({error.strerror})", where=str(folder), remedy="Choose another"
+        ) from error
+    return folder
+
+
+def _renew(path: Path, url: str, downloader: Resuming, tell: Tell) -> None:
+    """Fetch a file again if it has changed at its source; the old one stays until the new one is complete."""
+    changed = downloader.changed(url, path)
+    if changed is None:
+        tell(f"{path.name}: its source cannot be asked whether it has changed; the file that is there is used")
+    elif changed:
+        tell(f"{path.name} has changed at its source ({changed}): it is fetched again")
+        downloader(url, path)
+
+
+def fetch_one(
+    name: str,
+    digest: str | None,
+    folder: Path,
+    base_url: str,
+    downloader: Resuming,
+    *,
+    renew: bool = False,
+    tell: Tell = tell_terminal,
+) -> Path:
+    """Fetch one file unless it is there and right.
+
+    Parameters
+    ----------
+    name : str
+        Address below ``base_url``.
+    digest : str or None
+        sha256; without it a file that is there is taken as right.
+    folder : Path
+        Where it goes, under the last part of its name.
+    base_url : str
+        Address of the folder that holds it.
+    downloader : Resuming
+        What fetches it.
+    renew : bool
+        Ask the server whether a file without sha256 has changed, and fetch it again then.
+    tell : callable
+        Called with a word when it has, or when the server cannot be asked.
+
+    Raises
+    ------
+    ForcingError
+        Also for a wrong checksum; then nothing is kept.
+    """
+    try:
+        import pooch  # type: ignore[import-untyped, unused-ignore]
+    except ImportError as error:
+        raise missing_package("pooch", "fetch", "to fetch files") from error
+    short = name.rsplit("/", 1)[-1]
+    if digest is None and (folder / short).exists():
+        if renew:
+            _renew(folder / short, base_url + name, downloader, tell)
+        return folder / short
+    store = pooch.create(folder, base_url, registry={short: digest}, urls={short: base_url + name})
+    pooch.get_logger().setLevel("WARNING")
+    try:
+        return Path(store.fetch(short, downloader=downloader))
+    except ValueError as error:
+        Part(part_of(folder, name), base_url + name).drop()
+        raise ForcingError(
+            f"its checksum is wrong: {error}",
+            where=base_url + name,
+            remedy="The file has changed at its source or on the way: run again; if it stays wrong, do not use it",
+        ) from error

@@ -1,0 +1,280 @@
+"""Fetching of original products from the services that hold them, over a box and some days.
+
+The services' own clients are used where they are installed and logged in: earthaccess for OSCAR, copernicusmarine for
+GLORYS12 and DUACS, cdsapi for ERA5. NCEP/NCAR R1 and GEBCO need neither (`riftberg.fetching.direct`).
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import netCDF4
+import numpy as np
+
+from riftberg.errors import ForcingError
+from riftberg.fetching import logins
+from riftberg.fetching.direct import GEBCO_URL, NCEP_URL, fetch_gebco, fetch_ncep
+from riftberg.fetching.download import Progress, Tell, made, missing_package, tell_terminal
+from riftberg.products.window import utc
+
+Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
+Span = tuple[float, float]
+
+FIELDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "oscar": {"currents": ("u", "v")},
+    "glorys": {"currents": ("uo", "vo"), "ssh": ("zos",), "ice": ("siconc", "sithick", "usi", "vsi")},
+    "duacs": {"ssh": ("adt",), "currents": ("ugos", "vgos")},
+    "era5": {
+        "wind": ("10m_u_component_of_wind", "10m_v_component_of_wind"),
+        "waves": (
+            "significant_height_of_combined_wind_waves_and_swell", "mean_wave_period", "mean_wave_direction",
+        ),
+        "ice": ("sea_ice_cover",),
+    },
+    "ncep-r1": {"wind": ("uwnd", "vwnd")},
+    "gebco": {"depth": ("elevation",)},
+}  # fmt: skip
+"""Fields that each service gives here, and the service's names of their variables."""
+
+DEFAULT_FIELDS = {"glorys": ("currents", "ssh"), "duacs": ("ssh",), "era5": ("wind",)}
+"""Fields that are fetched if none are named, where a service gives several: those that every run needs."""
+
+EXTRAS = {"earthaccess": "oscar", "copernicusmarine": "copernicus", "cdsapi": "era5"}
+"""Optional extra of Riftberg that brings the client of a service."""
+
+_DATASETS = {
+    "glorys": "cmems_mod_glo_phy_my_0.083deg_P1D-m",
+    "duacs": "cmems_obs-sl_glo_phy-ssh_my_allsat-l4-duacs-0.125deg_P1D",
+}
+
+
+class Wanted(NamedTuple):
+    """What is asked of a service."""
+
+    name: str
+    folder: Path
+    lon: Span
+    lat: Span
+    first: np.datetime64
+    last: np.datetime64
+    fields: tuple[str, ...]
+    depth: float
+
+    @property
+    def days(self) -> tuple[str, str]:
+        """First and last day, as text."""
+        return str(self.first)[:10], str(self.last)[:10]
+
+    def file(self, *fields: str) -> Path:
+        """Return the file for some fields; its name holds all that was asked for, so that it can be known again."""
+        levels = (f"{self.depth:g}m",) if self.name == "glorys" else ()
+        box = (f"{end:g}" for end in (*self.lon, *self.lat))
+        return self.folder / f"{'_'.join((self.name, *fields, *levels, *box, *self.days))}.nc"
+
+
+def fetch_product(
+    name: Service,
+    folder: str | Path,
+    lon: Span,
+    lat: Span,
+    time: tuple[Any, Any] | None = None,
+    *,
+    fields: Sequence[str] = (),
+    depth: float = 250.0,
+    progress: Progress | bool = True,
+    tell: Tell = tell_terminal,
+    ncep_url: str = NCEP_URL,
+    gebco_url: str = GEBCO_URL,
+) -> list[Path]:
+    """Fetch an original product from the service that holds it.
+
+    Parameters
+    ----------
+    name : {"oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"}
+        OSCAR v2 final (Earthdata login, whole globe), GLORYS12 and DUACS (Copernicus Marine login), ERA5 (Climate Data
+        Store key), NCEP/NCAR R1 10 m wind (no login, whole years), GEBCO_2020 sea floor (no login).
+    folder : str or Path
+        Where the files go.
+    lon, lat : tuple of float
+        Box (degrees, -180..180).
+    time : tuple, optional
+        First and last day (UTC); only the sea floor needs none.
+    fields : sequence of str
+        Fields of `FIELDS`; none = `DEFAULT_FIELDS`, or all where these name none.
+    depth : float
+        Deepest level wanted (m), where the product has levels.
+    progress : bool or callable
+        As in `fetch_a68a`, for services without a client of their own.
+    tell : callable
+        Called with a word on sizes and on files that have changed at their source.
+    ncep_url, gebco_url : str
+        Address of the NCEP files, and of the ERDDAP that has GEBCO.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    ForcingError
+        If the client of the service is not installed, not logged in, or refused; the message says what to do.
+    """
+    if name not in FIELDS:
+        raise ForcingError(
+            f"there is no service for {name!r}", where="fetch", remedy=f"Choose one of: {', '.join(FIELDS)}"
+        )
+    chosen = _fields(name, fields)
+    folder = made(Path(folder))
+    if name == "gebco":
+        return fetch_gebco(folder, lon, lat, progress=progress, tell=tell, base_url=gebco_url)
+    if time is None:
+        raise ForcingError("days are needed", where=f"fetch {name}", remedy="Give the first and the last")
+    wanted = Wanted(name, folder, lon, lat, utc(time[0]), utc(time[1]), chosen, depth)
+    if name == "ncep-r1":
+        years = range(int(wanted.days[0][:4]), int(wanted.days[1][:4]) + 1)
+        return fetch_ncep(folder, years, progress=progress, tell=tell, base_url=ncep_url)
+    clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
+    return clients.get(name, _fetch_copernicus)(wanted)
+
+
+def _fields(name: str, asked: Sequence[str]) -> tuple[str, ...]:
+    """Return the fields to fetch, in the order of `FIELDS`."""
+    known = FIELDS[name]
+    unknown = [field for field in asked if field not in known]
+    if unknown:
+        raise ForcingError(
+            f"{name} has no field {unknown[0]!r} here", where="fetch", remedy=f"Choose from: {', '.join(known)}"
+        )
+    chosen = asked or DEFAULT_FIELDS.get(name, tuple(known))
+    return tuple(field for field in known if field in chosen)
+
+
+def _client(package: str, what: str) -> Any:
+    """Return the client of a service, or say that it is not installed."""
+    if find_spec(package) is None:
+        raise missing_package(package, EXTRAS[package], what)
+    return import_module(package)
+
+
+@contextmanager
+def _asking(service: str, remedy: str) -> Iterator[None]:
+    """Turn whatever a client raises into an error that names the service; each client has errors of its own."""
+    try:
+        yield
+    except ForcingError:
+        raise
+    except Exception as error:
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise ForcingError(f"{service} did not give the data ({told})", where="fetch", remedy=remedy) from error
+
+
+def _fetch_oscar(wanted: Wanted) -> list[Path]:
+    client = _client("earthaccess", "to fetch OSCAR from NASA PO.DAAC")
+    strategy = logins.earthdata()
+    refused = ForcingError(
+        "NASA Earthdata refused the login",
+        where="fetch",
+        remedy=f"Check user name and password at https://{logins.EARTHDATA_HOST}; tokens expire after some weeks",
+    )
+    try:  # by the one way that has a login: "all" would end in questions at the terminal
+        login = client.login(strategy=strategy, persist=False)
+    except Exception as error:
+        raise refused from error
+    if not getattr(login, "authenticated", False):
+        raise refused
+    with _asking("NASA PO.DAAC", "Run again: files that are there are not fetched twice"):
+        found = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=wanted.days)
+        if not found:
+            raise ForcingError(
+                f"no OSCAR file for {'..'.join(wanted.days)}",
+                where="fetch",
+                remedy="Check the dates (from 1993; the final version appears more than a year later)",
+            )
+        return sorted(Path(path) for path in client.download(found, local_path=str(wanted.folder)))
+
+
+def _fetch_copernicus(wanted: Wanted) -> list[Path]:
+    client = _client("copernicusmarine", "to fetch from the Copernicus Marine Service")
+    logins.copernicus()
+    target = wanted.file(*wanted.fields)
+    if _whole(target):
+        return [target]
+    known = FIELDS[wanted.name]
+    levels = {"minimum_depth": 0.0, "maximum_depth": wanted.depth} if wanted.name == "glorys" else {}
+    with _asking("Copernicus Marine", "Check the dates and the network, or log in anew: copernicusmarine login"):
+        answer = client.subset(
+            dataset_id=_DATASETS[wanted.name],
+            variables=[variable for field in wanted.fields for variable in known[field]],
+            minimum_longitude=wanted.lon[0],
+            maximum_longitude=wanted.lon[1],
+            minimum_latitude=wanted.lat[0],
+            maximum_latitude=wanted.lat[1],
+            start_datetime=str(wanted.first)[:19],
+            end_datetime=str(wanted.last)[:19],
+            coordinates_selection_method="outside",  # else the box, the days and the depth would not be covered
+            output_filename=target.name,
+            output_directory=str(wanted.folder),
+            overwrite=True,  # what is there is not whole; else the client would number the new file
+            **levels,
+        )
+        written = Path(getattr(answer, "file_path", target))
+        if not _whole(written):  # it does not raise where a question at the terminal is given up
+            raise ForcingError("Copernicus Marine gave no file", where="fetch", remedy="Run again")
+    return [written]
+
+
+def _fetch_era5(wanted: Wanted) -> list[Path]:
+    """Fetch each field by a request of its own: waves have another grid, and mixed requests come as archives."""
+    client = _client("cdsapi", "to fetch ERA5 from the Climate Data Store")
+    logins.climate_data_store()
+    fetched: list[Path] = []
+    for field in wanted.fields:
+        target = wanted.file(field)
+        if _whole(target):
+            fetched.append(target)
+            continue
+        request = {
+            "product_type": ["reanalysis"],
+            "variable": list(FIELDS["era5"][field]),
+            "date": "/".join(wanted.days),
+            "time": [f"{hour:02d}:00" for hour in range(24)],
+            "area": [wanted.lat[1], wanted.lon[0], wanted.lat[0], wanted.lon[1]],
+            "data_format": "netcdf",
+            "download_format": "unarchived",
+        }
+        answer = target.with_suffix(".answer")
+        with _asking(
+            "The Climate Data Store",
+            "Check the key in ~/.cdsapirc, and accept the licence on the page of 'ERA5 hourly data on single levels'",
+        ):
+            client.Client().retrieve("reanalysis-era5-single-levels", request, str(answer))
+        fetched += _unpacked(answer, target)
+    return fetched
+
+
+def _unpacked(answer: Path, target: Path) -> list[Path]:
+    """Put an answer in its place; of an archive, each file that is in it."""
+    if not zipfile.is_zipfile(answer):
+        return [answer.replace(target)]
+    with zipfile.ZipFile(answer) as archive:
+        names = [name for name in archive.namelist() if name.endswith(".nc")]
+        targets = [target] if len(names) == 1 else [target.with_suffix(f".{number}.nc") for number in range(len(names))]
+        for name, path in zip(names, targets, strict=True):
+            path.write_bytes(archive.read(name))
+    answer.unlink()
+    return targets
+
+
+def _whole(path: Path) -> bool:
+    """Tell whether a file is there and can be opened."""
+    try:
+        with netCDF4.Dataset(path):
+            return True
+    except (OSError, RuntimeError):
+        return False

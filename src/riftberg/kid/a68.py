@@ -1,0 +1,197 @@
+"""Grid and forcing files of the driver's A68 test (dynamics, section 10.5; files, section 8.7).
+
+The files hold hourly records; one record means forcing that is constant in time. Packed integers are unpacked in
+double precision. Step n, counted from 1, uses hour (n - 1) / 2 after the start index; at half hours currents and wind
+are the mean of two records and the sea level is that of the earlier one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from riftberg.errors import ForcingError
+from riftberg.kid.hours import HourlyFile
+from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.ncfile import opened, unpacked
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.loading import celsius, wind_from_stress
+from riftberg.state import Floats
+
+GRID_FILE: Final = "a68_experiment_ll_p125_grid.nc"
+WIND_FILE: Final = "a68_experiment_wind_vel_ncep_10m_dec2020_HOURLY_ll_p125.nc"
+OCEAN_FILE: Final = "a68_experiment_ocean_surf_vel_oscar_dec2020_HOURLY_ll_p125.nc"
+SEA_LEVEL_FILE: Final = "a68_experiment_ssh_duacs_dec2020_HOURLY_ll_p125.nc"
+
+HALF_HOUR: Final = 1800.0
+"""The long step for which the rule of half hours is made, s."""
+
+UNKNOWN_DEPTH: Final = 1000.0
+"""Depth where the driver sets none, m."""
+
+VARIABLES: Final = {WIND_FILE: ("ua", "va"), OCEAN_FILE: ("uo", "vo"), SEA_LEVEL_FILE: ("SSH",)}
+"""Files of the hourly fields and what is read of them."""
+
+
+def data_folder(driver: NamelistGroup, case: Path) -> Path:
+    """Return the folder of the data; ``data_dir`` counts from the run folder."""
+    return Path(case) / driver.text("data_dir")
+
+
+def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
+    """Return the grid of the data file: corners at its longitudes + 360 and its latitudes.
+
+    Parameters
+    ----------
+    driver : NamelistGroup
+        Its ``REarth`` gives the metrics.
+    case : pathlib.Path
+        Run folder.
+    period : float
+        Zonal period, degrees; the domain itself is not cyclic.
+    """
+    return read_grid(data_folder(driver, case) / GRID_FILE, radius=driver.number("REarth"), period=period)
+
+
+def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
+    """Return the grid of a file with ``longitude`` and ``latitude``, as the driver makes it.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Grid file.
+    radius : float
+        Radius of the sphere for the metrics, m.
+    period : float
+        Zonal period, degrees.
+    """
+    with opened(path) as dataset:
+        lon, lat = unpacked(dataset, path, "longitude"), unpacked(dataset, path, "latitude")
+    if lon.ndim != 2 or lon.shape != lat.shape:
+        raise ForcingError(
+            f"longitude {lon.shape} and latitude {lat.shape} are no grid",
+            where=str(path),
+            remedy="Give (lat, lon) arrays",
+        )
+    return Grid.from_corners(
+        lon + 360.0, lat, latlon=True, regular=False, period=period, radius_for_metrics=radius, cyclic=False
+    )
+
+
+def open_hours(folder: Path, grid: Grid) -> list[HourlyFile]:
+    """Return the files of wind, currents and sea level, with their headers checked."""
+    return [HourlyFile(folder / file, names, grid) for file, names in VARIABLES.items()]
+
+
+def hourly_records(
+    files: Sequence[HourlyFile], assemble: Assembler, start: int
+) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
+    """Return forcing as `riftberg.ocean.gridded.GriddedForcing` takes it; arguments as `open_hours` gives them.
+
+    Parameters
+    ----------
+    files : sequence of HourlyFile
+        Wind, currents and sea level.
+    assemble : Assembler
+        Makes states of the records of an hour.
+    start : int
+        Record of the start of the run, from 1.
+
+    Returns
+    -------
+    records : Fields or callable
+        The one state of constant forcing, or a function of the number of hours since the start.
+    times : ndarray or None
+        Times of the hours since the start of the run, s; None for constant forcing.
+    """
+
+    def load(k: int) -> Fields:
+        hour: dict[str, Floats] = {}
+        for file in files:
+            hour.update(file.record(start - 1 + k))
+        return assemble(hour)
+
+    varying = [file.count for file in files if file.count > 1]
+    if not varying:
+        return load(0), None
+    return load, np.arange(min(varying) - start + 1) * np.float64(3600.0)
+
+
+def a68_records(
+    driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid, case: Path, dt: float, steps: int
+) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
+    """Return the forcing of the A68 test as `hourly_records` does.
+
+    Raises
+    ------
+    ForcingError
+        If a file is missing, has the wrong size, or ends before the run does.
+    """
+    start = driver.whole("transient_a68_data_start_ind")
+    if start < 1:
+        raise driver.error(f"transient_a68_data_start_ind = {start} with a68_test", "Give the first record, from 1")
+    _check_depth(icebergs)
+    files = open_hours(data_folder(driver, case), grid)
+    varying = [file for file in files if file.count > 1]
+    if varying and dt != HALF_HOUR:
+        remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"
+        raise driver.error(f"ibdt = {dt} with hourly A68 data", remedy)
+    last = start + steps // 2
+    for file in varying:
+        if last > file.count:
+            raise ForcingError(
+                f"{file.count} hourly records, but {steps} steps from record {start} need {last}",
+                where=f"{file.path}, variable {file.names[0]}",
+                remedy="Shorten the run (ibhrs, nmax) or start earlier (transient_a68_data_start_ind)",
+            )
+    still = grid.fields(
+        ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
+    )
+    still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
+    return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity")), start)
+
+
+def _check_depth(icebergs: NamelistGroup) -> None:
+    if icebergs.number("cdrag_grounding") > 0 and not (icebergs.flag("A68_test") and icebergs.flag("mts")):
+        raise icebergs.error(
+            "cdrag_grounding > 0, but the driver's A68 test knows no depth",
+            "Set A68_test = .true. with mts = .true. for the grounding zone, or cdrag_grounding = 0",
+        )
+
+
+class Assembler:
+    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared.
+
+    Parameters
+    ----------
+    grid : Grid
+        Grid of the records.
+    still : Fields
+        State that holds what the records do not.
+    is_velocity : bool
+        ``ua`` and ``va`` are wind, not its stress.
+    """
+
+    def __init__(self, grid: Grid, still: Fields, is_velocity: bool = True) -> None:
+        self._grid, self._still, self._is_velocity = grid, still, is_velocity
+
+    def __call__(self, hour: dict[str, Floats]) -> Fields:
+        """Return the state of one hour from its records by name."""
+        ua, va = self._wind(hour["ua"], hour["va"])
+        extended = self._grid.extended
+        return self._still._replace(
+            uo=extended(np.nan_to_num(hour["uo"])),
+            vo=extended(np.nan_to_num(hour["vo"])),
+            ua=extended(ua, "zero"),
+            va=extended(va, "zero"),
+            ssh=extended(hour["SSH"], "zero"),
+        )
+
+    def _wind(self, tau_x: Floats, tau_y: Floats) -> tuple[Floats, Floats]:
+        # The reference sets gaps in wind and currents to 0 as well (section 3.1, rule 5).
+        tau_x, tau_y = np.nan_to_num(tau_x), np.nan_to_num(tau_y)
+        return (tau_x, tau_y) if self._is_velocity else wind_from_stress(tau_x, tau_y)

@@ -1,0 +1,229 @@
+"""KID's stand-alone driver: grid, forcing, length and calendar of its runs.
+
+Source: specification of the dynamics, sections 3.1 and 10.1 to 10.5; of the files, sections 7.2 and 8.9.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from riftberg.kid.a68 import a68_grid, a68_records
+from riftberg.kid.calendar import LATE_START, Date, date_after
+from riftberg.kid.namelist import KidNamelist, NamelistGroup
+from riftberg.kid.parameters import time_step, zonal_period
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.gridded import DepthRule, GriddedForcing
+from riftberg.ocean.loading import celsius, wind_from_stress
+from riftberg.state import Elements, Floats
+
+OCEAN_DEPTH: Final = 1000.0
+"""Depth of the driver's ocean, m."""
+
+SEAMOUNT: Final = {"x": 63e3, "y": 60e3, "width": 5e3, "spacing": 5e3, "half_cell": 2500.0, "offset": -0.45}
+"""Seamount of the grounding test: place, width, spacing of its grid and shift of the corners, m (10.4)."""
+
+SEAMOUNT_LAND: Final = (-5000.0, 220_000.0)
+"""Cells of the grounding test are land where the corner's y is at most the first or at least the second, m."""
+
+COLLISION_CENTRE: Final = 10_000.0
+"""Line towards which the currents of the collision test converge, m (10.2)."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Length of the run and its calendar.
+
+    Attributes
+    ----------
+    dt : float
+        Long step, s.
+    steps : int
+        Number of long steps.
+    offset : float
+        Start of the run after 0001-01-01 00:00, s.
+    """
+
+    dt: float
+    steps: int
+    offset: float
+
+    def date(self, time: float) -> Date:
+        """Return the date at a time (s) after the start of the run."""
+        return date_after(self.offset + time)
+
+
+def build_clock(namelist: KidNamelist) -> Clock:
+    """Return length and calendar: steps until ``nmax`` are done or ``ibhrs`` hours are reached."""
+    driver = namelist.driver
+    dt = time_step(namelist)
+    steps = min(driver.whole("nmax"), math.ceil(driver.whole("ibhrs") * 3600.0 / dt))
+    if steps < 1:
+        raise driver.error(
+            f"ibhrs = {driver.whole('ibhrs')} and nmax = {driver.whole('nmax')} give no step", "Give positive numbers"
+        )
+    index = driver.whole("transient_a68_data_start_ind") if driver.flag("a68_test") else 0
+    return Clock(dt, steps, float(LATE_START.get(index, 0)))
+
+
+def build_grid(namelist: KidNamelist, case: Path) -> Grid:
+    """Return the driver's grid.
+
+    Parameters
+    ----------
+    namelist : KidNamelist
+        Both groups.
+    case : pathlib.Path
+        Run folder, from which ``data_dir`` counts.
+    """
+    driver, icebergs = namelist.driver, namelist.icebergs
+    a68 = driver.flag("a68_test")
+    if a68 != icebergs.flag("grid_is_latlon"):
+        kind = "degrees" if a68 else "metres"
+        raise icebergs.error(
+            f"grid_is_latlon = {icebergs.flag('grid_is_latlon')}, but the driver's grid is in {kind}",
+            f"Set grid_is_latlon = {'.true.' if a68 else '.false.'}",
+        )
+    if a68:
+        return a68_grid(driver, case, zonal_period(icebergs))
+    return _cartesian(driver, icebergs)
+
+
+def _cartesian(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
+    ni, nj, spacing = driver.whole("ni"), driver.whole("nj"), driver.number("gridres")
+    if ni < 2 or nj < 2 or spacing <= 0:
+        raise driver.error(f"ni = {ni}, nj = {nj}, gridres = {spacing} make no grid", "Give at least 2 x 2 cells")
+    period = zonal_period(icebergs)
+    if period > 0 and not math.isclose(period, ni * spacing, rel_tol=1e-12):
+        raise icebergs.error(
+            f"Lx = {period} m, but the driver's grid spans ni x gridres = {ni * spacing} m",
+            "Make them equal, or set Lx = -1 for closed ends",
+        )
+    seamount = driver.flag("big_grounding_test")
+    if seamount and spacing != SEAMOUNT["spacing"]:
+        raise driver.error(f"big_grounding_test with gridres = {spacing}", "The seamount is made for gridres = 5000")
+    offset = _offset(driver)
+    mask = np.ones((nj + 2, ni + 2))
+    if seamount:
+        _, y = _ring_corners(ni, nj, spacing, offset)
+        mask[(y <= SEAMOUNT_LAND[0]) | (y >= SEAMOUNT_LAND[1])] = 0.0
+    grid = Grid.cartesian(ni, nj, spacing, period=max(period, 0.0), offset=offset, mask=mask)
+    grid.arrays = grid.arrays._replace(regular=icebergs.flag("grid_is_regular"))
+    return grid
+
+
+def _offset(driver: NamelistGroup) -> float:
+    return SEAMOUNT["offset"] if driver.flag("big_grounding_test") else 0.0
+
+
+def _ring_corners(ni: int, nj: int, spacing: float, offset: float) -> tuple[Floats, Floats]:
+    """Return north-east corners of the domain and one ring around it."""
+    x, y = np.meshgrid(spacing * np.arange(ni + 2) + offset, spacing * np.arange(nj + 2) + offset)
+    return x, y
+
+
+def build_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) -> GriddedForcing:
+    """Return the driver's forcing.
+
+    ``sample`` at the start time of a step gives the fields that the driver hands over in that step.
+
+    Parameters
+    ----------
+    namelist : KidNamelist
+        Both groups.
+    grid : Grid
+        The driver's grid.
+    case : pathlib.Path
+        Run folder.
+    clock : Clock
+        Length of the run.
+    """
+    driver, icebergs = namelist.driver, namelist.icebergs
+    options = _options(icebergs)
+    if driver.flag("a68_test"):
+        records, times = a68_records(driver, icebergs, grid, case, clock.dt, clock.steps)
+        source = f"the A68 data of {driver.text('data_dir')}"
+        return GriddedForcing(grid, records, times, stepwise=("ssh",), source=source, **options)
+    return GriddedForcing(grid, uniform_fields(driver, icebergs, grid), source="KID's stand-alone driver", **options)
+
+
+def _options(icebergs: NamelistGroup) -> dict[str, Any]:
+    """Return how the fields reach the elements (section 3.2)."""
+    rule: DepthRule = "biquadratic" if icebergs.flag("mts") else "cell"
+    zone = None
+    if icebergs.flag("mts") and icebergs.flag("A68_test"):
+        rule, zone = "zone", (icebergs.number("A68_xdisp") + 360.0, icebergs.number("A68_ydisp"))
+    return {
+        "depth_rule": rule,
+        "zone": zone,
+        "sea_level_gaps": rule == "zone",
+        "coastal_drift": icebergs.number("coastal_drift"),
+        "tidal_drift": icebergs.number("tidal_drift"),
+        "mirrored": icebergs.flag("old_bug_bilin"),
+        "even_parity": icebergs.flag("rev_mind"),
+    }
+
+
+def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:
+    """Return the constant fields of the Cartesian cases."""
+    g = grid.arrays
+    x, y = _ring_corners(g.ni, g.nj, driver.number("gridres"), _offset(driver))
+    vo = _meridional_current(driver, x, y)
+    tau = np.array([[driver.number("ibua")]]), np.array([[driver.number("ibuy")]])
+    ua, va = tau if icebergs.flag("tau_is_velocity") else wind_from_stress(*tau)
+    fields = grid.fields(
+        uo=driver.number("ibuo"),
+        vo=vo,
+        ui=driver.number("ibui"),
+        vi=driver.number("ibvi"),
+        ua=float(ua[0, 0]),
+        va=float(va[0, 0]),
+        sst=driver.number("sst"),
+        depth=_depth(driver, x, y),
+    )
+    return fields._replace(sst=celsius(fields.sst, g.mask))
+
+
+def _meridional_current(driver: NamelistGroup, x: Floats, y: Floats) -> Floats:
+    vo = np.full_like(x, driver.number("ibvo"))
+    if driver.flag("collision_test"):
+        vo *= np.sign(COLLISION_CENTRE - y)
+        vo[(x > COLLISION_CENTRE) | (x <= 0.0)] = 0.0
+    if driver.flag("fl_test"):
+        vo[x > COLLISION_CENTRE] *= -1.0
+    return vo
+
+
+def _depth(driver: NamelistGroup, x: Floats, y: Floats) -> Floats:
+    if not driver.flag("big_grounding_test"):
+        return np.full_like(x, OCEAN_DEPTH)
+    dx = x - SEAMOUNT["half_cell"] - SEAMOUNT["x"]
+    dy = y - SEAMOUNT["half_cell"] - SEAMOUNT["y"]
+    height = OCEAN_DEPTH - driver.number("bump_depth")
+    depth: Floats = OCEAN_DEPTH - height * np.exp(-(dx * dx + dy * dy) / (2.0 * SEAMOUNT["width"] ** 2))
+    return depth
+
+
+def apply_beam_test(elements: Elements, kind: int) -> None:
+    """Put the loads and supports of the beam tests on the elements (section 10.3).
+
+    They are found by exact equality of their x with the ends or the middle of the beam.
+
+    Parameters
+    ----------
+    elements : Elements
+        ``load_y`` and ``free_y`` are changed.
+    kind : int
+        1 simply supported, 2 cantilever; others change nothing.
+    """
+    west, east = elements.lon.min(), elements.lon.max()
+    if kind == 1:
+        elements.free_y[(elements.lon == west) | (elements.lon == east)] = 0.0
+        elements.load_y[elements.lon == 0.5 * (west + east)] = -1.5e5
+    elif kind == 2:
+        elements.load_y[elements.lon == east] = -1.5e10 / 3.0

@@ -1,0 +1,261 @@
+"""Reading of KID's ``input.nml``, with the leniencies of Intel's compiler.
+
+Only the groups ``icebergs_nml`` and ``icebergs_driver_nml`` matter; others (of FMS) are named in the report and not
+read. Accepted beyond the standard: texts without quotes (``traj_name=KID.nc``), whole numbers written as reals
+(``mts_sub_steps=1e5``), any of ``T``, ``.true.``, ``true`` for logicals (specification of files, section 7.1).
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import f90nml
+
+from riftberg.errors import NamelistError
+from riftberg.kid.entries import GROUPS, convert, find_entry, refused
+from riftberg.kid.entry_table import REFUSED, REPORTED, TEXT, Entry, Value
+
+_FOLDERS: Final = ("restart_input_dir", "data_dir")
+
+
+@dataclass(frozen=True)
+class NamelistGroup:
+    """Values of one group, defaults where the file is silent.
+
+    Attributes
+    ----------
+    name : str
+        Name of the group.
+    values : dict
+        Value of every entry, by KID's spelling of the name.
+    given : frozenset of str
+        Entries that the file sets.
+    where : str
+        File and group, for messages.
+    """
+
+    name: str
+    values: dict[str, Value]
+    given: frozenset[str]
+    where: str
+
+    def _get(self, name: str, *types: type) -> Any:
+        value = self.values[name]
+        if not isinstance(value, types):
+            raise TypeError(f"{name} is {type(value).__name__}")
+        return value
+
+    def flag(self, name: str) -> bool:
+        """Return a logical entry."""
+        return bool(self._get(name, bool))
+
+    def whole(self, name: str) -> int:
+        """Return an integer entry."""
+        return int(self._get(name, int))
+
+    def number(self, name: str) -> float:
+        """Return a real entry."""
+        return float(self._get(name, float))
+
+    def numbers(self, name: str) -> tuple[float, ...]:
+        """Return an entry of ten reals."""
+        return tuple(self._get(name, tuple))
+
+    def text(self, name: str) -> str:
+        """Return a text entry."""
+        return str(self._get(name, str))
+
+    def error(self, what: str, remedy: str = "") -> NamelistError:
+        """Return an error that names the file and the group."""
+        return NamelistError(what, where=self.where, remedy=remedy)
+
+
+@dataclass(frozen=True)
+class KidNamelist:
+    """The two groups of a KID namelist file that matter.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        The file.
+    icebergs, driver : NamelistGroup
+        Groups ``icebergs_nml`` and ``icebergs_driver_nml``.
+    ignored_groups : tuple of str
+        Other groups in the file.
+    """
+
+    path: Path
+    icebergs: NamelistGroup
+    driver: NamelistGroup
+    ignored_groups: tuple[str, ...]
+
+    def report(self) -> list[str]:
+        """Return one line for each entry of the file, each refused or noteworthy default, and each ignored group."""
+        lines = [line for group in (self.driver, self.icebergs) for line in _group_report(group)]
+        return lines + [f"&{name}: ignored, it is not about icebergs" for name in self.ignored_groups]
+
+
+def _group_report(group: NamelistGroup) -> Iterator[str]:
+    for entry in GROUPS[group.name]:
+        if entry.name in group.given or entry.name == "add_weight_to_ocean":
+            yield _entry_report(group, entry)
+
+
+def _entry_report(group: NamelistGroup, entry: Entry) -> str:
+    value = group.values[entry.name]
+    state = {REPORTED: "no effect here", REFUSED: "accepted" if value == entry.accepted else "refused"}
+    origin = "" if entry.name in group.given else " (default)"
+    note = "" if entry.treatment == REFUSED and value == entry.accepted else entry.note
+    head = f"{entry.name} = {value!r}{origin}: {state.get(entry.treatment, 'honoured')}"
+    return f"{head}: {note}" if note else head
+
+
+def read_namelist(path: Path) -> KidNamelist:
+    """Read a KID namelist file.
+
+    Raises
+    ------
+    NamelistError
+        If the file or one of the two groups is missing, or an entry is unknown or has a value of the wrong type.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="latin-1")
+    except OSError as error:
+        what = f"cannot be read ({error.strerror})"
+        raise NamelistError(what, where=str(path), remedy="A KID run folder holds input.nml") from error
+    groups = split_groups(text, path)
+    names = [name for name, _ in groups]
+    return KidNamelist(
+        path=path,
+        icebergs=_read_group("icebergs_nml", groups, path),
+        driver=_read_group("icebergs_driver_nml", groups, path),
+        ignored_groups=tuple(name for name in names if name not in GROUPS),
+    )
+
+
+def check_supported(namelist: KidNamelist) -> None:
+    """Raise `NamelistError` if an active entry asks for something that Riftberg does not do, naming all of them.
+
+    Melt counts as off with ``set_melt_rates_to_zero``, and also when bergs keep their size
+    (``Iceberg_melt_without_decay``) while nothing of the melt returns as calving (``passive_mode``).
+    """
+    group = namelist.icebergs
+    found = refused(GROUPS[group.name], group.values)
+    if group.flag("Iceberg_melt_without_decay") and group.flag("passive_mode"):
+        found = [pair for pair in found if pair[0].name != "set_melt_rates_to_zero"]
+    if found:
+        what = "; ".join(f"{e.name} = {_fortran(value)}: {e.note}" for e, value in found)
+        remedy = "; ".join(f"{e.name}: {e.remedy}" for e, _ in found)
+        raise group.error(what, f"Remedy: {remedy}")
+
+
+def _fortran(value: Value) -> str:
+    return (".true." if value else ".false.") if isinstance(value, bool) else str(value)
+
+
+def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> NamelistGroup:
+    bodies = [body for group, body in groups if group == name]
+    where = f"{path}, &{name}"
+    if not bodies:
+        others = ", ".join(f"&{group}" for group, _ in groups) or "no group at all"
+        raise NamelistError(
+            f"group &{name} is missing (the file has {others})",
+            where=str(path),
+            remedy=f"A run of the stand-alone driver needs &{name} ... /",
+        )
+    raw = _parse(name, bodies[0], where)
+    starts = raw.pop("_start_index", {})
+    values: dict[str, Value] = {entry.name: entry.default for entry in GROUPS[name]}
+    given = set()
+    for key, value in raw.items():
+        entry = find_entry(name, key, where)
+        first = starts.get(key.lower(), [1])[0]
+        values[entry.name] = convert(entry, value, where, 1 if first is None else int(first))
+        given.add(entry.name)
+    return NamelistGroup(name, values, frozenset(given), where)
+
+
+def _parse(name: str, body: str, where: str) -> dict[str, Any]:
+    source = f"&{name}\n{quote_texts(name, body)}\n/\n"
+    try:
+        with warnings.catch_warnings():
+            # The parser warns of values that it leaves out.
+            warnings.simplefilter("error")
+            return dict(f90nml.reads(source).todict().get(name, {}))
+    except Exception as error:  # the parser raises bare StopIteration, ValueError, AssertionError and more
+        raise NamelistError(f"cannot be parsed ({error or type(error).__name__})", where=where) from error
+
+
+def quote_texts(group: str, body: str) -> str:
+    """Put quotes around texts that lack them, as Intel's compiler accepts them."""
+    names = "|".join(e.name for e in GROUPS[group] if e.kind == TEXT)
+    pattern = re.compile(rf"(?i)(?<![\w'\"])({names})(\s*=\s*)([^\s'\",!][^\s,!'\"]*)")
+    return "\n".join(_quote_line(line, pattern) for line in body.split("\n"))
+
+
+def _quote_line(line: str, pattern: re.Pattern[str]) -> str:
+    code = line[: _comment_start(line)]
+    return pattern.sub(lambda m: f"{m[1]}{m[2]}'{m[3]}'", code) + line[len(code) :]
+
+
+def _comment_start(line: str) -> int:
+    quote = ""
+    for k, char in enumerate(line):
+        if quote:
+            quote = "" if char == quote else quote
+        elif char in "'\"":
+            quote = char
+        elif char == "!":
+            return k
+    return len(line)
+
+
+def split_groups(text: str, path: Path) -> list[tuple[str, str]]:
+    """Return names (lower case) and bodies of the groups of a namelist file, in order."""
+    groups: list[tuple[str, str]] = []
+    name, body = "", ""
+    for line in text.splitlines():
+        code = line[: _comment_start(line)]
+        if not name:
+            start = re.match(r"\s*[&$](\w+)", code)
+            if start is None:
+                continue
+            name, body = start[1].lower(), ""
+            code = code[start.end() :]
+        part, closed = _until_end(code, name)
+        body += part + "\n"
+        if closed:
+            groups.append((name, body))
+            name = ""
+    if name:
+        raise NamelistError(f"group &{name} has no end", where=str(path), remedy="Close it with a line '/'")
+    return groups
+
+
+def _until_end(code: str, group: str) -> tuple[str, bool]:
+    """Return a line of code up to the end of its group, and whether the group ends in it."""
+    bare = _mask_texts(group, code)
+    end = re.search(r"(?i)/|[&$]end\b", bare)
+    return (code[: end.start()], True) if end else (code, False)
+
+
+def _mask_texts(group: str, code: str) -> str:
+    """Blank out quoted texts, and unquoted texts that may hold a slash, keeping the length of the line."""
+    masked = re.sub(r"'[^']*'|\"[^\"]*\"", lambda m: " " * len(m[0]), code)
+    names = "|".join(e.name for e in GROUPS.get(group, ()) if e.kind == TEXT)
+    if not names:
+        return masked
+    pattern = re.compile(rf"(?i)(?<!\w)({names})\s*=\s*[^\s'\",!]+")
+
+    def blank(match: re.Match[str]) -> str:
+        # A slash that closes an unquoted file name is the end of the group; one that closes a folder is not.
+        keep = match[0].endswith("/") and match[1].lower() not in _FOLDERS
+        return " " * (len(match[0]) - 1) + ("/" if keep else " ")
+
+    return pattern.sub(blank, masked)

@@ -1,0 +1,186 @@
+"""Reading and writing of KID's one-dimensional NetCDF files, with errors that name file and variable.
+
+Source: specification of files, section 6.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import netCDF4
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError
+from riftberg.kid.classic import missing_bytes
+from riftberg.state import Floats, Ints
+
+_UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
+
+
+class Column(NamedTuple):
+    """One variable of a KID file: name, NetCDF type (``"f8"`` or ``"i4"``), long name and units."""
+
+    name: str
+    dtype: str
+    long_name: str
+    units: str
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[netCDF4.Dataset]:
+    """Open a NetCDF file for reading; errors of the library become `InputError` with the file's name."""
+    if not path.is_file():
+        raise InputError("no such file", where=str(path), remedy="Put it there, or correct the path in the namelist")
+    if missing := missing_bytes(path):
+        raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
+    try:
+        dataset = netCDF4.Dataset(str(path))
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    try:
+        yield dataset
+    finally:
+        dataset.close()
+
+
+def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
+    where = f"{path}, variable {name}" if name else str(path)
+    return InputError(
+        f"cannot be read ({error})", where=where, remedy="Not NetCDF, or cut short: copy or write it again"
+    )
+
+
+def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
+    """Return the size of a dimension."""
+    if name not in dataset.dimensions:
+        found = ", ".join(dataset.dimensions) or "none"
+        raise InputError(f"no dimension '{name}' (found: {found})", where=str(path), remedy="KID files have it")
+    return len(dataset.dimensions[name])
+
+
+def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
+    """Return the shape of a variable that must be there."""
+    if name not in dataset.variables:
+        found = ", ".join(sorted(dataset.variables))
+        raise InputError(f"no variable '{name}' (found: {found})", where=str(path), remedy=f"Add '{name}'")
+    return tuple(dataset.variables[name].shape)
+
+
+def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> NDArray[Any]:
+    """Return the stored numbers of a variable, without mask or scaling."""
+    shape_of(dataset, path, name)
+    variable = dataset.variables[name]
+    variable.set_auto_maskandscale(False)
+    try:
+        return np.asarray(variable[selection])
+    except (RuntimeError, OSError, IndexError) as error:
+        raise _unreadable(path, error, name) from error
+
+
+def packing_of(dataset: netCDF4.Dataset, name: str) -> dict[str, Any]:
+    """Return the attributes of a variable that say how its numbers are stored."""
+    variable = dataset.variables[name]
+    return {key: variable.getncattr(key) for key in _UNPACK if key in variable.ncattrs()}
+
+
+def unpack(raw: NDArray[Any], packing: Mapping[str, Any]) -> Floats:
+    """Return stored numbers in double precision, integer x ``scale_factor`` + ``add_offset``; missing ones are NaN."""
+    values = raw.astype(np.float64)
+    if "scale_factor" in packing:
+        values = values * np.float64(packing["scale_factor"])
+    if "add_offset" in packing:
+        values = values + np.float64(packing["add_offset"])
+    for key in ("_FillValue", "missing_value"):
+        if key in packing:
+            values[raw == packing[key]] = np.nan
+    return values
+
+
+def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> Floats:
+    """Return a variable in double precision, as `unpack` does."""
+    raw = raw_values(dataset, path, name, selection)
+    return unpack(raw, packing_of(dataset, name))
+
+
+def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: float | None = None) -> Floats:
+    """Return one real number per element or bond.
+
+    Parameters
+    ----------
+    dataset : netCDF4.Dataset
+        Open file.
+    path : pathlib.Path
+        Its name, for messages.
+    name : str
+        Variable.
+    size : int
+        Number of records expected.
+    default : float, optional
+        Value of an optional variable that the file lacks; None if it is required.
+    """
+    if default is not None and name not in dataset.variables:
+        return np.full(size, default)
+    return _sized(raw_values(dataset, path, name), path, name, size).astype(np.float64)
+
+
+def whole_column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: int | None = None) -> Ints:
+    """Return one whole number per element or bond; arguments as in `column`."""
+    if default is not None and name not in dataset.variables:
+        return np.full(size, default, dtype=np.int64)
+    return _sized(raw_values(dataset, path, name), path, name, size).astype(np.int64)
+
+
+def _sized(values: NDArray[Any], path: Path, name: str, size: int) -> NDArray[Any]:
+    if values.shape != (size,):
+        raise InputError(
+            f"shape {values.shape}, expected ({size},)",
+            where=f"{path}, variable {name}",
+            remedy="All variables run over dimension i",
+        )
+    return values
+
+
+def checksum(values: NDArray[Any]) -> str:
+    """Return KID's checksum of a variable: 64-bit wrapped sum of bit patterns (reals) or of values (whole numbers)."""
+    bits = values.astype(np.float64).view(np.uint64) if values.dtype.kind == "f" else values.astype(np.int64)
+    total = int(bits.astype(np.uint64).sum(dtype=np.uint64)) if bits.size else 0
+    return f"{total:>16X}".ljust(32)
+
+
+def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], size: int, *, counter: bool) -> None:
+    """Write a file in the layout of KID's restarts.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        File to make; an existing one is replaced.
+    columns : list of (Column, ndarray)
+        Variables in their order.
+    size : int
+        Number of records.
+    counter : bool
+        Write the scalar ``i`` with the number of records.
+    """
+    with netCDF4.Dataset(str(path), "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+        dataset.setncatts(
+            {
+                "file_format_major_version": np.int32(0),
+                "file_format_minor_version": np.int32(1),
+                "time_axis": np.int32(0),
+                "NumFilesInSet": np.int32(1),
+            }
+        )
+        dataset.createDimension("i", None)
+        if counter:
+            dataset.createVariable("i", "i4", ())[...] = size
+        for item, values in columns:
+            variable = dataset.createVariable(item.name, item.dtype, ("i",))
+            if item.dtype == "i4":
+                variable.packing = np.int32(0)
+            variable.setncatts({"long_name": item.long_name, "units": item.units, "checksum": checksum(values)})
+        for item, values in columns:
+            dataset.variables[item.name][:size] = values

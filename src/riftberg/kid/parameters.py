@@ -1,0 +1,244 @@
+"""From KID's namelists to Riftberg's parameters, with KID's derived rules.
+
+Source: specification of the dynamics, sections 0.2, 5.1, 6.4, 7 and the catalogue of quirks (11).
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
+from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
+
+NEVER: Final = sys.float_info.max
+"""Threshold of a stress that never breaks a bond, Pa."""
+
+
+def to_parameters(namelist: KidNamelist) -> Parameters:
+    """Return the physics of the namelist with the numerics and quirks of the reference.
+
+    Parameters
+    ----------
+    namelist : KidNamelist
+        Both groups; the driver's ``ibdt`` sets the long step.
+
+    Raises
+    ------
+    NamelistError
+        If an active entry is not supported, or entries contradict each other.
+    """
+    check_supported(namelist)
+    group = namelist.icebergs
+    _check_scheme(group)
+    try:
+        return Parameters.model_validate(_groups(group, time_step(namelist)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise group.error(f"gives {place} = {first.get('input')!r}: {first['msg']}", "Correct that entry") from error
+
+
+def time_step(namelist: KidNamelist) -> float:
+    """Return the long step (s) after a check."""
+    dt = namelist.driver.number("ibdt")
+    if dt <= 0:
+        raise namelist.driver.error(f"ibdt = {dt} is no time step", "Give a positive number of seconds")
+    return dt
+
+
+def uses_dem(group: NamelistGroup) -> bool:
+    """Whether DEM bonds act; without ``mts`` they do not (quirk Q25)."""
+    return group.flag("dem") and group.flag("mts") and group.flag("iceberg_bonds_on")
+
+
+def bond_law(group: NamelistGroup) -> BondLaw:
+    """Return the law of the bonds."""
+    if not group.flag("iceberg_bonds_on"):
+        return "none"
+    return "dem" if uses_dem(group) else "spring"
+
+
+def scheme(group: NamelistGroup) -> Scheme:
+    """Return the stepping scheme; ``mts`` overrides ``Runge_not_Verlet``."""
+    if group.flag("mts"):
+        return "mts"
+    return "runge_kutta" if group.flag("Runge_not_Verlet") else "verlet"
+
+
+def contact_stiffness(group: NamelistGroup) -> float:
+    """Return the stiffness between bergs (s-2); ``spring_coef`` where none is given."""
+    given = group.number("contact_spring_coef")
+    return given if given > 0 else group.number("spring_coef")
+
+
+def zonal_period(group: NamelistGroup) -> float:
+    """Return the zonal period; the default of 360 means none on a Cartesian grid."""
+    given = group.number("Lx")
+    return -1.0 if given == 360.0 and not group.flag("grid_is_latlon") else given
+
+
+def substeps(group: NamelistGroup, dt: float) -> int:
+    """Return the number of sub-steps; -1 asks for ``ceil(dt / (0.3 / sqrt(spring_coef)))``."""
+    given = group.whole("mts_sub_steps")
+    if given >= 1 or not group.flag("mts"):
+        return max(given, 1)
+    spring = group.number("spring_coef")
+    if given != -1 or spring <= 0:
+        raise group.error(
+            f"mts_sub_steps = {given} with spring_coef = {spring} gives no sub-steps", "Give a positive mts_sub_steps"
+        )
+    return math.ceil(dt / (0.3 / math.sqrt(spring)))
+
+
+def is_plain_kid(group: NamelistGroup) -> bool:
+    """Whether repulsion comes from the cell search and attraction from the bonds (branch B of section 5.1)."""
+    far = group.number("contact_distance") > 0
+    return not (group.flag("mts") or far or contact_stiffness(group) != group.number("spring_coef"))
+
+
+def _check_scheme(group: NamelistGroup) -> None:
+    if group.flag("dem") and scheme(group) == "runge_kutta":
+        raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+
+
+def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
+    return {
+        "ice": {"density": group.number("rho_bergs")},
+        "drag": _drag(group),
+        "grounding": _grounding(group),
+        "contact": _contact(group),
+        "bonds": _bonds(group),
+        "fracture": _fracture(group),
+        "stepping": _stepping(group, dt),
+        "earth": _earth(group),
+        "compatibility": _compatibility(group).model_dump(),
+    }
+
+
+def _drag(group: NamelistGroup) -> dict[str, Any]:
+    return {
+        "ocean_scale": group.number("ocean_drag_scale"),
+        "sides_by_bonds": group.flag("internal_bergs_for_drag"),
+        "radius_based": group.flag("radius_based_drag") and group.flag("hexagonal_icebergs") and uses_dem(group),
+        "coastal_drift": group.number("coastal_drift"),
+        "tidal_drift": group.number("tidal_drift"),
+        "rotational": False,
+    }
+
+
+def _grounding(group: NamelistGroup) -> dict[str, Any]:
+    return {
+        "coefficient": group.number("cdrag_grounding"),
+        "ramp_height": max(group.number("h_to_init_grounding"), 0.0),
+        "on_substeps": group.flag("short_step_mts_grounding") and group.flag("mts"),
+        "implicit": False,
+        "torque": group.flag("use_grounding_torque"),
+    }
+
+
+def _contact(group: NamelistGroup) -> dict[str, Any]:
+    return {
+        "spring": contact_stiffness(group),
+        "distance": max(group.number("contact_distance"), 0.0),
+        "critical_damping": group.flag("critical_interaction_damping_on"),
+        "tangential_critical_damping": group.flag("tang_crit_int_damp_on"),
+        "radial_damping": group.number("radial_damping_coef"),
+        "tangential_damping": group.number("tangental_damping_coef"),
+        "damping_by_speed": group.flag("scale_damping_by_pmag"),
+        "iterate": group.flag("force_convergence"),
+        "tolerance": group.number("convergence_tolerance"),
+    }
+
+
+def _bonds(group: NamelistGroup) -> dict[str, Any]:
+    return {
+        "law": bond_law(group),
+        "packing": "hexagonal" if group.flag("hexagonal_icebergs") else "square",
+        "spring": group.number("spring_coef"),
+        "youngs_modulus": group.number("dem_spring_coef"),
+        "poisson": group.number("poisson"),
+        "damping": group.number("dem_damping_coef"),
+        "objective_damping": False,
+        "no_shear": group.flag("ignore_tangential_force"),
+        "linear_bending": group.flag("orig_dem_moment_of_inertia"),
+        "max_bonds": group.whole("max_bonds") if group.flag("iceberg_bonds_on") else 0,
+        "constant_size": group.flag("constant_interaction_LW"),
+        "constant_length": group.number("constant_length"),
+        "constant_width": group.number("constant_width"),
+    }
+
+
+def _fracture(group: NamelistGroup) -> dict[str, Any]:
+    """Map the fracture entries (sections 7.1, 7.2; quirks Q8, Q9).
+
+    In sub-steps the thresholds count as they stand. After the long step a threshold of 0 or less means never, and
+    two of them mean that nothing is tested, whatever the criterion.
+    """
+    normal = group.number("frac_thres_n") * group.number("frac_thres_scaling")
+    shear = group.number("frac_thres_t") * group.number("frac_thres_scaling")
+    inline = group.flag("break_bonds_on_sub_steps")
+    enabled = uses_dem(group) and (inline or normal > 0 or shear > 0)
+    if enabled:
+        _check_criterion(group, inline)
+    if not inline:
+        normal, shear = (value if value > 0 else NEVER for value in (normal, shear))
+    return {
+        "enabled": enabled,
+        "normal_strength": normal,
+        "shear_strength": shear,
+        "on_substeps": inline,
+        "broken_as_contact": group.flag("use_broken_bonds_for_substep_contact") and inline,
+        "not_in_first_step": group.flag("no_frac_first_ts"),
+    }
+
+
+def _check_criterion(group: NamelistGroup, inline: bool) -> None:
+    criterion = group.text("fracture_criterion")
+    if criterion.lower() == "stress":
+        return
+    cause = "break_bonds_on_sub_steps = .true." if inline else "positive frac_thres_n or frac_thres_t"
+    raise group.error(
+        f"fracture_criterion = '{criterion}' with {cause}",
+        "Set fracture_criterion = 'stress', or switch fracture off",
+    )
+
+
+def _stepping(group: NamelistGroup, dt: float) -> dict[str, Any]:
+    fixed = (group.number("u_override"), group.number("v_override"))
+    return {
+        "scheme": scheme(group),
+        "time_step": dt,
+        "substeps": substeps(group, dt),
+        "explicit_substeps": group.flag("explicit_inner_mts") or group.flag("dem"),
+        "predictor_corrector": group.flag("use_new_predictive_corrective"),
+        "skip_first_long_force": group.flag("skip_first_outer_mts_step"),
+        "only_interactions": group.flag("only_interactive_forces"),
+        "frozen": group.flag("Static_icebergs"),
+        "fixed_velocity": fixed if group.flag("override_iceberg_velocities") else None,
+        "interactions": group.flag("interactive_icebergs_on"),
+    }
+
+
+def _earth(group: NamelistGroup) -> dict[str, Any]:
+    return {
+        "latlon": group.flag("grid_is_latlon"),
+        "radius": group.number("Rearth"),
+        "period": zonal_period(group),
+        "f_plane": group.flag("use_f_plane"),
+        "reference_latitude": group.number("lat_ref"),
+    }
+
+
+def _compatibility(group: NamelistGroup) -> Compatibility:
+    plain = is_plain_kid(group)
+    return Compatibility.kid(
+        shared_shear_lever=group.flag("save_bond_forces"),
+        grid_position_round_trip=plain,
+        mirrored_bilinear=group.flag("old_bug_bilin"),
+        depth_even_parity=group.flag("rev_mind"),
+        plain_kid_branch=plain,
+    )

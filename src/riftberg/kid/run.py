@@ -1,0 +1,254 @@
+"""A whole KID run: from the case folder to trajectory, restart and bond files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import InputError, RunError
+from riftberg.kid.bond_restart import read_bonds, write_bonds
+from riftberg.kid.checks import check_bits, check_calving_store, check_rolling, order_sides
+from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_forcing, build_grid
+from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
+from riftberg.kid.parameters import to_parameters
+from riftberg.kid.restart import Origin, read_restart, write_restart
+from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
+from riftberg.model import Model, Recorder
+from riftberg.ocean.grid import Grid
+from riftberg.parameters import Parameters, element_radius
+from riftberg.state import Bonds, Elements, Ints, new_bonds
+
+NAMELIST: Final = "input.nml"
+RESTART: Final = "icebergs.res.nc"
+BOND_RESTART: Final = "bonds_iceberg.res.nc"
+
+
+@dataclass
+class KidCase:
+    """A KID run folder, read and checked, ready to run.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        The run folder.
+    namelist : KidNamelist
+        ``input.nml``.
+    parameters : Parameters
+        What it says about the physics.
+    clock : Clock
+        Length and calendar.
+    grid : Grid
+        The driver's grid.
+    origin : Origin
+        What the restart says beyond the state.
+    model : Model
+        The model at its initial state.
+    notes : list of str
+        What was done beyond the namelist.
+    """
+
+    folder: Path
+    namelist: KidNamelist
+    parameters: Parameters
+    clock: Clock
+    grid: Grid
+    origin: Origin
+    model: Model
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class KidReport:
+    """What a KID run did.
+
+    Attributes
+    ----------
+    case : KidCase
+        The case, its model at the final state.
+    files : tuple of pathlib.Path
+        Files written.
+    lines : tuple of str
+        One line for each namelist entry of the file, each ignored group, and each note.
+    """
+
+    case: KidCase
+    files: tuple[Path, ...]
+    lines: tuple[str, ...]
+
+    def describe(self) -> str:
+        """Return the report as text."""
+        return "\n".join([*self.lines, *(f"wrote {path}" for path in self.files)])
+
+
+def load_case(case_dir: Path) -> KidCase:
+    """Read and check a KID run folder; nothing is written.
+
+    Parameters
+    ----------
+    case_dir : pathlib.Path
+        Folder with ``input.nml`` and the restart folder it names.
+
+    Raises
+    ------
+    InputError
+        If something is missing, unknown, unsupported or impossible.
+    """
+    folder = Path(case_dir)
+    if not folder.is_dir():
+        raise InputError("no such folder", where=str(folder), remedy=f"Name a KID run folder, with {NAMELIST}")
+    namelist = read_namelist(folder / NAMELIST)
+    parameters = to_parameters(namelist)
+    clock = build_clock(namelist)
+    grid = build_grid(namelist, folder)
+    forcing = build_forcing(namelist, grid, folder, clock)
+    restarts = folder / namelist.icebergs.text("restart_input_dir")
+    elements, origin = read_restart(restarts / RESTART, grid)
+    notes = _prepare_elements(elements, origin, namelist.icebergs, restarts)
+    bonds = _bonds(elements, namelist.icebergs, parameters, restarts)
+    check_rolling(elements, namelist.icebergs, breakable=parameters.fracture.enabled)
+    origin = _start_beam_test(elements, origin, namelist.icebergs)
+    berg = _iceberg(elements, bonds, parameters, restarts / RESTART)
+    start = datetime(1, 1, 1) + timedelta(seconds=clock.offset)
+    return KidCase(folder, namelist, parameters, clock, grid, origin, Model(berg, forcing, parameters, start), notes)
+
+
+def _prepare_elements(elements: Elements, origin: Origin, group: NamelistGroup, restarts: Path) -> list[str]:
+    check_bits(origin, group)
+    check_calving_store(restarts, group)
+    turned = 0 if group.flag("Iceberg_melt_without_decay") else order_sides(elements)
+    return [f"length and width exchanged in {turned} elements, as KID does in its first step"] if turned else []
+
+
+def _bonds(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
+    """Form the bonds by rule or read them, as the namelist says; none if bonds are off."""
+    if not group.flag("iceberg_bonds_on"):
+        none: Ints = np.zeros(0, dtype=np.int64)
+        return new_bonds(none, none)
+    earth = parameters.earth
+    metric = Metric(earth.latlon, earth.radius, earth.period)
+    if not group.flag("manually_initialize_bonds"):
+        return read_bonds(restarts / BOND_RESTART, elements, metric)
+    by_radii = group.flag("manually_initialize_bonds_from_radii")
+    length = None if by_radii else group.number("length_for_manually_initialize_bonds")
+    bonds = form_bonds(elements, BondRule(length=length, packing=parameters.bonds.packing), metric)
+    count_bonds(elements, bonds)
+    return bonds
+
+
+def _start_beam_test(elements: Elements, origin: Origin, group: NamelistGroup) -> Origin:
+    """Put on the loads of a beam test, which also makes the present positions the places of origin."""
+    kind = group.whole("dem_beam_test")
+    if kind < 1:
+        return origin
+    apply_beam_test(elements, kind)
+    return origin._replace(start_lon=elements.lon.copy(), start_lat=elements.lat.copy())
+
+
+def _iceberg(elements: Elements, bonds: Bonds, parameters: Parameters, source: Path) -> Iceberg:
+    area = float(np.mean(elements.length * elements.width))
+    return Iceberg(
+        elements=elements,
+        bonds=bonds,
+        packing=parameters.bonds.packing,
+        radius=element_radius(area, parameters.bonds.packing, parameters.bonds.law != "none"),
+        report={"source": str(source)},
+        latlon=parameters.earth.latlon,
+        earth_radius=parameters.earth.radius,
+        density=parameters.ice.density,
+    )
+
+
+def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -> KidReport:
+    """Run a KID case and write its files.
+
+    Written are the trajectory, beside it ``<stem>_restart.nc`` and, with bonds, ``<stem>_bonds_restart.nc``; with
+    ``save_bond_traj`` also ``<stem>_bonds.nc``. Existing files of these names are replaced; the case folder is only
+    read.
+
+    Parameters
+    ----------
+    case_dir : pathlib.Path
+        Folder with ``input.nml`` and the restart folder it names.
+    output : pathlib.Path
+        Trajectory file; or a folder, in which the files get the names of the namelist.
+    progress : Recorder, optional
+        Called after every long step, for example to show a bar.
+
+    Returns
+    -------
+    KidReport
+        What was done with each namelist entry, and the files written.
+
+    Raises
+    ------
+    InputError
+        Before the first step, if something is missing, unknown, unsupported or impossible.
+    RunError
+        If the run fails; the last good state is written first.
+    """
+    case = load_case(Path(case_dir))
+    paths = _output_paths(case, Path(output))
+    recorders, files = _recorders(case, paths)
+    if progress is not None:
+        recorders.append(progress)
+    try:
+        case.model.advance(steps=case.clock.steps, recorders=recorders)
+    except RunError as error:
+        saved = _write_restarts(case, paths)
+        raise RunError(
+            f"{error}; the last good state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
+        ) from error
+    files += _write_restarts(case, paths)
+    return KidReport(case, tuple(files), (*case.namelist.report(), *case.notes))
+
+
+def _how_to_go_on(saved: list[Path]) -> str:
+    """Say how KID's own restart files start another run."""
+    folder = "a copy of the run folder"
+    if len(saved) == 1:
+        return f"To go on, put it into {folder} as INPUT/{RESTART}"
+    return (
+        f"To go on, put them into {folder} as INPUT/{RESTART} and INPUT/{BOND_RESTART} "
+        "and set manually_initialize_bonds = .false."
+    )
+
+
+def _output_paths(case: KidCase, output: Path) -> dict[str, Path]:
+    group = case.namelist.icebergs
+    folder = output.is_dir()
+    main = output / Path(group.text("traj_name")).name if folder else output
+    main.parent.mkdir(parents=True, exist_ok=True)
+    beside = {name: main.with_name(f"{main.stem}_{name}.nc") for name in ("restart", "bonds_restart", "bonds")}
+    if folder:
+        beside["bonds"] = output / Path(group.text("bond_traj_name")).name
+    return {"trajectory": main, **beside}
+
+
+def _recorders(case: KidCase, paths: dict[str, Path]) -> tuple[list[Recorder], list[Path]]:
+    group = case.namelist.icebergs
+    recorders: list[Recorder] = []
+    files: list[Path] = []
+    if group.flag("ignore_traj"):
+        return recorders, files
+    recorders.append(TrajectoryRecorder(paths["trajectory"], group, case.origin, case.clock))
+    files.append(paths["trajectory"])
+    if group.flag("save_bond_traj") and group.flag("iceberg_bonds_on"):
+        recorders.append(BondRecorder(paths["bonds"], group, case.origin, case.clock))
+        files.append(paths["bonds"])
+    return recorders, files
+
+
+def _write_restarts(case: KidCase, paths: dict[str, Path]) -> list[Path]:
+    model, p = case.model, case.parameters
+    write_restart(paths["restart"], model.elements, case.origin, case.grid, p)
+    if p.bonds.law == "none":
+        return [paths["restart"]]
+    dem = case.namelist.icebergs.flag("dem")
+    write_bonds(paths["bonds_restart"], model.elements, model.bonds, case.grid, dem=dem)
+    return [paths["restart"], paths["bonds_restart"]]

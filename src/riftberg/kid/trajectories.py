@@ -1,0 +1,300 @@
+"""KID's trajectory files: elements (short or long record) and bonds.
+
+Names are KID's own, with their spelling. Source: specification of files, section 6.5; sampling: dynamics, section 12.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.bergs.bonding import Metric, separation
+from riftberg.kid.blocks import BlockWriter
+from riftberg.kid.bond_restart import GONE, directed
+from riftberg.kid.calendar import Date, is_sampled
+from riftberg.kid.driver import Clock
+from riftberg.kid.identifiers import split_id
+from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.ncfile import Column
+from riftberg.kid.restart import Origin
+from riftberg.model import Model
+from riftberg.parameters import Parameters
+from riftberg.state import Elements, Floats
+
+KM2: Final = 1e6
+"""Square metres in the unit of the area thresholds."""
+
+_WHEN: Final = (
+    Column("lon", "f8", "longitude", "degrees_E"),
+    Column("lat", "f8", "latitude", "degrees_N"),
+    Column("year", "i4", "year", "years"),
+    Column("day", "f8", "year day", "days"),
+)
+_IDENTIFIER: Final = (
+    Column("id_cnt", "i4", "counter component of iceberg id", "dimensionless"),
+    Column("id_ij", "i4", "position component of iceberg id", "dimensionless"),
+)
+_MASS: Final = (
+    Column("mass", "f8", "mass", "kg"),
+    Column("start_mass", "f8", "start_mass", "kg"),
+    Column("thickness", "f8", "thickness", "m"),
+    Column("mass_of_bits", "f8", "mass_of_bits", "kg"),
+    Column("uvel", "f8", "zonal spped", "m/s"),
+    Column("vvel", "f8", "meridional spped", "m/s"),
+)
+_LONG: Final = (
+    Column("uvel_prev", "f8", "zonal speed mts", "m/s"),
+    Column("vvel_prev", "f8", "meridional speed mts", "m/s"),
+    Column("uo", "f8", "ocean zonal spped", "m/s"),
+    Column("vo", "f8", "ocean meridional spped", "m/s"),
+    Column("ui", "f8", "ice zonal spped", "m/s"),
+    Column("vi", "f8", "ice meridional spped", "m/s"),
+    Column("ua", "f8", "atmos zonal spped", "m/s"),
+    Column("va", "f8", "atmos meridional spped", "m/s"),
+    Column("heat_density", "f8", "heat_density", "J/kg"),
+    Column("width", "f8", "width", "m"),
+    Column("length", "f8", "length", "m"),
+    Column("ssh_x", "f8", "sea surface height gradient_x", "non-dim"),
+    Column("ssh_y", "f8", "sea surface height gradient_y", "non-dim"),
+    Column("sst", "f8", "sea surface temperature", "degrees_C"),
+    Column("sss", "f8", "sea surface salinity", "psu"),
+    Column("cn", "f8", "sea ice concentration", "none"),
+    Column("hi", "f8", "sea ice thickness", "m"),
+    Column("axn", "f8", "explicit zonal acceleration", "m"),
+    Column("ayn", "f8", "explicit meridional acceleration", "m"),
+    Column("bxn", "f8", "implicit zonal acceleration", "m"),
+    Column("byn", "f8", "implicit meridional acceleration", "m"),
+    Column("halo_berg", "f8", "halo status", "non-dim"),
+    Column("od", "f8", "ocean_depth", "m"),
+)
+_FAST: Final = (
+    Column("axn_fast", "f8", "explicit fast step zonal acceleration", "m"),
+    Column("ayn_fast", "f8", "explicit fast step meridional acceleration", "m"),
+    Column("bxn_fast", "f8", "implicit fast step zonal acceleration", "m"),
+    Column("byn_fast", "f8", "implicit fast step meridional acceleration", "m"),
+)
+_COUNT: Final = (Column("n_bonds", "i4", "number of bonds", "dimensionless"),)
+_SPIN: Final = (
+    Column("ang_vel", "f8", "angular velocity", "rad/s"),
+    Column("ang_accel", "f8", "angular acceleration", "rad/s^2"),
+    Column("rot", "f8", "accumulated rotation", "rad"),
+)
+
+FIELDS: Final = {
+    "lon": "lon",
+    "lat": "lat",
+    "mass": "mass",
+    "thickness": "thickness",
+    "uvel": "u",
+    "vvel": "v",
+    "uvel_prev": "u_sync",
+    "vvel_prev": "v_sync",
+    "uo": "uo",
+    "vo": "vo",
+    "ui": "ui",
+    "vi": "vi",
+    "ua": "ua",
+    "va": "va",
+    "width": "width",
+    "length": "length",
+    "ssh_x": "slope_x",
+    "ssh_y": "slope_y",
+    "sst": "sst",
+    "sss": "sss",
+    "cn": "ice_fraction",
+    "hi": "ice_thickness",
+    "axn": "ax",
+    "ayn": "ay",
+    "bxn": "bx",
+    "byn": "by",
+    "od": "depth",
+    "axn_fast": "ax_fast",
+    "ayn_fast": "ay_fast",
+    "bxn_fast": "bx_fast",
+    "byn_fast": "by_fast",
+    "n_bonds": "bond_count",
+    "ang_vel": "spin",
+    "ang_accel": "spin_rate",
+    "rot": "rotation",
+}
+"""Variables of the trajectory and the fields of `Elements` that they come from."""
+
+
+def trajectory_columns(group: NamelistGroup, parameters: Parameters) -> list[Column]:
+    """Return the variables of the trajectory file that KID writes for these settings, in its order."""
+    columns = [*_WHEN, *_IDENTIFIER]
+    columns += _MASS if group.flag("save_fl_traj") else ()
+    if not group.flag("save_short_traj"):
+        columns += _LONG
+        columns += _FAST if parameters.stepping.scheme == "mts" else ()
+        columns += _COUNT if parameters.bonds.law != "none" else ()
+        columns += _SPIN if group.flag("dem") else ()
+    return columns
+
+
+def sampling_hours(group: NamelistGroup) -> float:
+    """Return the interval of the records (h); -1 means every step.
+
+    Raises
+    ------
+    NamelistError
+        If it is neither -1 nor positive.
+    """
+    name = "traj_write_hrs" if group.flag("debug_write") else "traj_sample_hrs"
+    hours = group.number(name)
+    if hours != -1.0 and hours <= 0.0:
+        raise group.error(f"{name} = {hours} is no interval", "Give a positive number of hours, or -1 for every step")
+    return hours
+
+
+def recorded(elements: Elements, group: NamelistGroup, origin: Origin, density: float, year: int) -> NDArray[np.bool_]:
+    """Return which elements KID records: large enough, bonded, late enough, or of a chosen class of initial mass."""
+    area = elements.mass / (density * elements.thickness)
+    chosen = (area >= group.number("traj_area_thres") * KM2) | (elements.bond_count > 0)
+    if year > group.number("save_all_traj_year"):
+        chosen[:] = True
+    if group.flag("save_nonfl_traj_by_class"):
+        south = group.number("save_traj_by_class_start_mass_thres_s")
+        north = group.number("save_traj_by_class_start_mass_thres_n")
+        heavy = origin.start_mass >= np.where(elements.lat < 0, south, north)
+        chosen |= heavy & (area > group.number("traj_area_thres_sntbc") * KM2)
+    return chosen
+
+
+class _Sampler:
+    """Common part of both recorders: which steps are recorded, and their stamp.
+
+    A record made at the end of a step carries the time of the step's start (quirks Q7, T28).
+    """
+
+    def __init__(self, path: Path, group: NamelistGroup, origin: Origin, clock: Clock) -> None:
+        self.path, self.group, self.origin, self.clock = Path(path), group, origin, clock
+        self.hours = sampling_hours(group)
+        self.block_hours = group.number("traj_write_hrs")
+        self._writer: BlockWriter | None = None
+
+    def _columns(self, model: Model) -> list[Column]:
+        raise NotImplementedError
+
+    def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+        raise NotImplementedError
+
+    def start(self, model: Model) -> None:
+        """Make the file."""
+        self._writer = BlockWriter(self.path, self._columns(model))
+
+    def record(self, model: Model) -> None:
+        """Take a record if the step that just ended started at a sampling time."""
+        assert self._writer is not None
+        date = self.clock.date((model.step_number - 1) * self.clock.dt)
+        if is_sampled(date, self.hours):
+            self._writer.append(self._records(model, date))
+        if self.block_hours > 0 and is_sampled(date, self.block_hours):
+            self._writer.flush()
+
+    def finish(self, model: Model) -> None:
+        """Write what waits and close the file."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+
+
+class TrajectoryRecorder(_Sampler):
+    """Writes KID's trajectory file during a run; a recorder of `riftberg.model.Model`.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        File to make; an existing one is replaced.
+    group : NamelistGroup
+        ``icebergs_nml``: layout, sampling and selection.
+    origin : Origin
+        What the restart says beyond the state.
+    clock : Clock
+        Calendar of the run.
+    """
+
+    def _columns(self, model: Model) -> list[Column]:
+        return trajectory_columns(self.group, model.parameters)
+
+    def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+        if model.parameters.stepping.scheme != "mts":
+            self._look_around(model)
+        e = model.elements
+        rows = np.flatnonzero(recorded(e, self.group, self.origin, model.parameters.ice.density, date.year))
+        found: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
+        found.update(_stamp(date, len(rows)))
+        found["id_cnt"], found["id_ij"] = split_id(e.id[rows])
+        for name in ("start_mass", "mass_of_bits", "heat_density"):
+            found[name] = getattr(self.origin, name)[rows]
+        found["halo_berg"] = np.zeros(len(rows))
+        return found
+
+    def _look_around(self, model: Model) -> None:
+        """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
+
+        KID does so in its thermodynamics, but leaves the depth as the step found it. The next step looks again.
+        """
+        depth = model.elements.depth.copy()
+        model.forcing.sample(model.elements, (model.step_number - 1) * self.clock.dt)
+        if not self.group.flag("dem"):
+            model.elements.depth[:] = depth
+
+
+def _stamp(date: Date, size: int) -> dict[str, NDArray[Any]]:
+    return {"year": np.full(size, date.year), "day": np.full(size, date.year_day())}
+
+
+_BOND: Final = (
+    Column("length", "f8", "length", "m"),
+    Column("n1", "f8", "unit vector 1", "non-dim"),
+    Column("n2", "f8", "unit vector 2", "non-dim"),
+    Column("id_cnt1", "i4", "counter component of first connected iceberg id", "dimensionless"),
+    Column("id_ij1", "i4", "position component of first connected iceberg id", "dimensionless"),
+    Column("id_cnt2", "i4", "counter component of second connected iceberg id", "dimensionless"),
+    Column("id_ij2", "i4", "position component of second connected iceberg id", "dimensionless"),
+)
+_BOND_DEM: Final = (
+    Column("tangd1", "f8", "zonal tangential displacement", "m"),
+    Column("tangd2", "f8", "meridional tangential displacement", "m"),
+    Column("nstress", "f8", "normal stress", "Pa"),
+    Column("sstress", "f8", "shear stress", "Pa"),
+    Column("rel_rotation", "f8", "relative rotation", "rad"),
+    Column("broken", "i4", "broken status", "none"),
+)
+
+
+class BondRecorder(_Sampler):
+    """Writes KID's bond trajectory file during a run: every listed bond in both directions.
+
+    ``n1``, ``n2`` are the separation divided by the length of the element, as in KID, so no unit vector in general
+    (quirk T36). ``length`` is the present length with DEM bonds; else the initial one, in units of the coordinates.
+    """
+
+    def start(self, model: Model) -> None:
+        """Make the file, and keep the initial lengths."""
+        e, b = model.elements, model.bonds
+        self._first_length: Floats = np.hypot(e.lon[b.first] - e.lon[b.second], e.lat[b.first] - e.lat[b.second])
+        super().start(model)
+
+    def _columns(self, model: Model) -> list[Column]:
+        return [*_WHEN, *_BOND, *(_BOND_DEM if self.group.flag("dem") else ())]
+
+    def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+        e, p = model.elements, model.parameters
+        found = directed(model.bonds, self.group.flag("dem"))
+        length = model.bonds.bond_length if p.bonds.law == "dem" else self._first_length
+        found["length"] = np.tile(length[model.bonds.status != GONE], 2)
+        keep = recorded(e, self.group, self.origin, p.ice.density, date.year)[found["first"]]
+        found = {name: values[keep] for name, values in found.items()}
+        a, b = found["first"], found["other"]
+        metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
+        dx, dy = separation(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
+        found["n1"], found["n2"] = dx / e.length[a], dy / e.length[a]
+        found["lon"], found["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
+        for k, rows in ((1, a), (2, b)):
+            found[f"id_cnt{k}"], found[f"id_ij{k}"] = split_id(e.id[rows])
+        return {**found, **_stamp(date, len(a))}

@@ -1,0 +1,41 @@
+"""Data products of ocean, air, sea ice and sea floor, each turned into one canonical `xarray.Dataset`.
+
+The canonical dataset
+---------------------
+Dimensions
+    ``time`` (``datetime64[ns]``, UTC, standard calendar; absent for static fields), ``depth`` (m, positive down,
+    ascending; only where the product has levels), ``lat`` and ``lon`` (degrees, ascending).
+    Longitudes run from -180 to 180; a regional field that crosses the date line goes on beyond 180 (for example
+    170..190), so that they stay ascending. Products on a projected grid keep ``y`` and ``x`` (m) with the projection
+    in the attribute ``crs_wkt``; products on a curvilinear ocean grid keep ``y``, ``x`` with two-dimensional ``lat``
+    and ``lon``.
+Variables
+    The names of `riftberg.products.canonical.QUANTITIES`, in the units given there. Land and missing values are
+    NaN.
+
+Attributes
+----------
+    ``product``, ``source``, ``history``, ``citation``.
+
+Use
+---
+>>> from riftberg.products import open_product, window
+>>> currents = open_product("oscar_currents_final_202012*.nc")                        # doctest: +SKIP
+>>> currents = window(currents, lon=(-45, -30), lat=(-60, -50), margin=1.0)           # doctest: +SKIP
+"""
+
+from riftberg.products.keel import keel_integral, keel_mean, mean_over_draft
+from riftberg.products.registry import PRODUCTS, open_all, open_product, product_named, recognise
+from riftberg.products.window import window
+
+__all__ = [
+    "PRODUCTS",
+    "keel_integral",
+    "keel_mean",
+    "mean_over_draft",
+    "open_all",
+    "open_product",
+    "product_named",
+    "recognise",
+    "window",
+]

@@ -1,0 +1,180 @@
+"""Axes of a canonical dataset: found by CF metadata, named alike, ascending, on one branch, with real UTC dates."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.canonical import QUANTITIES, conversion
+
+Floats = NDArray[np.float64]
+_KEYS = {"time": "time", "depth": "vertical", "lat": "latitude", "lon": "longitude"}
+
+
+def name_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Rename the axes to ``time``, ``depth``, ``lat``, ``lon`` as CF metadata (or, failing that, their names) tell.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Decoded dataset whose fields have one-dimensional axes; a projected or curvilinear one has dims ``y``, ``x``
+        already.
+    where : str
+        File, for messages.
+    """
+    for target, key in _KEYS.items():
+        found = _axis_called(ds, target, key)
+        if found and found != target:
+            ds = ds.drop_vars(target, errors="ignore") if target in ds.variables and target not in ds.dims else ds
+            ds = ds.rename({found: target})
+    if "y" not in ds.dims and not {"lat", "lon"} <= set(ds.dims):
+        raise ForcingError(
+            f"no one-dimensional latitude and longitude among {sorted(map(str, ds.variables))}",
+            where=where,
+            remedy="Give the coordinates units degrees_north and degrees_east, or name the product",
+        )
+    return ds
+
+
+def _axis_called(ds: xr.Dataset, target: str, key: str) -> str | None:
+    """Return the dimension that serves as the axis ``target``, or None."""
+    if target in ds.dims and target in ds.coords:
+        return target
+    named = [name for name in _cf_names(ds, key) if name in ds.dims]
+    return named[0] if named else None
+
+
+def _cf_names(ds: xr.Dataset, key: str) -> list[str]:
+    """Return the coordinates of a kind by CF metadata or, failing that, by their names."""
+    try:
+        import cf_xarray  # noqa: F401  (registers the accessor .cf)
+    except ImportError as error:
+        raise ForcingError("cf-xarray is not installed", remedy="pip install 'riftberg[products]'") from error
+    accessor = cast(Any, ds).cf
+    names = list(accessor.coordinates.get(key, []))
+    if not names:
+        guessed = cast(Any, accessor.guess_coord_axis()).cf
+        names = list(guessed.coordinates.get(key, []))
+    return names
+
+
+def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Sort the axes, put longitudes on one branch and dates on the standard calendar, and order the dimensions."""
+    if "time" in ds.variables:
+        ds = tidy_time(ds, where=where)
+    if "depth" in ds.dims:
+        ds = _tidy_depth(ds, where=where)
+    if "lat" in ds.dims:
+        ds = tidy_longitude(_ascending(_float_axis(ds, "lat", "degrees_north"), "lat"))
+    for axis in ("y", "x"):
+        if axis in ds.dims and axis in ds.coords:
+            ds = _ascending(ds, axis)
+    order = [name for name in ("time", "depth", "lat", "lon", "y", "x") if name in ds.dims]
+    return ds.transpose(*order, ...)
+
+
+def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Return the dataset with ``time`` as ``datetime64[ns]``.
+
+    Dates of other calendars are taken by their label (year, month, day, ...): products that state a Julian calendar
+    write the ordinary date.
+    """
+    time = ds["time"]
+    if time.dtype == object:
+        stamps = [_by_label(date, where) for date in np.atleast_1d(time.values)]
+        values = np.array(stamps, dtype="datetime64[ns]").reshape(time.shape)
+    elif np.issubdtype(time.dtype, np.datetime64):
+        values = time.values.astype("datetime64[ns]")
+    else:
+        raise ForcingError(
+            f"time has no units that say since when it counts (it reads {time.attrs.get('units', '')!r})",
+            where=where,
+            remedy="Write units such as 'hours since 2020-12-01 00:00:00' on the time coordinate",
+        )
+    ds = ds.assign_coords(time=(time.dims, values, {"standard_name": "time", "axis": "T", "long_name": "time (UTC)"}))
+    if "time" not in ds.dims:
+        ds = ds.expand_dims("time")
+    return ds.sortby("time") if np.any(np.diff(ds["time"].values) < np.timedelta64(0)) else ds
+
+
+def _by_label(date: Any, where: str) -> np.datetime64:
+    """Return the date of another calendar that is written the same; refuse one that the ordinary calendar lacks."""
+    try:
+        return np.datetime64(date.isoformat(), "ns")
+    except ValueError as error:
+        calendar = str(getattr(date, "calendar", "")) or "another"
+        raise ForcingError(
+            f"the date {date.isoformat()} of its calendar ({calendar}) does not exist",
+            where=where,
+            remedy="Convert the file to the standard calendar, for example with xarray's convert_calendar('standard')",
+        ) from error
+
+
+def _tidy_depth(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Return levels in metres, positive down; without units they are taken as metres."""
+    depth = ds["depth"]
+    units = next((str(depth.attrs[key]) for key in ("units", "Units", "Unit", "unit") if key in depth.attrs), "m")
+    factor, _ = conversion(QUANTITIES["depth_below_surface"], units, where=f"{where}, axis depth")
+    values = np.abs(depth.values.astype(float)) * factor
+    attributes = {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
+    return _ascending(ds.assign_coords(depth=("depth", values, attributes)), "depth")
+
+
+def _float_axis(ds: xr.Dataset, name: str, units: str) -> xr.Dataset:
+    attributes = {"standard_name": "latitude" if name == "lat" else "longitude", "units": units}
+    attributes["axis"] = "Y" if name == "lat" else "X"
+    return ds.assign_coords({name: (name, _without_single_noise(ds[name].values), attributes)})
+
+
+def _without_single_noise(values: NDArray[Any]) -> Floats:
+    """Return axis values in double precision; single-precision ones lose the noise beyond their sixth decimal."""
+    return np.round(values.astype(float), 6) if values.dtype == np.float32 else values.astype(float)
+
+
+def _ascending(ds: xr.Dataset, name: str) -> xr.Dataset:
+    values = ds[name].values
+    return ds.isel({name: slice(None, None, -1)}) if values.size > 1 and values[0] > values[-1] else ds
+
+
+def step_of(values: Floats) -> float:
+    """Return the median spacing of an axis; 0 for a single value."""
+    return float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
+
+
+def goes_round(lon: Floats) -> bool:
+    """Tell whether ascending longitudes (degrees) cover the whole circle."""
+    step = step_of(lon)
+    return bool(lon.size > 1 and lon[-1] - lon[0] + 1.5 * step >= 360.0)
+
+
+def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
+    """Sort longitudes, drop columns that repeat a meridian (OSCAR v1 runs 20..420) and shift them to -180..180."""
+    ds = _ascending(_float_axis(ds, "lon", "degrees_east"), "lon")
+    lon = ds["lon"].values
+    once = lon < lon[0] + 360.0 - 1e-6
+    if not once.all():
+        ds = ds.isel(lon=slice(0, int(once.sum())))
+    return on_branch(ds, -180.0)
+
+
+def on_branch(ds: xr.Dataset, west: float) -> xr.Dataset:
+    """Return the dataset with ascending longitudes that start at or east of ``west`` (degrees).
+
+    A field that goes round the earth is rolled so that it begins at ``west``; a regional one is only shifted by whole
+    turns and may therefore reach beyond ``west + 360``.
+    """
+    lon = ds["lon"].values
+    attributes = ds["lon"].attrs
+    if not goes_round(lon):
+        turns = 360.0 * np.floor((lon[0] - west + 1e-9) / 360.0)
+        return ds.assign_coords(lon=("lon", lon - turns, attributes))
+    # Whole turns are subtracted (a remainder would add rounding that differs from branch to branch).
+    wrapped = lon - 360.0 * np.floor((lon - west + 1e-9) / 360.0)
+    order = np.argsort(wrapped, kind="stable")
+    if not np.array_equal(order, np.arange(order.size)):
+        ds = ds.isel(lon=order)
+    return ds.assign_coords(lon=("lon", wrapped[order], attributes))

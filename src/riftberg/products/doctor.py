@@ -1,0 +1,424 @@
+"""What forcing files are, what they give, and what a run still lacks, in words that a first-day user can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.axes import goes_round, step_of
+from riftberg.products.canonical import QUANTITIES
+from riftberg.products.findings import DataFinding, FieldFinding, Report
+from riftberg.products.on_path import FILL_CELLS, box_share_outside, on_path
+from riftberg.products.records import (
+    MAY_BE_EMPTY,
+    Dates,
+    empty_by_field,
+    gap_limit,
+    hold_of,
+    long_gaps,
+    minute,
+    own_interval,
+    usual_interval,
+)
+from riftberg.products.registry import expand, open_named, product_named, recognise
+from riftberg.products.window import cover, longitudes_near, utc, window, window_in_time
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Span = tuple[float, float]
+
+NEEDED = ("uo", "vo", "ssh", "ua", "va")
+"""Fields that a drift and break-up run needs; sea ice is optional (none = open water), depth only for grounding."""
+
+WHERE_FROM = {
+    "uo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
+    "vo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
+    "ssh": "sea level: DUACS adt or GLORYS12 zos (free Copernicus Marine login)",
+    "ua": "wind: NCEP/NCAR R1 uwnd.10m.gauss.YEAR.nc (no login) or ERA5 u10",
+    "va": "wind: NCEP/NCAR R1 vwnd.10m.gauss.YEAR.nc (no login) or ERA5 v10",
+    "ice_fraction": "sea ice: GLORYS12 siconc, OSI SAF ice_conc or ERA5 siconc",
+    "ice_thickness": "sea ice thickness: GLORYS12 sithick",
+    "ui": "sea ice drift: GLORYS12 usi",
+    "vi": "sea ice drift: GLORYS12 vsi",
+    "depth_below_surface": "sea floor: GEBCO grid (`riftberg fetch gebco`), IBCSO south of 50 S",
+    "sst": "sea surface temperature: GLORYS12 thetao or ERA5 sst",
+    "sss": "salinity: GLORYS12 so",
+    "wave_height": "waves: ERA5 swh",
+}
+_SAMPLE_RECORDS = 3
+_LARGE = 2000
+
+HARMLESS = "which stops no run"
+"""End of findings that need no action."""
+
+
+def doctor(
+    files: Sequence[str | Path] | str | Path,
+    *,
+    lon: Span | None = None,
+    lat: Span | None = None,
+    time: tuple[Any, Any] | None = None,
+    needed: Sequence[str] = NEEDED,
+    path: Sequence[Span] | None = None,
+    product: str | Mapping[str, str | None] | None = None,
+    max_gap: float | None = None,
+    hold: float | None = None,
+) -> Report:
+    """Tell what files are and whether they serve an experiment; never raises for bad files, it reports them.
+
+    Parameters
+    ----------
+    files : path or sequence of paths
+        Files, patterns or Zarr stores.
+    lon, lat : tuple of float, optional
+        Box of the experiment (degrees).
+    time : tuple, optional
+        First and last moment (UTC).
+    needed : sequence of str
+        Canonical names of the fields that the run needs.
+    path : sequence of (lon, lat), optional
+        Positions of the berg, where missing values matter.
+    product : str or mapping, optional
+        Name of the product, instead of recognising it; or of each file or pattern of ``files``.
+    max_gap, hold : float, optional
+        What the run allows, s: the longest gap that is interpolated across, and how long the ends are held.
+
+    Returns
+    -------
+    Report
+    """
+    unknown = [name for name in needed if name not in QUANTITIES]
+    if unknown:
+        raise ForcingError(f"no such fields: {unknown}", where="needed", remedy=f"Choose from: {', '.join(QUANTITIES)}")
+    rules = {"max_gap_seconds": max_gap, "hold_seconds": hold}
+    noted = {name: seconds for name, seconds in rules.items() if seconds is not None}
+    report = Report()
+    for ds in _opened(_entries(files, product, report), report):
+        report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
+    _conclude(report, list(dict.fromkeys(needed)))
+    return report
+
+
+def diagnose(
+    files: Sequence[str | Path] | str | Path,
+    lon: Span | None = None,
+    lat: Span | None = None,
+    time: tuple[Any, Any] | None = None,
+    needed: Sequence[str] = NEEDED,
+    path: Sequence[Span] | None = None,
+    product: str | None = None,
+) -> Report:
+    """Do what `doctor` does, with positional arguments: files, longitudes, latitudes, dates, needed fields."""
+    return doctor(files, lon=lon, lat=lat, time=time, needed=needed, path=path, product=product)
+
+
+def _entries(
+    files: Sequence[str | Path] | str | Path, product: str | Mapping[str, str | None] | None, report: Report
+) -> list[tuple[str, str | None]]:
+    """Return all files with the product named for them; note patterns that match nothing."""
+    entries: list[tuple[str, str | None]] = []
+    for given in [files] if isinstance(files, str | Path) else files:
+        try:
+            names = expand(given)
+        except ForcingError as error:
+            report.unreadable[error.where] = _without_place(error)
+            continue
+        named = product if product is None or isinstance(product, str) else product.get(str(given))
+        entries += [(name, named) for name in names]
+    return entries
+
+
+def _opened(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
+    """Open what can be opened; note the rest in the report."""
+    usable: list[tuple[str, str | None]] = []
+    for name, product in entries:
+        try:
+            if product is None:
+                recognise(name)
+            else:
+                product_named(product)
+            open_named([(name, product)])
+            usable.append((name, product))
+        except ForcingError as error:
+            report.unreadable[name] = _other_kind(name) or _without_place(error)
+    if not usable:
+        return []
+    try:
+        return open_named(usable)
+    except ForcingError as error:  # each is good by itself, together they do not go
+        report.clashes.append(f"{error.where}: {_without_place(error)}")
+        return [ds for entry in usable for ds in open_named([entry])]
+
+
+def _other_kind(name: str) -> str:
+    """Tell what a file is that belongs to a run but is no forcing; empty if unknown."""
+    try:
+        with netCDF4.Dataset(name) as file:
+            held = set(file.variables)
+    except OSError:
+        return ""
+    if {"trajectory", "break_time"} <= held:
+        return "a run of Riftberg, no forcing: 'riftberg plot', 'score' and 'why' read it"
+    if {"lon", "lat", "mass", "thickness", "start_mass"} <= held:
+        return "an initial state of icebergs (restart of KID), no forcing: 'riftberg kid' and a68a-paper read it"
+    if "b_id" in held:
+        return "a mask of icebergs, no forcing: Iceberg.from_mask makes a berg of it"
+    return ""
+
+
+def _without_place(error: ForcingError) -> str:
+    return f"{error.what}. {error.remedy}" if error.remedy else error.what
+
+
+def _examined(
+    ds: xr.Dataset, lon: Span | None, lat: Span | None, time: tuple[Any, Any] | None, path: Sequence[Span] | None
+) -> DataFinding:
+    product = product_named(ds.attrs["product"])
+    found = DataFinding(
+        files=str(ds.attrs["source"]).split(", "),
+        product=product.name,
+        title=product.title,
+        checked_against=product.checked(ds.data_vars),
+        notes=[*product.notes, *([str(ds.attrs["doubt"])] if "doubt" in ds.attrs else [])],
+        space=cover(ds),
+        time=_time_cover(ds),
+    )
+    crs = ds.attrs.get("crs_wkt")
+    part = _part(ds, lon, lat, time, found)
+    _space_problems(part if part is not None and "lat" not in ds.dims and not crs else ds, lon, lat, found)
+    if part is None:
+        _time_problems(ds, {}, time, found)
+        return found
+    empty = empty_by_field(part)
+    _time_problems(ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, found)
+    outside = on_path(part[next(iter(part.data_vars))], path, crs).outside
+    if outside:
+        found.problems.append(f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area")
+    sample = _sampled(part, empty, found)
+    found.fields = [_field(sample[name], path, crs) for name in sample.data_vars]
+    return found
+
+
+def _part(
+    ds: xr.Dataset, lon: Span | None, lat: Span | None, time: tuple[Any, Any] | None, found: DataFinding
+) -> xr.Dataset | None:
+    """Return the part of the data in the experiment, or None with the reason noted."""
+    try:
+        if time is not None and "time" in ds.dims:
+            window_in_time(ds, time)  # an error if none of its dates is there
+            # So much more that a missing record at the edge can be bridged by those beyond it, as runs do.
+            spare = np.timedelta64(round(gap_limit(ds)), "s")
+            ds = window_in_time(ds, (utc(time[0]) - spare, utc(time[1]) + spare))
+        if lon is not None and lat is not None:
+            ds = window(ds, lon, lat)
+    except ForcingError as error:
+        found.problems.append(_without_place(error))
+        return None
+    return _middle(ds, found) if lon is None or lat is None else ds
+
+
+def _sampled(ds: xr.Dataset, empty: Mapping[str, Flags], found: DataFinding) -> xr.Dataset:
+    """Return a few records of many, if possible such with values of all fields, and say so."""
+    if "time" not in ds.dims:
+        return ds
+    whole = np.flatnonzero(~np.any([np.zeros(ds.sizes["time"], bool), *empty.values()], axis=0))
+    if not whole.size or ds.sizes["time"] <= _SAMPLE_RECORDS:
+        return ds
+    picked = whole[np.unique(np.linspace(0, whole.size - 1, _SAMPLE_RECORDS).astype(int))]
+    found.sampled = (
+        f"ranges, missing shares and land on the path: {picked.size} of {ds.sizes['time']} records "
+        f"({', '.join(minute(moment) for moment in ds['time'].values[picked])}); records without values: all"
+    )
+    return ds.isel(time=picked)
+
+
+def _middle(ds: xr.Dataset, found: DataFinding) -> xr.Dataset:
+    """Cut very large fields to their middle, so that nobody waits for a whole globe to be read."""
+    large = {name: size for name, size in ds.sizes.items() if name in ("lat", "lon", "y", "x") and size > _LARGE}
+    if large:
+        found.notes.append("ranges are those of the middle of the data: give the box of the experiment for its own")
+    return ds.isel({name: slice(size // 2 - _LARGE // 2, size // 2 + _LARGE // 2) for name, size in large.items()})
+
+
+def _time_cover(ds: xr.Dataset) -> str:
+    if "time" not in ds.dims:
+        return "constant in time (no dates in the file)"
+    records = ds["time"].values
+    first, last = records[0].astype("M8[m]"), records[-1].astype("M8[m]")
+    if records.size == 1:
+        return f"one record, {first} UTC"
+    return f"{first} to {last} UTC, {records.size} records every {_duration(usual_interval(records))}"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 86400:.3g} days" if seconds >= 86400 else f"{seconds / 3600:.3g} h"
+
+
+def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: DataFinding) -> None:
+    """Note where the experiment's box reaches beyond the data."""
+    if lon is None or lat is None or found.problems:
+        return
+    if "lat" not in ds.dims:
+        outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
+        if outside > 0.0:
+            found.problems.append(
+                f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
+            )
+        return
+    for axis in ("lat", "lon"):
+        if ds.sizes[axis] < 2:
+            found.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
+    east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
+    near = longitudes_near(ds, lon[0], east)
+    lats, lons = near["lat"].values, near["lon"].values
+    half_lat, half_lon = (0.5 * step_of(axis) for axis in (lats, lons))
+    short = []
+    if lat[0] < lats[0] - half_lat or lat[1] > lats[-1] + half_lat:
+        short.append(f"latitudes {lats[0]:g}..{lats[-1]:g} of {lat[0]:g}..{lat[1]:g}")
+    if not goes_round(lons) and (lon[0] < lons[0] - half_lon or east > lons[-1] + half_lon):
+        short.append(f"longitudes {lons[0]:g}..{lons[-1]:g} of {lon[0]:g}..{east:g}")
+    if short:
+        found.problems.append(f"covers only part of the experiment: {'; '.join(short)}. Fetch a larger area")
+
+
+def _time_problems(
+    ds: xr.Dataset, empty: Mapping[str, Dates], time: tuple[Any, Any] | None, found: DataFinding
+) -> None:
+    """Note gaps between records, records without values and dates of the experiment without records."""
+    if "time" not in ds.dims or (found.problems and "no record lies" in found.problems[0]):
+        return
+    records = ds["time"].values
+    first, last = (utc(moment) for moment in time) if time is not None else (records[0], records[-1])
+    lacking: dict[tuple[np.datetime64, ...], list[str]] = {}
+    for name, dates in empty.items():
+        lacking.setdefault(tuple(dates), []).append(name)
+    _gap_problems(ds, records, first, last, found, "")
+    for dates_lost, names in lacking.items():
+        who = ", ".join(names)
+        kept = records[~np.isin(records, dates_lost)]
+        shown = ", ".join(map(minute, dates_lost[:6])) + (" ..." if len(dates_lost) > 6 else "")
+        found.notes.append(f"{len(dates_lost)} record(s) without any value of {who} count as missing: {shown}")
+        if kept.size:
+            _gap_problems(ds, kept, first, last, found, f" of {who}", known=records)
+            _end_problems(ds, kept, first, last, found, f" with values of {who}")
+    if time is not None:
+        _end_problems(ds, records, first, last, found, "")
+
+
+def _gap_problems(
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, found: DataFinding, what: str,
+    known: Dates | None = None,
+) -> None:  # fmt: skip
+    """Tell the gaps at the dates of the experiment: those that a run refuses, and those that it interpolates across."""
+    interval, limit = own_interval(ds), gap_limit(ds)
+    told = set(long_gaps(known, 1.5 * interval, first, last)) if known is not None else set()
+    for gap in long_gaps(records, min(1.5 * interval, limit), first, last):
+        if gap in told:
+            continue
+        lost = round(gap.seconds / interval) - 1
+        text = f"gap: about {lost} record(s){what} missing between {minute(gap.before)} and {minute(gap.after)}"
+        if gap.seconds > limit:
+            allowed = f"longer than the {_duration(limit)} that a run interpolates across"
+            found.problems.append(f"{text}, {allowed}. Add these files, or set forcing.max_gap")
+        else:
+            found.notes.append(f"{text}; runs interpolate across it")
+
+
+def _end_problems(
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, found: DataFinding, what: str
+) -> None:
+    """Note dates of the experiment before the first and after the last record."""
+    held = np.timedelta64(int(hold_of(ds)), "s")
+    if first < records[0] - held:
+        found.problems.append(
+            f"begins{what} at {minute(records[0])}, after the experiment ({minute(first)}). Add earlier files"
+        )
+    if last > records[-1] + held:
+        found.problems.append(
+            f"ends{what} at {minute(records[-1])}, before the experiment ({minute(last)}). Add later files"
+        )
+
+
+def _field(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) -> FieldFinding:
+    """Return range, missing share and problems of one field in the experiment."""
+    quantity = QUANTITIES[str(data.name)]
+    values = data.values
+    known = np.isfinite(values)
+    low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (np.nan, np.nan)
+    lacks = on_path(data, path, crs)
+    found = FieldFinding(
+        name=quantity.name,
+        original_name=str(data.attrs.get("original_name", "")),
+        original_units=str(data.attrs.get("original_units", "")),
+        units=quantity.units,
+        positive=quantity.sign,
+        low=low,
+        high=high,
+        missing_share=float(1.0 - known.mean()) if known.size else 1.0,
+        missing_on_path=lacks.missing,
+        unfilled_on_path=lacks.unfilled,
+    )
+    _judge(found, quantity.limit, len(path or ()))
+    return found
+
+
+def _judge(found: FieldFinding, limit: float, points: int) -> None:
+    """Add what looks wrong about a field."""
+    if found.missing_share == 1.0:
+        found.problems.append("holds no value at all in the experiment: all land or missing")
+        return
+    if max(abs(found.low), abs(found.high)) > limit:
+        found.problems.append(f"values beyond {limit:g} {found.units} are not believable: check the units in the file")
+    if found.low == found.high == 0.0:
+        found.problems.append("is zero everywhere in the experiment: check that the right variable was written")
+    if found.missing_on_path:
+        text = f"missing (land, ice or gap) at {found.missing_on_path} of {points} positions of the berg: "
+        found.problems.append(text + _effect(found))
+
+
+def _effect(found: FieldFinding) -> str:
+    """Say what a run does where a field is missing on the path of the berg."""
+    if found.name == "depth_below_surface":
+        return f"these count as land, {HARMLESS}"
+    if found.name in MAY_BE_EMPTY:
+        return f"ice beside them is taken, else open water, {HARMLESS}"
+    if found.unfilled_on_path:
+        return (
+            f"at {found.unfilled_on_path} of them water is farther away than {FILL_CELLS} cells of the product, and the "
+            "field is 0 there. Take a product with water on the path"
+        )
+    return f"values from the nearest water will be used there, {HARMLESS}"
+
+
+def _conclude(report: Report, needed: Sequence[str]) -> None:
+    """Say what is missing and what to do, the most pressing first."""
+    for name in QUANTITIES:
+        holders = [found for found in report.data if any(item.name == name for item in found.fields)]
+        if len(holders) > 1:
+            files = ", ".join(Path(found.files[0]).name for found in holders)
+            report.notes.append(
+                f"{name} is in {len(holders)} sets of files ({files}); of these a run from files takes the last"
+            )
+    good = {item.name for found in report.data for item in found.fields if item.missing_share < 1.0}
+    report.missing = [name for name in needed if name not in good]
+    for name in report.missing:
+        source = WHERE_FROM.get(name, "any CF file with standard name " + QUANTITIES[name].standard_name)
+        report.advice.append(f"No file gives {name} ({QUANTITIES[name].long_name}). Get {source}")
+    # A stray file beside a complete set is told about, but does not stop the run.
+    if report.missing:
+        report.advice += [f"{Path(name).name}: {reason}" for name, reason in report.unreadable.items()]
+    report.advice += report.clashes
+    for found in report.data:
+        wanted = [item for item in found.fields if item.name in needed]
+        if wanted or not found.fields:
+            report.advice += [f"{Path(found.files[0]).name}: {problem}" for problem in found.problems]
+        for item in wanted:
+            serious = [text for text in item.problems if not text.endswith(HARMLESS)]
+            report.advice += [f"{Path(found.files[0]).name}, {item.name}: {problem}" for problem in serious]

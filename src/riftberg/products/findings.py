@@ -1,0 +1,110 @@
+"""What was found out about forcing files, and how it is told: the report of `riftberg.products.doctor`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from riftberg.products.canonical import QUANTITIES
+
+
+@dataclass
+class FieldFinding:
+    """One field of a dataset: range within the experiment, and how much of it is missing."""
+
+    name: str
+    original_name: str
+    original_units: str
+    units: str
+    positive: str
+    low: float
+    high: float
+    missing_share: float
+    missing_on_path: int
+    unfilled_on_path: int = 0
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass
+class DataFinding:
+    """One dataset: files of one product, one grid, one set of records."""
+
+    files: list[str]
+    product: str
+    title: str
+    checked_against: str
+    notes: list[str]
+    fields: list[FieldFinding] = field(default_factory=list)
+    space: str = ""
+    time: str = ""
+    sampled: str = ""
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Report:
+    """What `doctor` found.
+
+    Attributes
+    ----------
+    data : list of DataFinding
+        One entry per dataset.
+    unreadable : dict of str to str
+        Files that could not be used, and why.
+    clashes : list of str
+        Files that are good by themselves and cannot be used together, and why.
+    notes : list of str
+        What should be known of the files together.
+    missing : list of str
+        Needed fields that no dataset gives.
+    advice : list of str
+        What to do, the most pressing first.
+    """
+
+    data: list[DataFinding] = field(default_factory=list)
+    unreadable: dict[str, str] = field(default_factory=dict)
+    clashes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    advice: list[str] = field(default_factory=list)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the files suffice for the experiment."""
+        return not self.advice
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the report as plain numbers, texts, lists and dicts."""
+        return {**asdict(self), "ready": self.ready}
+
+    def text(self) -> str:
+        """Return the report as plain text."""
+        lines: list[str] = []
+        told: set[str] = set()
+        for found in self.data:
+            lines += _data_lines(found, told)
+            told.update(found.notes)
+        for name, reason in self.unreadable.items():
+            lines += [f"{name}", f"  cannot be used: {reason}", ""]
+        lines += [f"Note: {note}" for note in self.notes]
+        lines.append("Ready: these files give all that was asked for." if self.ready else "Not ready. What to do:")
+        lines += [f"  {number}. {text}" for number, text in enumerate(self.advice, 1)]
+        return "\n".join(lines)
+
+
+def _data_lines(found: DataFinding, told: set[str]) -> list[str]:
+    """Return the lines of a dataset, without the notes that were told before."""
+    head = found.files[0] if len(found.files) == 1 else f"{found.files[0]} and {len(found.files) - 1} more"
+    lines = [head, f"  is      {found.title} ({found.product}; reader checked against {found.checked_against})"]
+    lines += [f"  space   {found.space}", f"  time    {found.time}"]
+    for item in found.fields:
+        meaning = QUANTITIES[item.name].long_name
+        lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
+        lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
+        lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
+        lines[-1] += f", {item.missing_share:.2%} missing" if item.missing_share > 0.0 else ""
+        lines += [f"          ! {problem}" for problem in item.problems]
+    lines += [f"  sample  {found.sampled}"] if found.sampled else []
+    lines += [f"  note    {note}" for note in found.notes if note not in told]
+    lines += [f"  !       {problem}" for problem in found.problems]
+    return [*lines, ""]

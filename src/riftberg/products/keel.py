@@ -1,0 +1,157 @@
+"""Currents over the draft: the mean from the surface to the keel, for one draft or for every element by its own.
+
+A berg of 200 m draft moves with the water along its whole side, not with the surface. Levels of a product are taken
+as layers whose limits lie half-way between levels (the first begins at the surface); within a layer the current is
+constant. The mean runs over water only: in water shallower than the draft it ends at the sea floor.
+
+For drafts that differ from element to element and change in time, `keel_integral` stores the integral from the
+surface down to each layer limit, of the current and of the water itself. Both are piecewise linear in depth, so that
+interpolating them at the draft and dividing is exact (`mean_over_draft`); they may also be interpolated horizontally
+first, and then land counts for nothing by itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.canonical import QUANTITIES, labelled
+
+Floats = NDArray[np.float64]
+
+
+def layer_limits(depth: Floats) -> Floats:
+    """Return the limits (m) of the layers around the levels ``depth`` (m, ascending): one more than levels."""
+    depth = np.asarray(depth, float)
+    if depth.size == 1:
+        return np.array([0.0, 2.0 * depth[0]])
+    middle = 0.5 * (depth[:-1] + depth[1:])
+    return np.concatenate([[0.0], middle, [2.0 * depth[-1] - middle[-1]]])
+
+
+def _levelled(ds: xr.Dataset) -> list[str]:
+    names = [name for name in ("uo", "vo") if name in ds.data_vars and "depth" in ds[name].dims]
+    if not names:
+        raise ForcingError(
+            "has no currents on levels of depth",
+            where=str(ds.attrs.get("source", "")),
+            remedy="Use a product with depth (GLORYS12), or run with surface currents",
+        )
+    return names
+
+
+def keel_mean(ds: xr.Dataset, draft: float | xr.DataArray) -> xr.Dataset:
+    """Replace currents on levels by their mean from the surface to the draft.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset with ``uo`` or ``vo`` on ``depth``.
+    draft : float or xarray.DataArray
+        Draft (m, positive); an array on any dims of the dataset gives each column its own.
+
+    Returns
+    -------
+    xarray.Dataset
+        Without ``depth``; NaN where there is no water at all.
+
+    Raises
+    ------
+    ForcingError
+        If the draft is not positive or reaches below the deepest layer of the data.
+    """
+    names = _levelled(ds)
+    limits = layer_limits(ds["depth"].values)
+    _check_draft(draft, float(limits[-1]), ds)
+    top = xr.DataArray(limits[:-1], dims="depth", coords={"depth": ds["depth"].values})
+    thick = xr.DataArray(np.diff(limits), dims="depth", coords={"depth": ds["depth"].values})
+    share = (draft - top).clip(0.0, None)
+    weight = share.where(share < thick, thick)
+    means = {}
+    for name in names:
+        water = weight.where(ds[name].notnull(), 0.0)
+        total = water.sum("depth")
+        mean = (ds[name].fillna(0.0) * water).sum("depth") / total.where(total > 0.0)
+        means[name] = labelled(mean, QUANTITIES[name]).assign_attrs(cell_methods="depth: mean (surface to draft)")
+    told = f"{float(draft):g} m" if np.ndim(draft) == 0 else "a draft that varies"
+    history = f"currents averaged from the surface to {told}; {ds.attrs.get('history', '')}"
+    return ds.drop_vars([*names, "depth"]).assign(means).assign_attrs(history=history)
+
+
+def _check_draft(draft: float | xr.DataArray, deepest: float, ds: xr.Dataset) -> None:
+    low, high = float(np.nanmin(draft)), float(np.nanmax(draft))
+    if low <= 0.0 or high > deepest * (1.0 + 1e-9):
+        raise ForcingError(
+            f"drafts {low:g}..{high:g} m are outside the layers of the data, 0..{deepest:g} m",
+            where=str(ds.attrs.get("source", "")),
+            remedy="Fetch deeper levels, or give a draft above zero",
+        )
+
+
+def keel_integral(ds: xr.Dataset) -> xr.Dataset:
+    """Integrate currents and water from the surface down to each layer limit.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset with ``uo`` and ``vo`` on ``depth``.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``uo_integral``, ``vo_integral`` (m2 s-1) and ``wet_thickness`` (m) on the dimension ``draft`` (m, ascending
+        from 0). No NaN: land has integrals of zero.
+    """
+    names = _levelled(ds)
+    limits = layer_limits(ds["depth"].values)
+    thick = xr.DataArray(np.diff(limits), dims="depth", coords={"depth": ds["depth"].values})
+    fields = {f"{name}_integral": _running(ds[name].fillna(0.0) * thick, limits) for name in names}
+    for name in names:
+        fields[f"{name}_integral"].attrs = {"units": "m2 s-1", "long_name": f"{name} integrated from the surface down"}
+    fields["wet_thickness"] = _running(ds[names[0]].notnull() * thick, limits)
+    fields["wet_thickness"].attrs = {"units": "m", "long_name": "thickness of water from the surface down"}
+    history = f"integrated from the surface down; {ds.attrs.get('history', '')}"
+    return xr.Dataset(fields, attrs={**ds.attrs, "history": history})
+
+
+def _running(layers: xr.DataArray, limits: Floats) -> xr.DataArray:
+    """Return the running sum over depth, beginning with zero at the surface, on the layer limits."""
+    summed = layers.cumsum("depth").drop_vars("depth", errors="ignore")
+    padded = summed.pad(depth=(1, 0), constant_values=0.0).rename(depth="draft")
+    attributes = {"units": "m", "positive": "down", "long_name": "draft"}
+    return padded.assign_coords(draft=("draft", limits, attributes))
+
+
+def mean_over_draft(limits: Floats, integral: Floats, wet: Floats, draft: Floats) -> Floats:
+    """Return the mean current (m s-1) from the surface to each draft.
+
+    Parameters
+    ----------
+    limits : (k,) array
+        Depths (m) of the integrals, ascending from 0.
+    integral, wet : (..., k) array
+        Running integrals of current (m2 s-1) and water (m), from `keel_integral`.
+    draft : (...) array
+        Draft (m) of each element; drafts below the last limit take the last.
+
+    Returns
+    -------
+    (...) array
+        NaN where there is no water.
+    """
+    draft = np.clip(np.asarray(draft, float), 0.0, limits[-1])
+    lower = np.clip(np.searchsorted(limits, draft, side="right") - 1, 0, limits.size - 2)
+    part = (draft - limits[lower]) / (limits[lower + 1] - limits[lower])
+    total = _at(integral, lower, part)
+    water = _at(wet, lower, part)
+    mean: Floats = np.divide(total, water, out=np.full(np.shape(total), np.nan), where=water > 0.0)
+    return mean
+
+
+def _at(values: Floats, lower: NDArray[np.int64], part: Floats) -> Floats:
+    below = np.take_along_axis(values, lower[..., None], axis=-1)[..., 0]
+    above = np.take_along_axis(values, lower[..., None] + 1, axis=-1)[..., 0]
+    result: Floats = below + part * (above - below)
+    return result

@@ -1,0 +1,130 @@
+"""Fields on a map projection: axes in metres, positions by pyproj, regridding to longitude-latitude."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.stencil import Stencil
+
+Floats = NDArray[np.float64]
+_METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
+
+
+def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
+    """Name the projected axes ``x`` and ``y`` in metres and note the projection as ``crs_wkt``.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Decoded dataset with one-dimensional projection coordinates.
+    x, y : str
+        Names of these coordinates.
+    fallback : str
+        Projection (anything pyproj reads) where the file describes none.
+
+    Raises
+    ------
+    ForcingError
+        If the projection does not lead to the latitudes and longitudes that the file gives.
+    """
+    crs = _crs_of(ds, fallback)
+    ds = ds.rename({old: new for old, new in ((x, "x"), (y, "y")) if old != new})
+    for axis in ("x", "y"):
+        units = str(ds[axis].attrs.get("units", "")).lower()
+        values = ds[axis].values.astype(float) * _METRES[units]
+        attributes = {"standard_name": f"projection_{axis}_coordinate", "units": "m", "axis": axis.upper()}
+        ds = ds.assign_coords({axis: (axis, values, attributes)})
+    if {"lat", "lon"} <= set(ds.variables):
+        _check_positions(ds, crs)
+    return ds.assign_attrs(crs_wkt=crs.to_wkt())
+
+
+def _crs_of(ds: xr.Dataset, fallback: str) -> Any:
+    """Return the projection from the grid mapping variable, else the fallback."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    for variable in ds.variables.values():
+        if variable.ndim == 0 and "grid_mapping_name" in variable.attrs:
+            readings = (lambda a: cast(Any, CRS).from_cf(a), lambda a: CRS.from_user_input(a["proj4_string"]))
+            for reading in readings:
+                try:
+                    return reading(dict(variable.attrs))
+                except (CRSError, KeyError):
+                    continue
+    return CRS.from_user_input(fallback)
+
+
+def _transformer(crs: Any) -> Any:
+    from pyproj import CRS, Transformer
+
+    crs = CRS.from_user_input(crs)
+    # A projection and its own ellipsoid have no datum shift between them: so the products define their positions.
+    return Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
+
+
+def to_projection(crs: Any, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
+    """Return projected positions (m) of longitudes and latitudes (degrees)."""
+    x, y = _transformer(crs).transform(lon, lat)
+    return np.asarray(x, float), np.asarray(y, float)
+
+
+def _check_positions(ds: xr.Dataset, crs: Any) -> None:
+    """Compare a sample of the file's positions with the projection; half a cell is the most that they may differ."""
+    lat, lon = ds["lat"], ds["lon"]
+    pick = {dim: slice(None, None, max(1, size // 8)) for dim, size in lat.sizes.items()}
+    lon_s, lat_s = lon.isel(pick).values, lat.isel(pick).values
+    x, y = to_projection(crs, lon_s, lat_s)
+    expected_x, expected_y = np.meshgrid(ds["x"].isel(x=pick["x"]).values, ds["y"].isel(y=pick["y"]).values)
+    off = np.nanmax(np.hypot(x - expected_x, y - expected_y)) if np.isfinite(lat_s).any() else 0.0
+    if not off <= 0.5 * abs(float(ds["x"][1] - ds["x"][0])):
+        raise ForcingError(
+            f"projection and positions of the file differ by {off / 1000.0:.1f} km",
+            where=str(ds.encoding.get("source", "")),
+            remedy="The file's grid mapping is wrong or missing: check its header",
+        )
+
+
+def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
+    """Regrid a projected dataset to longitudes and latitudes, bilinearly in the projection.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset with dims ``y``, ``x`` and attribute ``crs_wkt``.
+    lon, lat : array
+        Target axes (degrees), ascending.
+
+    Returns
+    -------
+    xarray.Dataset
+        Canonical dataset on ``lat``, ``lon``; NaN outside and next to missing values.
+    """
+    if "crs_wkt" not in ds.attrs:
+        remedy = "Take a window south of 20 N with riftberg.products.window first: there the grid has ordinary axes"
+        raise ForcingError(
+            "this curvilinear grid has no map projection", where=str(ds.attrs.get("source", "")), remedy=remedy
+        )
+    lon, lat = np.asarray(lon, float), np.asarray(lat, float)
+    grid_lon, grid_lat = np.meshgrid(lon, lat)
+    x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
+    stencil = Stencil.bilinear(ds["x"].values, ds["y"].values, x, y)
+    fields = {}
+    for name, field in ds.data_vars.items():
+        values = stencil.plain(field.transpose(..., "y", "x").values)
+        dims = (*[dim for dim in field.dims if dim not in ("y", "x")], "lat", "lon")
+        fields[name] = (dims, values, field.attrs)
+    axes = {
+        "lat": ("lat", lat, {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
+        "lon": ("lon", lon, {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
+    }
+    kept = {name: ds[name] for name in ("time", "depth") if name in ds.coords}
+    result = xr.Dataset(fields, coords={**kept, **axes})
+    result.attrs = {key: value for key, value in ds.attrs.items() if key != "crs_wkt"}
+    result.attrs["history"] = f"regridded bilinearly to longitude-latitude; {ds.attrs.get('history', '')}"
+    return result

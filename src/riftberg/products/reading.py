@@ -1,0 +1,201 @@
+"""Opening of files, lazily, and the way of one file through a product to the canonical dataset."""
+
+from __future__ import annotations
+
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.products.axes import name_axes, tidy_axes
+from riftberg.products.canonical import QUANTITIES, canonicalise
+from riftberg.products.product import Product
+from riftberg.products.stated import stated_interval
+
+CHUNK = "16MiB"
+_UNITS_ATTRIBUTES = ("units", "Units", "Unit", "unit")
+_OPENINGS = (
+    (
+        b"PK\x03\x04",
+        "a zip archive",
+        "Unzip it and give the .nc files inside (the Climate Data Store packs one per kind of step)",
+    ),
+    (b"\x1f\x8b", "a gzip file", "Unpack it first: gunzip FILE"),
+    (b"GRIB", "a GRIB file", "Convert it: grib_to_netcdf or cdo -f nc copy, or ask the service for netCDF"),
+    (
+        b"version https://git-lfs",
+        "a Git LFS pointer, not the data",
+        "Fetch the data itself: riftberg fetch, or git lfs pull",
+    ),
+    (
+        b"<",
+        "a web page, not data",
+        "The download met a login or error page: log in to the data centre and fetch it again",
+    ),
+)
+_NETCDF = (b"CDF", b"\x89HDF")
+
+
+def is_zarr(path: str) -> bool:
+    """Tell whether ``path`` names a Zarr store (a folder or an address)."""
+    folder = Path(path)
+    marks = (".zgroup", ".zmetadata", "zarr.json")
+    return ".zarr" in path or (folder.is_dir() and any((folder / mark).exists() for mark in marks))
+
+
+def check_readable(path: str) -> None:
+    """Raise `ForcingError` with a remedy unless ``path`` is a file that looks like netCDF."""
+    file = Path(path)
+    if not file.exists():
+        raise ForcingError("the file does not exist", where=path, remedy="Check the name and the folder")
+    if file.is_dir():
+        raise ForcingError("this is a folder", where=path, remedy="Give its files, for example FOLDER/*.nc")
+    with file.open("rb") as stream:
+        head = stream.read(64)
+    for opening, what, remedy in _OPENINGS:
+        if head.lstrip().startswith(opening):
+            raise ForcingError(f"this is {what}", where=path, remedy=remedy)
+    if not head.startswith(_NETCDF):
+        raise ForcingError(
+            "this is not a netCDF file", where=path, remedy="Give netCDF or Zarr; the file may be cut or damaged"
+        )
+
+
+def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
+    """Open a file or Zarr store without decoding anything, lazily; text variables are left out.
+
+    Parameters
+    ----------
+    path : str
+        netCDF file, or Zarr store (folder or address).
+    chunked : bool
+        Whether to keep later arithmetic lazy too, which needs dask; without dask it is computed at once.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    ds = _open(path)
+    text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
+    if chunked and find_spec("dask") is not None:
+        import dask
+
+        with dask.config.set({"array.chunk-size": CHUNK}):
+            ds.close()
+            ds = _open(path, chunks="auto", drop_variables=text)
+    else:
+        ds = ds.drop_vars(text)
+    ds.encoding["source"] = path
+    return ds
+
+
+def _open(path: str, **options: Any) -> xr.Dataset:
+    remote = "://" in path
+    if is_zarr(path):
+        if find_spec("zarr") is None:
+            raise ForcingError("Zarr is not installed", where=path, remedy="pip install 'riftberg[products]'")
+        if path.startswith("gs://"):
+            options["storage_options"] = {"token": "anon"}
+        return _open_store(path, options)
+    if not remote:
+        check_readable(path)
+    try:
+        return xr.open_dataset(path, engine="netcdf4", decode_cf=False, **options)
+    except (OSError, ValueError) as error:
+        remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
+        raise ForcingError(f"cannot be opened ({error})", where=path, remedy=remedy) from error
+
+
+def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
+    with warnings.catch_warnings():
+        # A store without consolidated metadata opens more slowly, which is no fault of the reader.
+        warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
+        try:
+            store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
+        except (OSError, ValueError, ImportError) as error:
+            remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
+            raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
+    return store
+
+
+def read(path: str, product: Product) -> xr.Dataset:
+    """Read one file of ``product`` into a canonical dataset, lazily.
+
+    Parameters
+    ----------
+    path : str
+        File or Zarr store.
+    product : Product
+        What it is.
+
+    Returns
+    -------
+    xarray.Dataset
+        Canonical dataset; only the fields that the file holds.
+    """
+    raw = _without_false_fill(product.mend(open_raw(path)))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)
+        # Packing and calendars are xarray's work; only dates that pandas cannot hold come back as cftime objects.
+        warnings.filterwarnings("ignore", message="Unable to decode time axis", category=xr.SerializationWarning)
+        ds = xr.decode_cf(raw)
+    ds.encoding["source"] = path
+    ds = product.reshape(ds)
+    ds = name_axes(ds, where=path)
+    ds = tidy_axes(_fields_of(ds, product, where=path), where=path)
+    if "time" in ds.dims and (stated := stated_interval(raw, path)):
+        ds = ds.assign_attrs(stated_seconds=stated)
+    return _signed(product.finish(ds), product, path, raw)
+
+
+def _without_false_fill(raw: xr.Dataset) -> xr.Dataset:
+    """Drop a NaN fill value from integer variables: it can never occur in them and stops the decoding."""
+    for variable in raw.variables.values():
+        fill = variable.attrs.get("_FillValue")
+        if variable.dtype.kind in "iu" and isinstance(fill, (float, np.floating)) and np.isnan(fill):
+            variable.attrs.pop("_FillValue")
+    return raw
+
+
+def _fields_of(ds: xr.Dataset, product: Product, *, where: str) -> xr.Dataset:
+    """Return only the canonical fields, converted, with the axes of the dataset."""
+    fields: dict[str, xr.DataArray] = {}
+    for source in product.sources:
+        name = next((name for name in source.names if name in ds.data_vars), None)
+        if name is None or source.quantity in fields:
+            continue
+        units = next((str(ds[name].attrs[key]) for key in _UNITS_ATTRIBUTES if key in ds[name].attrs), source.units)
+        quantity = QUANTITIES[source.quantity]
+        fields[source.quantity] = canonicalise(ds[name], quantity, units, where=f"{where}, variable {name}")
+        fields[source.quantity].attrs |= {"original_name": name, "original_units": units}
+    if not fields:
+        held = ", ".join(sorted(map(str, ds.data_vars))) or "nothing"
+        raise ForcingError(
+            f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has {held}",
+            where=where,
+            remedy="Give the file with the wanted variables, or name the right product",
+        )
+    kept = xr.Dataset(fields, attrs={key: ds.attrs[key] for key in ("crs_wkt",) if key in ds.attrs})
+    return kept.drop_vars([name for name in kept.coords if name not in ("time", "depth", "lat", "lon", "y", "x")])
+
+
+def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.Dataset:
+    """Return the dataset with the attributes of its origin."""
+    attributes = {
+        "Conventions": "CF-1.11",
+        "product": product.name,
+        "title": product.title,
+        "source": path,
+        "citation": product.citation,
+        "reader_checked_against": product.checked(ds.data_vars),
+        "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
+        "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
+    }
+    kept = {key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds") if key in ds.attrs}
+    ds = ds.copy(deep=False)
+    ds.attrs = {**attributes, **kept}
+    return ds

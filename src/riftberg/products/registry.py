@@ -1,0 +1,241 @@
+"""The products that Riftberg reads, how a file finds its product, and how files become canonical datasets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from glob import glob
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.products import (
+    cf,
+    duacs,
+    era5,
+    experiment,
+    gebco,
+    globcurrent,
+    glorys,
+    ibcso,
+    jra55,
+    ncep,
+    oras5,
+    oscar,
+    osisaf,
+    srtm15,
+)
+from riftberg.products.product import Product
+from riftberg.products.reading import is_zarr, open_raw, read
+from riftberg.products.records import own_interval
+
+PRODUCTS: tuple[Product, ...] = (
+    globcurrent.PRODUCT,
+    oscar.V1,
+    oscar.V3,
+    oscar.V2,
+    duacs.PRODUCT,
+    duacs.GEOSTROPHIC,
+    glorys.PRODUCT,
+    oras5.PRODUCT,
+    ncep.R2,
+    ncep.R1,
+    jra55.PRODUCT,
+    era5.PRODUCT,
+    ibcso.PRODUCT,
+    osisaf.PRODUCT,
+    gebco.PRODUCT,
+    srtm15.PRODUCT,
+    experiment.PRODUCT,
+    experiment.KEEL_MEAN,
+    cf.PRODUCT,
+)
+"""All products; a file belongs to the first that matches it."""
+
+Paths = str | Path | Sequence[str | Path]
+
+
+def product_named(name: str) -> Product:
+    """Return the product of that name; `ForcingError` lists the names if there is none."""
+    for product in PRODUCTS:
+        if product.name == name:
+            return product
+    names = ", ".join(product.name for product in PRODUCTS)
+    raise ForcingError(f"there is no product {name!r}", where="product", remedy=f"Choose one of: {names}")
+
+
+def recognise(path: str | Path) -> Product:
+    """Return the product that a file belongs to, told by its attributes, variables and dimensions.
+
+    Raises
+    ------
+    ForcingError
+        If no product matches; the message lists what the file holds.
+    """
+    with open_raw(str(path), chunked=False) as ds:
+        for product in PRODUCTS:
+            if product.matches(ds):
+                return product
+        held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items()) or "nothing"
+    raise ForcingError(
+        f"the product was not recognised; the file holds {held}",
+        where=str(path),
+        remedy="Name the product (--product), or give the variables CF standard names",
+    )
+
+
+def expand(paths: Paths) -> list[str]:
+    """Return the files that ``paths`` names: patterns are expanded, addresses and Zarr stores kept."""
+    given: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
+    files: list[str] = []
+    for path in map(str, given):
+        pattern = any(sign in path for sign in "*?[") and "://" not in path
+        found = sorted(glob(path)) if pattern else [path]
+        if not found:
+            raise ForcingError("no file matches", where=path, remedy="Check the folder and the pattern")
+        files.extend(found)
+    if not files:
+        raise ForcingError("no files were given", where="forcing", remedy="Give at least one file")
+    return files
+
+
+def open_product(paths: Paths, product: str | Product | None = None) -> xr.Dataset:
+    """Open the files of one product as one canonical dataset, lazily.
+
+    Parameters
+    ----------
+    paths : str, Path or sequence of them
+        Files, patterns (``*.nc``), Zarr stores or their addresses. Files may follow one another in time and hold
+        different variables (``uwnd.10m.gauss.2020.nc`` and ``vwnd.10m.gauss.2020.nc``), on one grid with the same
+        records.
+    product : str or Product, optional
+        What they are, instead of recognising it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Canonical dataset, see `riftberg.products`.
+
+    Raises
+    ------
+    ForcingError
+        If files are not recognised, or do not fit into one dataset; `open_all` opens such sets one by one.
+    """
+    parts = open_all(paths, product)
+    if len(parts) > 1:
+        told = "; ".join(
+            f"{part.attrs['product']}: {', '.join(map(str, part.data_vars))} {dict(part.sizes)}" for part in parts
+        )
+        raise ForcingError(
+            f"these files make {len(parts)} datasets with different products, grids or records ({told})",
+            where=", ".join(expand(paths)[:4]),
+            remedy="Open each set by itself, or use open_all",
+        )
+    return parts[0]
+
+
+def open_all(paths: Paths, product: str | Product | None = None) -> list[xr.Dataset]:
+    """Open files of any products; those on one grid with the same records are joined.
+
+    Parameters
+    ----------
+    paths, product
+        As in `open_product`.
+
+    Returns
+    -------
+    list of xarray.Dataset
+        One canonical dataset for each product, grid and set of records.
+    """
+    return open_named((path, product) for path in expand(paths))
+
+
+def open_named(entries: Iterable[tuple[str, str | Product | None]]) -> list[xr.Dataset]:
+    """Open files as the products named beside them (None: recognise it), joined as `open_all` does."""
+    groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
+    products: dict[str, Product] = {}
+    for path, product in entries:
+        chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
+        products[chosen.name] = chosen
+        ds = read(path, chosen)
+        groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
+    joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
+    return _merged([_settled(part, product) for part, product in joined])
+
+
+def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
+    """Return joined files with the interval of all their records noted, which a window would no longer show."""
+    if "time" not in ds.dims:
+        return ds
+    ds = product.settle(ds)
+    return ds.assign_attrs(interval_seconds=own_interval(ds))
+
+
+def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
+    """Return what tells grids apart: dimensions and the values of their axes."""
+    axes = [name for name in ("depth", "lat", "lon", "y", "x") if name in ds.dims]
+    return tuple((name, ds.sizes[name], ds[name].values.tobytes() if name in ds.coords else b"") for name in axes)
+
+
+def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
+    """Join files with the same variables and grid in order of time; of repeated records the first is kept.
+
+    Files without time stay by themselves: of two with the same field a run takes the one named later.
+    """
+    if len(parts) == 1 or any("time" not in part.dims for part in parts):
+        return parts
+    parts = sorted(parts, key=lambda part: part["time"].values[0])
+    joined = xr.concat(
+        parts,
+        dim="time",
+        data_vars="minimal",
+        coords="minimal",
+        compat="override",
+        join="override",
+        combine_attrs="override",
+    )
+    stated = [part.attrs["stated_seconds"] for part in parts if "stated_seconds" in part.attrs]
+    joined = joined.assign_attrs(stated_seconds=min(stated)) if stated else joined
+    _, first = np.unique(joined["time"].values, return_index=True)
+    whole = first.size == joined.sizes["time"] and np.all(np.diff(first) == 1)
+    return [_sourced(joined if whole else joined.isel(time=first), parts)]
+
+
+def _merged(parts: list[xr.Dataset]) -> list[xr.Dataset]:
+    """Merge datasets of one product with different variables on the same grid and records."""
+    groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
+    for part in parts:
+        records = part["time"].values.tobytes() if "time" in part.dims else b""
+        key: tuple[object, ...] = (part.attrs["product"], *_grid_key(part), records)
+        while not records and any(set(other.data_vars) & set(part.data_vars) for other in groups.get(key, [])):
+            key = (*key, "again")
+        groups.setdefault(key, []).append(part)
+    return [_merge(group) for group in groups.values()]
+
+
+def _merge(parts: list[xr.Dataset]) -> xr.Dataset:
+    if len(parts) == 1:
+        return parts[0]
+    seen: set[object] = set()
+    fresh = []
+    for part in parts:
+        fresh.append(part.drop_vars([name for name in part.data_vars if name in seen]))
+        seen |= set(part.data_vars)
+    return _sourced(xr.merge(fresh, compat="override", join="override", combine_attrs="override"), parts)
+
+
+def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
+    return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
+
+
+__all__ = [
+    "PRODUCTS",
+    "expand",
+    "is_zarr",
+    "open_all",
+    "open_named",
+    "open_product",
+    "product_named",
+    "recognise",
+]

@@ -1,0 +1,184 @@
+"""The part of a dataset that a run needs: a box in longitude, latitude and time, and one point and record more."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.axes import goes_round, on_branch
+from riftberg.products.records import hold_of
+
+Floats = NDArray[np.float64]
+Span = tuple[float, float]
+
+
+def utc(value: Any) -> np.datetime64:
+    """Return a moment as ``datetime64[ns]`` in UTC; text, `datetime` (naive means UTC) and ``datetime64`` are taken."""
+    if isinstance(value, datetime) and value.tzinfo is not None:
+        value = value.astimezone(UTC).replace(tzinfo=None)
+    if isinstance(value, str):
+        value = value.removesuffix("Z")
+    return np.datetime64(value, "ns")
+
+
+def window(
+    ds: xr.Dataset, lon: Span, lat: Span, time: tuple[Any, Any] | None = None, margin: float = 0.0
+) -> xr.Dataset:
+    """Return the part of a canonical dataset in a box, lazily, with one more point and record on each side.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset.
+    lon : tuple of float
+        West and east (degrees, any convention); east below west crosses the date line (170, -170).
+    lat : tuple of float
+        South and north (degrees).
+    time : tuple, optional
+        First and last moment (text, datetime or datetime64, UTC).
+    margin : float
+        Width added to the box on each side (degrees).
+
+    Returns
+    -------
+    xarray.Dataset
+        Longitudes are ascending and on the branch of the box's west. Where the data end inside the box the window ends
+        there too: `riftberg.products.doctor.diagnose` tells about that.
+
+    Raises
+    ------
+    ForcingError
+        If nothing of the dataset lies in the box.
+    """
+    west, east = lon[0], lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
+    box = (west - margin, east + margin, lat[0] - margin, lat[1] + margin)
+    if "crs_wkt" in ds.attrs:
+        ds = _projected(ds, box)
+    elif "y" in ds.dims:
+        ds = _curvilinear(ds, box)
+    else:
+        ds = _regular(ds, box)
+    return window_in_time(ds, time) if time is not None and "time" in ds.dims else ds
+
+
+def slice_around(axis: Floats, low: float, high: float) -> slice:
+    """Return the part of an ascending axis around ``low..high``, one point more on each side; empty if outside."""
+    if high < axis[0] or low > axis[-1]:
+        return slice(0, 0)
+    start = max(int(np.searchsorted(axis, low, side="right")) - 1, 0)
+    stop = min(int(np.searchsorted(axis, high, side="left")) + 1, axis.size)
+    return slice(start, stop)
+
+
+def longitudes_near(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
+    """Return the dataset with its longitudes on the branch where they meet ``west..east`` best."""
+    if goes_round(ds["lon"].values):
+        spare = max(0.0, 360.0 - (east - west))
+        return on_branch(ds, west - 0.5 * spare)
+    axis = ds["lon"].values
+    turns = [turn for turn in (-720.0, -360.0, 0.0, 360.0, 720.0)]
+    overlap = [min(east, axis[-1] + turn) - max(west, axis[0] + turn) for turn in turns]
+    return ds.assign_coords(lon=("lon", axis + turns[int(np.argmax(overlap))], ds["lon"].attrs))
+
+
+def _regular(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+    west, east, south, north = box
+    ds = longitudes_near(ds, west, east)
+    columns = slice_around(ds["lon"].values, west, east)
+    rows = slice_around(ds["lat"].values, south, north)
+    return _not_empty(ds.isel(lat=rows, lon=columns), ds, box)
+
+
+def _projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+    """Cut a projected grid to the rectangle that holds the box."""
+    from riftberg.products.projected import to_projection
+
+    west, east, south, north = box
+    grid_lon, grid_lat = np.meshgrid(np.linspace(west, east, 73), np.linspace(max(south, -90.0), min(north, 90.0), 73))
+    x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
+    columns = slice_around(ds["x"].values, np.nanmin(x), np.nanmax(x))
+    rows = slice_around(ds["y"].values, np.nanmin(y), np.nanmax(y))
+    return _not_empty(ds.isel(y=rows, x=columns), ds, box)
+
+
+def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+    """Cut a curvilinear grid to the box; where rows and columns follow latitude and longitude there, name them so."""
+    west, east, south, north = box
+    lat = ds["lat"].values
+    lon = (ds["lon"].values - west) % 360.0 + west
+    inside = (lat >= south) & (lat <= north) & (lon <= east)
+    if not inside.any():
+        return _not_empty(ds.isel(y=slice(0, 0)), ds, box)
+    rows, columns = np.nonzero(inside.any(axis=1))[0], np.nonzero(inside.any(axis=0))[0]
+    columns = _after_the_seam(columns, lon.shape[1])
+    row_range = slice(max(rows[0] - 1, 0), rows[-1] + 2)
+    part = ds.isel(y=row_range, x=columns)
+    return _straightened(part, west, east)
+
+
+def _after_the_seam(columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+    """Return column numbers, one more on each side, in running order even if they pass the seam of the grid."""
+    gaps = np.diff(columns)
+    cut = int(np.argmax(gaps)) + 1 if gaps.size and gaps.max() > 0.5 * size else 0
+    ordered = np.concatenate([columns[cut:], columns[:cut]])
+    first, last = max(int(ordered[0]) - 1, 0), min(int(ordered[-1]) + 1, size - 1)
+    return np.array(list(dict.fromkeys([first, *ordered.tolist(), last])), dtype=np.int64)
+
+
+def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
+    """Turn two-dimensional positions into axes where each varies along one dimension only (Mercator part of a grid)."""
+    middle = 0.5 * (west + east)
+    lat = ds["lat"].values
+    lon = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle
+    if np.ptp(lat, axis=1).max() > 1e-3 or np.ptp(lon, axis=0).max() > 1e-3:
+        return ds.assign_coords(lon=(ds["lon"].dims, lon, ds["lon"].attrs))
+    order = np.unique(np.round(lon.mean(axis=0), 5), return_index=True)[1]
+    ds = ds.isel(x=order).drop_vars(["lat", "lon"]).rename(y="lat", x="lon")
+    axes = {
+        "lat": ("lat", lat.mean(axis=1), {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
+        "lon": ("lon", lon.mean(axis=0)[order], {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
+    }
+    return ds.assign_coords(axes)
+
+
+def _not_empty(part: xr.Dataset, whole: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+    if all(part.sizes[name] for name in ("lat", "lon", "y", "x") if name in part.dims):
+        return part
+    west, east, south, north = box
+    raise ForcingError(
+        f"nothing lies in {west:g}..{east:g} E, {south:g}..{north:g} N: the data cover {cover(whole)}",
+        where=str(whole.attrs.get("source", "")),
+        remedy="Give a file that covers the box; check the sign of west longitudes",
+    )
+
+
+def cover(ds: xr.Dataset) -> str:
+    """Return what a canonical dataset covers in space, in words."""
+    if "lat" not in ds.coords:
+        return "a projected grid without positions"
+    lat, lon = ds["lat"].values, ds["lon"].values
+    if lat.ndim == 1 and goes_round(lon):
+        return f"all longitudes, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
+    return f"{np.nanmin(lon):g}..{np.nanmax(lon):g} E, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
+
+
+def window_in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
+    """Return the records of a time and one more on each side; `ForcingError` if there is none."""
+    first, last = utc(time[0]), utc(time[1])
+    records = ds["time"].values
+    held = np.timedelta64(int(hold_of(ds)), "s")
+    if last < records[0] - held or first > records[-1] + held:
+        raise ForcingError(
+            f"no record lies in {first.astype('M8[m]')}..{last.astype('M8[m]')}: the data run from "
+            f"{records[0].astype('M8[m]')} to {records[-1].astype('M8[m]')}",
+            where=str(ds.attrs.get("source", "")),
+            remedy="Give files of these dates",
+        )
+    start = max(int(np.searchsorted(records, first, side="right")) - 1, 0)
+    stop = min(int(np.searchsorted(records, last, side="left")) + 1, records.size)
+    return ds.isel(time=slice(min(start, records.size - 1), max(stop, 1)))

@@ -1,0 +1,229 @@
+"""The water around a run, kept coarsely in the run file for maps: currents every few hours, and the sea floor.
+
+It lies in a group of its own (``background``), so that the main group of the file stays a plain trajectory file. It is
+for looking at; the forces on the elements are recorded with the elements.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import netCDF4
+import numpy as np
+import xarray as xr
+
+from riftberg import constants
+from riftberg.errors import RiftbergError, RunError
+from riftberg.state import Floats
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+    from riftberg.ocean.forcing import Forcing
+
+GROUP: Final = "background"
+POINTS: Final = 56
+"""Points of the currents along the longer side of the map."""
+
+FLOOR_POINTS: Final = 420
+"""Points of the sea floor along the longer side."""
+
+INTERVAL: Final = 21_600.0
+"""Seconds between two currents."""
+
+MOST_TIMES: Final = 80
+"""Largest number of currents; a longer run has them at longer intervals."""
+
+_MARGIN = 0.3
+_SHAPE = 2.0
+"""Least width of the box over its height: screens are wide."""
+
+
+def append_background(path: str | Path, model: Model) -> bool:
+    """Add the background to a finished run file, by way of a copy that takes its name.
+
+    Parameters
+    ----------
+    path : path
+        The run file.
+    model : Model
+        Gives the forcing, which is asked again for the times of the run.
+
+    Returns
+    -------
+    bool
+        False where the forcing cannot be asked for maps, or knows nothing here; the file is as it was then.
+    """
+    path = Path(path)
+    with xr.open_dataset(path, decode_times=False) as run:
+        seconds = run["time"].values
+        names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
+        axes = _axes(run[names[0]].values, run[names[1]].values, names[0] == "lon", POINTS)
+        fine = _axes(run[names[0]].values, run[names[1]].values, names[0] == "lon", FLOOR_POINTS)
+        units = {
+            "time": run["time"].attrs["units"],
+            "x": run[names[0]].attrs["units"],
+            "y": run[names[1]].attrs["units"],
+        }
+    times = _times(seconds)
+    try:
+        currents = [model.forcing.currents(*np.meshgrid(*axes), float(t)) for t in times]
+        depth = model.forcing.depth(*np.meshgrid(*fine))
+    except (RiftbergError, AttributeError, NotImplementedError):
+        return False  # a picture without water is better than no run
+    if not (np.isfinite(np.array(currents)).any() or np.isfinite(depth).any()):
+        return False
+    copy = path.with_name(f".{path.name}.part")
+    try:
+        shutil.copyfile(path, copy)
+        with netCDF4.Dataset(copy, "a") as file:
+            _write(file.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
+        os.replace(copy, path)
+    except OSError as error:
+        raise RunError(f"cannot add the background to {path} ({error}); the run itself is complete") from error
+    finally:
+        copy.unlink(missing_ok=True)
+    return True
+
+
+def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floats]:
+    """Return the axes of a grid around all positions of a run."""
+    x = x[np.isfinite(x)]
+    if latlon:
+        x = x - 360.0 * np.round((x - x[0]) / 360.0)
+    south, north, west, east = float(np.nanmin(y)), float(np.nanmax(y)), float(x.min()), float(x.max())
+    stretch = 1.0 / max(0.05, float(np.cos(np.radians(0.5 * (south + north))))) if latlon else 1.0
+    smallest = 20e3 / (constants.DEGREE * constants.EARTH_RADIUS_KID) if latlon else 20e3
+    margin = _MARGIN * max(north - south, (east - west) / stretch, smallest)
+    south, north = south - margin, north + margin
+    wide = max(east - west + 2.0 * margin * stretch, _SHAPE * (north - south) * stretch)
+    if latlon:
+        wide = min(wide, 350.0)
+    west, east = 0.5 * (west + east - wide), 0.5 * (west + east + wide)
+    if latlon:
+        south, north = max(south, -89.9), min(north, 89.9)
+    step = max(north - south, (east - west) / stretch) / (points - 1)
+    count = [max(2, round(length / step) + 1) for length in ((east - west) / stretch, north - south)]
+    return np.linspace(west, east, count[0]), np.linspace(south, north, count[1])
+
+
+def _times(seconds: Floats) -> Floats:
+    length = float(seconds[-1] - seconds[0])
+    count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1
+    return np.linspace(seconds[0], seconds[-1], count if length > 0.0 else 1)
+
+
+def _write(
+    group: Any, axes: tuple[Floats, Floats], fine: tuple[Floats, Floats], times: Floats, currents: Floats,
+    depth: Floats, units: dict[str, str],
+) -> None:  # fmt: skip
+    group.comment = "coarse picture of the forcing, for maps"
+    sizes = {"time": times, "y": axes[1], "x": axes[0], "floor_y": fine[1], "floor_x": fine[0]}
+    for name, values in sizes.items():
+        group.createDimension(name, len(values))
+        variable = group.createVariable(name, "f8", (name,))
+        variable.units = units[name.removeprefix("floor_")]
+        variable[:] = values
+    options = {"compression": "zlib", "complevel": 4, "shuffle": True, "fill_value": np.float32(np.nan)}
+    for k, (name, standard) in enumerate(
+        (("uo", "eastward_sea_water_velocity"), ("vo", "northward_sea_water_velocity"))
+    ):
+        # 1 mm/s is finer than any arrow; rounding makes the file small.
+        variable = group.createVariable(name, "f4", ("time", "y", "x"), **options)
+        variable.setncatts({"units": "m s-1", "standard_name": standard})
+        variable[:] = np.round(currents[:, k], 3)
+    variable = group.createVariable("depth", "f4", ("floor_y", "floor_x"), **options)
+    variable.setncatts({"units": "m", "standard_name": "sea_floor_depth_below_sea_surface"})
+    variable[:] = np.round(depth, 1)
+
+
+class StoredWater:
+    """Currents and sea floor of a run, as far as its file keeps them; offers what maps ask of a forcing.
+
+    Parameters
+    ----------
+    background : xarray.Dataset
+        The group of the run file.
+    """
+
+    def __init__(self, background: xr.Dataset) -> None:
+        self.x: Floats = background["x"].values
+        self.y: Floats = background["y"].values
+        self.times: Floats = background["time"].values
+        self.u: Floats = background["uo"].values
+        self.v: Floats = background["vo"].values
+        self.floor_x: Floats = background["floor_x"].values
+        self.floor_y: Floats = background["floor_y"].values
+        self.floor: Floats = background["depth"].values
+        self.degrees = str(background["x"].attrs.get("units", "")).startswith("degree")
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at points, ``time`` seconds after the start; NaN outside the stored box."""
+        upper = int(np.clip(np.searchsorted(self.times, time), 1, max(1, len(self.times) - 1)))
+        lower = upper - 1
+        if len(self.times) == 1:
+            return self._at(self.u[0], lon, lat), self._at(self.v[0], lon, lat)
+        part = float(np.clip((time - self.times[lower]) / (self.times[upper] - self.times[lower]), 0.0, 1.0))
+        u, v = ((1.0 - part) * field[lower] + part * field[upper] for field in (self.u, self.v))
+        return self._at(u, lon, lat), self._at(v, lon, lat)
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at points; NaN outside the stored box."""
+        return bilinear(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
+
+    def _at(self, field: Floats, lon: Floats, lat: Floats) -> Floats:
+        return bilinear(self.x, self.y, field, self._near(lon), np.asarray(lat))
+
+    def _near(self, lon: Floats) -> Floats:
+        """Bring longitudes to the branch of the stored ones."""
+        lon = np.asarray(lon, np.float64)
+        middle = 0.5 * (self.x[0] + self.x[-1])
+        return lon - 360.0 * np.round((lon - middle) / 360.0) if self.degrees else lon
+
+
+def bilinear(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
+    """Interpolate on an even grid; NaN outside and beside missing values.
+
+    Parameters
+    ----------
+    x_axis, y_axis : array
+        Rising, evenly spaced.
+    field : array, shape (len(y_axis), len(x_axis))
+    x, y : array
+        Points.
+    """
+    fx = (x - x_axis[0]) / (x_axis[1] - x_axis[0])
+    fy = (y - y_axis[0]) / (y_axis[1] - y_axis[0])
+    small = 1e-9
+    inside = (fx >= -small) & (fx <= len(x_axis) - 1 + small) & (fy >= -small) & (fy <= len(y_axis) - 1 + small)
+    i = np.clip(np.floor(np.where(inside, fx, 0.0)).astype(int), 0, len(x_axis) - 2)
+    j = np.clip(np.floor(np.where(inside, fy, 0.0)).astype(int), 0, len(y_axis) - 2)
+    a, b = fx - i, fy - j
+    low = (1.0 - a) * field[j, i] + a * field[j, i + 1]
+    high = (1.0 - a) * field[j + 1, i] + a * field[j + 1, i + 1]
+    return np.where(inside, (1.0 - b) * low + b * high, np.nan)
+
+
+def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
+    """Return the background of a run file, or None where it has none.
+
+    Parameters
+    ----------
+    run : xarray.Dataset or path
+        From `riftberg.runs.run_file.open_run`, or its file.
+    """
+    source = run.encoding.get("source") if isinstance(run, xr.Dataset) else run
+    if source is None or not Path(source).exists():
+        return None
+    with netCDF4.Dataset(source) as file:
+        if GROUP not in file.groups:
+            return None
+    with xr.open_dataset(source, group=GROUP, decode_times=False) as background:
+        return StoredWater(background.load())
+
+
+def usable_water(run: xr.Dataset, forcing: Forcing | None = None) -> Forcing | StoredWater | None:
+    """Return the forcing if there is one, else what the run file keeps of it."""
+    return forcing if forcing is not None else stored_water(run)

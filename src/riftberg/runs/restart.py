@@ -1,0 +1,252 @@
+"""Restart files: the whole state, bit for bit, written so that a crash never leaves half a file.
+
+What is stored follows the registries of `riftberg.state` (``restart=True``); parameters travel as JSON, the family tree
+of the fragments as columns, and whatever else a model needs to go on exactly in ``extra``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import netCDF4
+import numpy as np
+
+from riftberg import __version__
+from riftberg.errors import InputError
+from riftberg.parameters import Parameters
+from riftberg.runs.provenance import forcing_text
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
+from riftberg.stepping.fragments import Fragment
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+
+FORMAT = 2
+"""Number of the layout; raised when an older Riftberg could not read the file."""
+
+ADDED = frozenset({"bond_damage", "bond_peak_stress"})
+"""Variables that layout 1 did not have; states of its time had their default values."""
+
+
+@dataclass
+class RestartState:
+    """What a restart file holds.
+
+    Attributes
+    ----------
+    elements, bonds : Elements, Bonds
+        The state.
+    parameters : Parameters
+        All parameters of the run.
+    start : datetime.datetime
+        Date of time zero.
+    time : float
+        Seconds since the start.
+    step_number : int
+        Long steps taken.
+    fragments : list of dict
+        Rows of the family tree of the fragments, a dictionary of fields each.
+    extra : dict
+        Arrays that the model added by name.
+    forcing : str
+        Description of the forcing that the run used.
+    """
+
+    elements: Elements
+    bonds: Bonds
+    parameters: Parameters
+    start: datetime
+    time: float
+    step_number: int
+    fragments: list[dict[str, Any]] = field(default_factory=list)
+    extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)
+    forcing: str = ""
+
+    def fragment_rows(self) -> list[Fragment]:
+        """Return the rows of the family tree."""
+        return [Fragment(**row) for row in self.fragments]
+
+
+def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
+    """Write the state of ``model`` to ``path``; an earlier file is replaced only by a complete new one.
+
+    Parameters
+    ----------
+    model : Model
+        The model between two steps.
+    path : path
+        Name of the NetCDF-4 file.
+    extra : mapping of str to array, optional
+        Further arrays of numbers needed to go on exactly.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with netCDF4.Dataset(partial, "w") as file:
+            _write_header(file, model)
+            _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
+            _write_table(file, "bond", BOND_VARIABLES, model.bonds)
+            _write_fragments(file, fragment_rows(model))
+            _write_extra(file, extra or {})
+        _to_disk(partial)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def load_state(path: str | Path) -> RestartState:
+    """Read a file written by `save`.
+
+    Raises
+    ------
+    riftberg.errors.InputError
+        If the file is missing, not a restart file of Riftberg, or of a newer layout.
+    """
+    path = Path(path)
+    with _open(path) as file:
+        file.set_auto_mask(False)
+        _check_header(file, path)
+        return RestartState(
+            elements=_read_elements(file, path),
+            bonds=_read_bonds(file, path),
+            parameters=Parameters.model_validate_json(file.getncattr("parameters_json")),
+            start=datetime.fromisoformat(file.getncattr("start")),
+            time=float(file["time"][...]),
+            step_number=int(file["step_number"][...]),
+            fragments=_read_fragments(file),
+            extra={name: variable[...] for name, variable in file["extra"].variables.items()},
+            forcing=file.getncattr("forcing"),
+        )
+
+
+def fragment_rows(model: Model) -> list[dict[str, Any]]:
+    """Return the rows of the family tree as dictionaries; empty where the model keeps none."""
+    rows: Sequence[Any] = getattr(getattr(model, "fragments", None), "rows", ())
+    return [row if isinstance(row, dict) else dataclasses.asdict(row) for row in rows]
+
+
+def _write_header(file: netCDF4.Dataset, model: Model) -> None:
+    file.setncatts(
+        {
+            "title": "Restart file of Riftberg",
+            "riftberg_restart_format": FORMAT,
+            "riftberg_version": __version__,
+            "start": model.start.isoformat(),
+            "forcing": forcing_text(model.forcing),
+            "parameters_json": model.parameters.model_dump_json(),
+        }
+    )
+    file.createVariable("time", "f8", ())[...] = model.time
+    file["time"].units = "s"
+    file["time"].long_name = "time since the start of the run"
+    file.createVariable("step_number", "i8", ())[...] = model.step_number
+
+
+def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
+    file.createDimension(dim, len(arrays[0]))
+    for v in variables:
+        if v.restart:
+            # No compression and no fill value: the bytes of the arrays, as they are.
+            stored = file.createVariable(f"{dim}_{v.name}", v.dtype, (dim,), fill_value=False)
+            stored.setncatts({"units": v.units, "long_name": v.long_name})
+            stored[:] = getattr(arrays, v.name)
+
+
+def _write_fragments(file: netCDF4.Dataset, rows: list[dict[str, Any]]) -> None:
+    # JSON keeps 64-bit floats exactly (shortest repr) and says "null" for a fragment without parent.
+    file.setncattr("fragments_json", json.dumps(rows, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    """Turn NumPy scalars into numbers that JSON knows."""
+    return value.item() if isinstance(value, np.generic) else str(value)
+
+
+def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
+    group = file.createGroup("extra")
+    for name, value in extra.items():
+        array = np.asarray(value)
+        if array.dtype == bool:
+            array = array.astype("i1")
+        dims = tuple(f"{name}_{axis}" for axis in range(array.ndim))
+        for dim, size in zip(dims, array.shape, strict=True):
+            group.createDimension(dim, size)
+        group.createVariable(name, array.dtype, dims, fill_value=False)[...] = array
+
+
+def _to_disk(path: Path) -> None:
+    with path.open("r+b") as handle:
+        os.fsync(handle.fileno())
+
+
+def _open(path: Path) -> netCDF4.Dataset:
+    try:
+        return netCDF4.Dataset(path)
+    except OSError as error:
+        what = "no such file" if not path.exists() else f"not readable as NetCDF-4 ({error})"
+        raise InputError(
+            what, where=str(path), remedy="Name a restart file that Riftberg wrote (*.restart.nc)"
+        ) from error
+
+
+def _check_header(file: netCDF4.Dataset, path: Path) -> None:
+    layout = getattr(file, "riftberg_restart_format", None)
+    if layout is None:
+        raise InputError(
+            "not a restart file of Riftberg (attribute riftberg_restart_format is missing)",
+            where=str(path),
+            remedy="Run files (run.nc) cannot be resumed; files of KID go through 'riftberg kid'",
+        )
+    if int(layout) > FORMAT:
+        raise InputError(
+            f"restart layout {layout} is newer than this Riftberg ({__version__}) knows ({FORMAT})",
+            where=str(path),
+            remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')} or later",
+        )
+
+
+def _read_elements(file: netCDF4.Dataset, path: Path) -> Elements:
+    elements = new_elements(file.dimensions["element"].size)
+    _fill(file, "element", ELEMENT_VARIABLES, elements, path)
+    return elements
+
+
+def _read_bonds(file: netCDF4.Dataset, path: Path) -> Bonds:
+    empty = np.zeros(file.dimensions["bond"].size, dtype="i8")
+    bonds = new_bonds(empty, empty)
+    _fill(file, "bond", BOND_VARIABLES, bonds, path)
+    return bonds
+
+
+def _fill(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds, path: Path) -> None:
+    for v in variables:
+        if v.restart:
+            name = f"{dim}_{v.name}"
+            if name not in file.variables:
+                if name in ADDED and file.riftberg_restart_format == 1:
+                    continue
+                raise InputError(
+                    f"variable {name} ({v.long_name}) is missing",
+                    where=str(path),
+                    remedy=f"The file was written by Riftberg {getattr(file, 'riftberg_version', '?')}; use that",
+                )
+            getattr(arrays, v.name)[:] = file[name][:]
+
+
+def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = json.loads(file.getncattr("fragments_json"))
+    return rows

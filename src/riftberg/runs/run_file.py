@@ -1,0 +1,407 @@
+"""The trajectory file of a run: one CF-1.11 NetCDF-4 file that xarray, TrajAn and clouddrift open as it is.
+
+Layout
+------
+The elements of a run are the same from start to end and share their times, so every variable of an element is a plain
+table ``(trajectory, time)`` with one time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
+Bonds have their own dimension: what never changes ``(bond)``, stresses ``(bond, time)``. The family tree of the
+fragments lies along ``fragment``.
+
+Safety
+------
+Records are held for about ``flush_seconds`` of wall time. Then a copy of the file takes them and its name: whoever
+opens the file meets a complete one, nobody who has it open can stop the run, and a run killed at any moment loses its
+last record, or the last second of a run that makes many records in a second. An interrupt loses nothing, because
+``finish`` writes what is held.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time as clock
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final
+
+import netCDF4
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError, RunError
+from riftberg.runs.background import append_background
+from riftberg.runs.provenance import run_attributes
+from riftberg.runs.restart import fragment_rows
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Variable
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+
+DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
+"""Variables kept in double precision at every record; the others are stored in single precision."""
+
+SHAPE: Final = ("length", "width", "mass")
+"""Variables of the elements written once, at the start."""
+
+BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
+"""Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state.
+
+A record is a moment, and ice rings within a long step: ``peak_stress`` is the largest ``normal_stress`` of any sub-step
+since the record before.
+"""
+
+BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded")
+
+FRAGMENT_VARIABLES: Final = (
+    Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),
+    Variable("parent", "1", "number of the fragment it broke off, 0 for a berg of the start", dtype="i8"),
+    Variable("birth_time", "s", "time of its birth"),
+    Variable("lon", "degrees_east", "longitude of its centre at birth"),
+    Variable("lat", "degrees_north", "latitude of its centre at birth"),
+    Variable("elements", "1", "number of its elements at birth", dtype="i8"),
+    Variable("area", "m2", "plan area at birth"),
+    Variable("mass", "kg", "mass at birth"),
+    Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8"),
+    Variable("grounded", "1", "1 where it broke off aground", dtype="i8"),
+)
+"""Family tree of the fragments, each written as ``fragment_<name>``."""
+
+_VALUES_PER_CHUNK = 2048
+_PATIENCE = 20.0  # records are held at least this many times as long as writing takes
+_ROUND = 1e-6  # s; a record is due although the sum of steps misses its time by round-off
+
+
+class RunWriter:
+    """Recorder that writes the trajectory file.
+
+    Parameters
+    ----------
+    path : path
+        The file; an existing one is replaced at the start of the run.
+    every_hours : float, optional
+        Interval between records, in hours of model time; 0 records every long step.
+    experiment : str, optional
+        Name of the experiment, for the attributes.
+    seed : int, optional
+        Seed of random numbers, for the attributes.
+    flush_seconds : float, optional
+        Wall time for which records may be held in memory, in s; 0 writes each at once.
+    background : bool, optional
+        Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
+
+    Examples
+    --------
+    >>> model.advance(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        every_hours: float = 1.0,
+        experiment: str = "",
+        seed: int | None = None,
+        flush_seconds: float = 1.0,
+        background: bool = True,
+    ) -> None:
+        self.path = Path(path)
+        self.interval = 3600.0 * every_hours
+        self.experiment, self.seed = experiment, seed
+        self.flush_seconds, self.background = flush_seconds, background
+        self.records = 0
+        self._held: list[_Record] = []
+        self._last_flush = self._pause = 0.0
+        self._next = 0.0
+        self._latest = float("nan")
+        self._peak: Floats = np.zeros(0)
+        self._names: dict[str, str] = {}
+
+    def start(self, model: Model) -> None:
+        """Create the file and hold the first record."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
+        self.path.unlink(missing_ok=True)
+        self._names = position_names(model.parameters.earth.latlon)
+        with netCDF4.Dataset(self.path, "w") as file:
+            _define(file, model, self._names)
+            file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
+        self.records, self._held, self._next = 0, [], model.time
+        self._peak = model.bonds.normal_stress.copy()
+        self._take(model)
+        self._flush(model)
+
+    def record(self, model: Model) -> None:
+        """Hold a record where one is due, and write what has been held for long enough."""
+        np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
+        if model.time >= self._next - _ROUND:
+            self._take(model)
+            if clock.monotonic() - self._last_flush >= self._pause:
+                self._flush(model)
+
+    def finish(self, model: Model) -> None:
+        """Write what is held, and the last state even where no record was due."""
+        if model.time > self._latest + _ROUND:
+            self._take(model)
+        self._flush(model)
+        if self.background:
+            append_background(self.path, model)
+
+    def _take(self, model: Model) -> None:
+        self._held.append(_Record(model, self._peak))
+        self._peak = model.bonds.normal_stress.copy()
+        self._latest = model.time
+        self._next = model.time if self.interval <= 0.0 else self._next + self.interval
+
+    def _flush(self, model: Model) -> None:
+        before = clock.monotonic()
+        copy = self.path.with_name(f".{self.path.name}.part")
+        try:
+            shutil.copyfile(self.path, copy)
+            with netCDF4.Dataset(copy, "a") as file:
+                file.set_auto_mask(False)
+                self._write(file, model)
+            os.replace(copy, self.path)
+        except OSError as error:
+            raise RunError(
+                f"cannot write {self.path} ({error}); its last {len(self._held)} records are missing. "
+                "Is the disk full, or was the file removed?"
+            ) from error
+        finally:
+            copy.unlink(missing_ok=True)
+        self.records += len(self._held)
+        self._held = []
+        self._last_flush = clock.monotonic()
+        # Files of gigabytes take longer to copy; then records are held longer, so that writing stays a small part.
+        self._pause = max(self.flush_seconds, _PATIENCE * (self._last_flush - before)) if self.flush_seconds else 0.0
+
+    def _write(self, file: netCDF4.Dataset, model: Model) -> None:
+        _write_latest(file, model, self._names)
+        if self._held:
+            self._write_records(file, model, slice(self.records, self.records + len(self._held)))
+
+    def _write_records(self, file: netCDF4.Dataset, model: Model, block: slice) -> None:
+        for name in [v.name for v in element_history()]:
+            stored = file[self._names.get(name, name)]
+            stored[:, block] = np.stack([r.elements[name] for r in self._held], axis=1)
+        for name in bond_history(model):
+            file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
+        file["time"][block] = [r.time for r in self._held]
+
+
+class _Record:
+    """Copies of the variables of one time."""
+
+    def __init__(self, model: Model, peak: Floats) -> None:
+        self.time = float(model.time)
+        self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
+        self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
+        self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
+        self.bonds["peak_stress"] = peak.astype("f4")
+
+
+def element_history() -> list[Variable]:
+    """Return the variables of the elements that every record holds, from the registry."""
+    return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
+
+
+def bond_history(model: Model) -> tuple[str, ...]:
+    """Return the variables of the bonds that every record of this run holds."""
+    return (*BOND_HISTORY, "damage") if model.parameters.damage.enabled else BOND_HISTORY
+
+
+def position_names(latlon: bool) -> dict[str, str]:
+    """Return how the positions are called in the file: ``lon`` and ``lat``, or ``x`` and ``y`` in metres."""
+    return {} if latlon else {"lon": "x", "lat": "y"}
+
+
+def open_run(path: str | Path) -> xr.Dataset:
+    """Open the trajectory file of a run, finished or under way.
+
+    Parameters
+    ----------
+    path : path
+        ``run.nc``, or the folder that holds it.
+
+    Returns
+    -------
+    xarray.Dataset
+        With dimensions ``trajectory`` (elements), ``time``, ``bond`` and ``fragment``.
+    """
+    path = Path(path)
+    file = path / "run.nc" if path.is_dir() else path
+    if not file.exists():
+        raise InputError("no such file", where=str(file), remedy="Name run.nc or the folder that 'riftberg run' made")
+    try:
+        dataset = xr.open_dataset(file)
+    except (OSError, ValueError) as error:
+        raise InputError("not a NetCDF file, or a damaged one", where=str(file), remedy="Name a run.nc") from error
+    if "trajectory" not in dataset.dims or dataset.attrs.get("featureType") != "trajectory":
+        dataset.close()
+        raise InputError("not the trajectory file of a run", where=str(file), remedy="Name a run.nc")
+    return dataset
+
+
+class _RunWithDataset(RunWriter):
+    """Writer whose file can be had as a dataset; one without a name of its own lives in memory afterwards."""
+
+    def __init__(self, path: Path, every_hours: float, in_memory: bool) -> None:
+        # The background is read from a file; a run in memory can do without.
+        super().__init__(path, every_hours=every_hours, background=not in_memory)
+        self._in_memory = in_memory
+
+    def dataset(self) -> xr.Dataset:
+        """Return what has been written."""
+        dataset = open_run(self.path)
+        if self._in_memory:
+            dataset.load()
+            dataset.close()
+        return dataset
+
+
+@contextmanager
+def memory_run(output: str | Path | None, every_hours: float) -> Iterator[_RunWithDataset]:
+    """Give a recorder for ``output``, or for a passing file whose content ends up in memory.
+
+    Parameters
+    ----------
+    output : path or None
+        The run file to write, if one is wanted.
+    every_hours : float
+        Interval between records, in hours of model time.
+    """
+    with TemporaryDirectory(prefix="riftberg-") as folder:
+        path = Path(folder) / "run.nc" if output is None else Path(output)
+        yield _RunWithDataset(path, every_hours, in_memory=output is None)
+
+
+def _define(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+    """Create dimensions and variables, and write what never changes."""
+    file.setncatts({"Conventions": "CF-1.11", "featureType": "trajectory"})
+    file.createDimension("trajectory", len(model.elements.id))
+    file.createDimension("time", None)
+    file.createDimension("bond", len(model.bonds.first))
+    file.createDimension("fragment", None)
+    _define_time(file, model)
+    _define_elements(file, model, names)
+    _define_bonds(file, model)
+    _define_fragments(file, model, names)
+
+
+def _since(model: Model) -> str:
+    return f"seconds since {model.start.strftime('%Y-%m-%d %H:%M:%S').rjust(19, '0')}"
+
+
+def _create(
+    file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], **attributes: Any
+) -> netCDF4.Variable[Any]:
+    packed = "time" in dims and len(dims) == 2
+    chunks = None
+    if packed:
+        rows = max(1, file.dimensions[dims[0]].size)
+        chunks = (rows, int(np.clip(_VALUES_PER_CHUNK // rows, 1, 512)))
+    # Light compression only: a run must not wait for its file.
+    options: dict[str, Any] = {"compression": "zlib", "complevel": 1, "shuffle": True} if packed else {}
+    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=False, **options)
+    variable.setncatts({key: value for key, value in attributes.items() if value != ""})
+    return variable
+
+
+def _define_time(file: netCDF4.Dataset, model: Model) -> None:
+    _create(
+        file,
+        "time",
+        "f8",
+        ("time",),
+        standard_name="time",
+        long_name="time",
+        units=_since(model),
+        calendar="proleptic_gregorian",
+        axis="T",
+    )
+
+
+def _described(v: Variable, names: dict[str, str]) -> dict[str, str]:
+    """Attributes of a variable; positions on a Cartesian grid are metres."""
+    if v.name in names:
+        axis = names[v.name]
+        attributes = {"units": "m", "standard_name": f"projection_{axis}_coordinate", "long_name": f"{axis} position"}
+        return {**attributes, "axis": axis.upper()}
+    return {"units": v.units, "long_name": v.long_name, "standard_name": v.standard_name}
+
+
+def _stored_kind(v: Variable) -> str:
+    if v.dtype == "i8":
+        return "i4"
+    return "f8" if v.name in DOUBLE else "f4"
+
+
+def _define_elements(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+    number = _create(
+        file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
+    )
+    number[:] = model.elements.id
+    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
+    registry = {v.name: v for v in ELEMENT_VARIABLES}
+    for name in SHAPE:
+        stored = _create(file, name, "f8", ("trajectory",), **_described(registry[name], names))
+        stored[:] = getattr(model.elements, name)
+    for v in element_history():
+        coordinates = "" if v.name in ("lon", "lat") else where
+        _create(
+            file,
+            names.get(v.name, v.name),
+            _stored_kind(v),
+            ("trajectory", "time"),
+            **_described(v, names),
+            coordinates=coordinates,
+        )
+
+
+def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
+    registry = {v.name: v for v in BOND_VARIABLES}
+    for name in BOND_LATEST:
+        v = registry[name]
+        attributes = _described(v, {})
+        if name == "break_time":
+            attributes |= {"units": _since(model), "long_name": "time of breaking, missing while unbroken"}
+            attributes["calendar"] = "proleptic_gregorian"
+        if name == "status":
+            attributes |= {"flag_meanings": "unbroken broken_in_contact gone"}
+        stored = _create(file, name, "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
+        if name == "status":
+            stored.flag_values = np.arange(3, dtype="i4")
+    for name in bond_history(model):
+        attributes = _described(registry[name], {})
+        if name == "peak_stress":
+            attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
+        _create(file, name, "f4", ("bond", "time"), **attributes)
+
+
+def _define_fragments(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+    for v in FRAGMENT_VARIABLES:
+        attributes = {**_described(v, names), "long_name": v.long_name}
+        attributes.pop("axis", None)
+        attributes.pop("standard_name", None)
+        if v.name == "birth_time":
+            attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
+        name = f"fragment_{names.get(v.name, v.name)}"
+        _create(file, name, "i4" if v.dtype == "i8" else "f8", ("fragment",), **attributes)
+
+
+def _write_latest(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+    """Write the present state of the bonds and the family tree, over the earlier ones."""
+    for name in BOND_LATEST:
+        file[name][:] = getattr(model.bonds, name)
+    rows = fragment_rows(model)
+    for v in FRAGMENT_VARIABLES if rows else ():
+        column = f"fragment_{names.get(v.name, v.name)}"
+        file[column][: len(rows)] = _column(rows, v)
+
+
+def _column(rows: Iterable[dict[str, Any]], v: Variable) -> NDArray[Any]:
+    missing = -1 if v.dtype == "i8" else np.nan
+    values = [row.get(v.name) for row in rows]
+    return np.array([missing if value is None else value for value in values], dtype=v.dtype)

@@ -1,0 +1,232 @@
+"""What a map shows, read from a run: shapes of the elements at chosen dates, tracks and names of the fragments."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg import constants
+from riftberg.parameters import Parameters
+from riftberg.runs.shapes import element_polygons
+from riftberg.state import Floats, Ints
+
+SMALL = 0.01
+"""Fragments below this part of the whole area have neither track nor entry in the legend."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """Extent of a map in the units of the positions."""
+
+    west: float
+    east: float
+    south: float
+    north: float
+
+    def grown(self, part: float) -> Box:
+        """Return the box with a margin of ``part`` of its longer side all around."""
+        width, height = self.east - self.west, self.north - self.south
+        stretch = 1.0 / max(0.05, math.cos(math.radians(0.5 * (self.south + self.north))))
+        margin = part * max(height, width / stretch)
+        return Box(self.west - margin * stretch, self.east + margin * stretch, self.south - margin, self.north + margin)
+
+
+class Scene:
+    """Geometry of a run for drawing.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.runs.run_file.open_run`.
+    """
+
+    def __init__(self, run: xr.Dataset) -> None:
+        self.run = run
+        self.parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
+        self.latlon = self.parameters.earth.latlon
+        self.radius = self.parameters.earth.radius
+        x, y = ("lon", "lat") if self.latlon else ("x", "y")
+        self.x: Floats = self._joined(run[x].transpose("time", "trajectory").values)
+        self.y: Floats = run[y].transpose("time", "trajectory").values
+        self.berg: Ints = run["berg"].transpose("time", "trajectory").values
+        self.area: Floats = (run["length"] * run["width"]).values
+        self.times: NDArray[np.datetime64] = run["time"].values
+
+    def _joined(self, x: Floats) -> Floats:
+        """Put longitudes on one branch, so that a berg on the date line stays in one piece."""
+        period = self.parameters.earth.period if self.parameters.earth.period > 0.0 else 360.0
+        joined: Floats = x - period * np.round((x - x[0, 0]) / period)
+        return joined
+
+    @property
+    def seconds(self) -> Floats:
+        """Times of the records, s since the start of the run."""
+        start = np.datetime64(self.run.attrs["start"])
+        seconds: Floats = (self.times - start) / np.timedelta64(1, "s")
+        return seconds
+
+    @cached_property
+    def unbroken(self) -> NDArray[np.bool_]:
+        """Which bonds hold at each record, (time, bond)."""
+        return self._holding(self.times)
+
+    def _holding(self, moments: NDArray[np.datetime64]) -> NDArray[np.bool_]:
+        """Which bonds hold at moments, (moment, bond)."""
+        broken_at = self.run["break_time"].values
+        holds: NDArray[np.bool_] = np.isnat(broken_at)[None, :] | (broken_at[None, :] > moments[:, None])
+        return holds
+
+    def tension(self) -> Floats:
+        """Largest tensile stress (Pa) of each bond since the record before, (time, bond); 0 for bonds broken earlier.
+
+        Files without ``peak_stress`` give the stress at the records, of the bonds that hold then.
+        """
+        if "peak_stress" in self.run:
+            held = self._holding(np.r_[self.times[:1], self.times[:-1]])
+            stress = self.run["peak_stress"].transpose("time", "bond").values
+        else:
+            held, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
+        return np.where(held, np.maximum(stress, 0.0), 0.0)
+
+    def bond_damage(self) -> Floats | None:
+        """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
+        if "damage" not in self.run:
+            return None
+        damage: Floats = self.run["damage"].transpose("time", "bond").values
+        return np.where(self.unbroken, damage, 0.0)
+
+    def lowest_strength(self) -> Floats | None:
+        """Lowest normal strength (Pa) that damage has left to a bond at each record, NaN where none holds.
+
+        Bonds of a rift without any strength do not count. None in a run without damage.
+        """
+        damage = self.bond_damage()
+        if damage is None:
+            return None
+        own = self.run["strength"].values
+        left = self.parameters.fracture.normal_strength * own * (1.0 - damage)
+        lowest = np.where(self.unbroken & (own > 0.0), left, np.inf).min(axis=1, initial=np.inf)
+        return np.where(np.isfinite(lowest), lowest, np.nan)
+
+    def stretch(self, y: float) -> float:
+        """Units of x per unit of y for the same distance at ``y``."""
+        return 1.0 / math.cos(math.radians(y)) if self.latlon else 1.0
+
+    def units_per_km(self) -> float:
+        """Units of y in a kilometre."""
+        return 1e3 / (constants.DEGREE * self.radius) if self.latlon else 1e3
+
+    @cached_property
+    def lattice_angle(self) -> float:
+        """Angle (rad) by which the lattice was turned when the berg was made, from the bonds of the first record."""
+        first, second = self.run["first"].values, self.run["second"].values
+        if not len(first):
+            return 0.0
+        y = 0.5 * (self.y[0, first] + self.y[0, second])
+        dx = (self.x[0, second] - self.x[0, first]) * (np.cos(np.radians(y)) if self.latlon else 1.0)
+        dy = self.y[0, second] - self.y[0, first]
+        turned = 0.5 * (self.rotation(0)[first] + self.rotation(0)[second])
+        folds, rest = (4, 0.0) if self.parameters.bonds.packing == "square" else (6, math.pi / 6.0)
+        phase = np.exp(1j * folds * (np.arctan2(dy, dx) - turned - rest))
+        return float(np.angle(phase.mean())) / folds
+
+    def rotation(self, record: int) -> Floats:
+        """Return the angles the elements have turned (rad)."""
+        return self.run["rotation"].isel(time=record).values.astype(np.float64)
+
+    def polygons(self, record: int) -> Floats:
+        """Return the corners of all elements at a record, shape (elements, corners, 2)."""
+        return element_polygons(
+            self.x[record], self.y[record], self.rotation(record) + self.lattice_angle, self.area,
+            self.parameters.bonds.packing, latlon=self.latlon, radius=self.radius,
+        )  # fmt: skip
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Numbers of the fragments that are large enough to be named, largest first at the end of the run; at least one."""
+        sizes: dict[int, float] = {}
+        for record in sorted({0, len(self.times) // 2, len(self.times) - 1}):
+            for number, area in self._areas(record).items():
+                sizes[number] = area
+        whole = float(self.area.sum())
+        ranked = sorted(sizes, key=lambda n: (-sizes[n], n))
+        return [n for n in ranked if sizes[n] >= SMALL * whole] or ranked[:1]
+
+    def _areas(self, record: int) -> dict[int, float]:
+        number, index = np.unique(self.berg[record], return_inverse=True)
+        return dict(zip(number.tolist(), np.bincount(index, weights=self.area).tolist(), strict=True))
+
+    def area_of(self, number: int, record: int = -1) -> float:
+        """Return the area (m2) of a fragment at a record."""
+        return float(self.area[self.berg[record] == number].sum())
+
+    def track(self, number: int) -> tuple[Floats, Floats, Ints]:
+        """Return the centroid of a fragment at all records at which it exists, and the numbers of these records."""
+        weight = np.where(self.berg == number, self.area, 0.0)
+        total = weight.sum(axis=1)
+        there = np.flatnonzero(total > 0.0)
+        x = (weight * self.x).sum(axis=1)[there] / total[there]
+        y = (weight * self.y).sum(axis=1)[there] / total[there]
+        return x, y, there
+
+    def chosen_records(self, count: int) -> list[int]:
+        """Return records from the first to the last, evenly spaced, on whole days where the run is long enough."""
+        seconds = self.seconds - self.seconds[0]
+        wanted = np.linspace(0.0, seconds[-1], min(count, len(seconds)))
+        day = constants.SECONDS_PER_DAY
+        if seconds[-1] >= count * day:
+            wanted[1:-1] = day * np.round(wanted[1:-1] / day)
+        return sorted({int(np.argmin(np.abs(seconds - moment))) for moment in wanted})
+
+    def telling_records(self, count: int) -> list[int]:
+        """Return the first and the last record, those 6 h after large break-ups, and evenly spaced ones between."""
+        births = [birth[0] + np.timedelta64(6, "h") for n in self.numbers if (birth := self.birth(n)) is not None]
+        after = [int(np.argmin(np.abs(self.times - birth))) for birth in births]
+        wanted = {0, len(self.times) - 1, *after[: count - 2]}
+        apart = len(self.times) / (2.5 * count)
+        for record in self.chosen_records(count):
+            if len(wanted) < count and all(abs(record - other) >= apart for other in wanted):
+                wanted.add(record)
+        return sorted(wanted)
+
+    def box(self, record: int | None = None) -> Box:
+        """Return the extent of the named fragments, at a record or over the whole run."""
+        chosen = range(0, len(self.times), max(1, len(self.times) // 50)) if record is None else [record]
+        rows = [np.isin(self.berg[k], self.numbers) for k in (*chosen, -1 if record is None else record)]
+        # A berg that shattered has no fragment with a name; then all of its elements count.
+        rows = [row if row.any() else ~row for row in rows]
+        x = np.concatenate([self.x[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
+        y = np.concatenate([self.y[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
+        half = 0.5 * math.sqrt(float(self.area.max())) / 1e3 * self.units_per_km()
+        wide = half * self.stretch(float(y.mean()))
+        return Box(x.min() - wide, x.max() + wide, y.min() - half, y.max() + half)
+
+    def draft(self) -> float:
+        """Return the draft (m) of the thickest element at the start."""
+        thickness = float(self.run["thickness"].isel(time=0).max())
+        return thickness * self.parameters.ice.density / constants.RHO_SEAWATER
+
+    def ancestor(self, number: int, record: int) -> int:
+        """Return the fragment of which this one was a part at a record: itself once it is there."""
+        seen = {number}
+        while not (self.berg[record] == number).any():
+            row = np.flatnonzero(self.run["fragment_number"].values == number)
+            parent = int(self.run["fragment_parent"].values[row[0]]) if len(row) else 0
+            if parent <= 0 or parent in seen:
+                break
+            number = parent
+            seen.add(number)
+        return number
+
+    def birth(self, number: int) -> tuple[np.datetime64, bool] | None:
+        """Return when a fragment broke off and whether aground; None for a berg of the start."""
+        rows = np.flatnonzero(self.run["fragment_number"].values == number)
+        if not len(rows) or int(self.run["fragment_parent"].values[rows[0]]) <= 0:
+            return None
+        row = rows[0]
+        return self.run["fragment_birth_time"].values[row], bool(self.run["fragment_grounded"].values[row])

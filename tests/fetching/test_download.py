@@ -1,0 +1,346 @@
+"""Downloading: cut connections, files that change, wrong checksums, full disks. No network is used."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import io
+import types
+from pathlib import Path
+from typing import BinaryIO
+
+import pytest
+
+pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
+pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
+
+import requests
+
+from fetching.serving import Shelf
+from riftberg.errors import ForcingError
+from riftberg.fetching import download
+from riftberg.fetching.download import Resuming, fetch_one
+from riftberg.fetching.parts import Part, Version
+
+CONTENT = bytes(range(256)) * 8000
+DIGEST = hashlib.sha256(CONTENT).hexdigest()
+
+
+@pytest.fixture
+def shelf() -> Shelf:
+    shelf = Shelf()
+    shelf.files["/data/field.nc"] = CONTENT
+    return shelf
+
+
+def fetch_field(folder: Path, base: str, digest: str | None = DIGEST, **options: object) -> Path:
+    return fetch_one("data/field.nc", digest, folder, base, Resuming(**options))  # type: ignore[arg-type]
+
+
+def test_file_arrives_whole_and_is_not_fetched_twice(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    assert fetch_field(tmp_path, base).read_bytes() == CONTENT
+    fetch_field(tmp_path, base)
+    assert len(shelf.requests) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["field.nc"]
+
+
+def test_cut_connection_is_continued_where_it_was_cut(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.cut_after, shelf.cuts = 700_000, 2
+    assert fetch_field(tmp_path, base).read_bytes() == CONTENT
+    starts = [asked for _, asked in shelf.requests]
+    assert starts[0] == ""
+    assert len(starts) == 3
+    # What came before a cut is kept, whole blocks at least.
+    kept = [int(asked.removeprefix("bytes=").rstrip("-")) for asked in starts[1:]]
+    assert 500_000 <= kept[0] <= 700_000 < kept[1]
+
+
+def test_connection_cut_more_often_than_attempts_still_arrives(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.cut_after, shelf.cuts = 300_000, 6
+    assert fetch_field(tmp_path, base, attempts=2).read_bytes() == CONTENT
+
+
+OLD = bytes(reversed(range(256))) * 8000
+"""An earlier version of the file, of the same length."""
+
+
+def interrupt(folder: Path, base: str, shelf: Shelf, content: bytes, after: int = 1_000_000) -> None:
+    """Leave what a fetch of ``content`` that was cut for good leaves, with the tag and date that the shelf has now."""
+    part = Part(folder / "field.nc.part", f"{base}data/field.nc")
+    told = {"ETag": shelf.etag.get("/data/field.nc", ""), "Last-Modified": shelf.modified.get("/data/field.nc", "")}
+    part.begin(Version.told(part.url, told, len(content)))
+    part.path.write_bytes(content[:after])
+
+
+TAGS = {"etag": '"first"', "modified": "Wed, 16 Dec 2020 12:00:00 GMT"}
+
+
+@pytest.mark.parametrize("kind", TAGS)
+def test_interrupted_run_is_continued_by_the_next(kind: str, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    getattr(shelf, kind)["/data/field.nc"] = TAGS[kind]
+    interrupt(tmp_path, base, shelf, CONTENT)
+    assert fetch_field(tmp_path, base).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "bytes=1000000-")]
+    assert [path.name for path in tmp_path.iterdir()] == ["field.nc"]
+
+
+def test_a_cut_fetch_leaves_a_record_with_which_the_next_continues(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    shelf.cut_after, shelf.cuts = 900_000, 1
+    part = Part(tmp_path / "field.nc.part", f"{base}data/field.nc")
+    with contextlib.suppress(requests.RequestException):
+        Resuming()._continue(part)
+    assert 500_000 < part.size <= 900_000
+    assert part.version == Version(part.url, '"first"', "", len(CONTENT))
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests[-1][1].startswith("bytes=")
+
+
+@pytest.mark.parametrize("spans", [True, False])
+@pytest.mark.parametrize("kind", TAGS)
+def test_part_that_was_complete_already(kind: str, spans: bool, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    getattr(shelf, kind)["/data/field.nc"] = TAGS[kind]
+    shelf.spans = spans
+    interrupt(tmp_path, base, shelf, CONTENT, after=len(CONTENT))
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", f"bytes={len(CONTENT)}-")]
+
+
+def test_server_without_ranges_starts_anew(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    shelf.ranges = False
+    interrupt(tmp_path, base, shelf, CONTENT)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "bytes=1000000-")]
+
+
+@pytest.mark.parametrize("size", [400, 2_048_000, 4_000_000])
+def test_part_without_a_record_is_not_trusted(size: int, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    """Longer than the file it got 416 and passed for complete; shorter its bytes were spliced to the new tail."""
+    (tmp_path / "field.nc.part").write_bytes(b"G" * size)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "")]
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+@pytest.mark.parametrize("kind", TAGS)
+@pytest.mark.parametrize("old", [OLD, OLD + OLD[:1000], OLD[:1_500_000]])
+@pytest.mark.parametrize("after", [400, 1_499_000])
+def test_part_of_an_older_version_starts_anew(
+    after: int, old: bytes, kind: str, obeys: bool, shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    """Whether the server looks at If-Range or not, and whether the size has changed or not."""
+    getattr(shelf, kind)["/data/field.nc"] = TAGS[kind]
+    interrupt(tmp_path, base, shelf, old, after)
+    getattr(shelf, kind)["/data/field.nc"] = {"etag": '"second"', "modified": "Thu, 17 Dec 2020 12:00:00 GMT"}[kind]
+    shelf.if_range = obeys
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    # One that looks at If-Range sends the whole at once; the other's answer is seen to be of another version.
+    assert [asked for _, asked in shelf.requests] == [f"bytes={after}-", *([] if obeys else [""])]
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+@pytest.mark.parametrize("spans", [True, False])
+def test_part_longer_than_the_file_starts_anew(
+    spans: bool, obeys: bool, shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    interrupt(tmp_path, base, shelf, OLD + OLD, after=3_000_000)
+    shelf.etag["/data/field.nc"] = '"second"'
+    shelf.if_range, shelf.spans = obeys, spans
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+
+
+def test_server_that_tells_no_span_is_not_trusted_with_the_rest(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    shelf.spans = False
+    interrupt(tmp_path, base, shelf, CONTENT)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert [asked for _, asked in shelf.requests] == ["bytes=1000000-", ""]
+
+
+@pytest.mark.parametrize("tag", ["", 'W/"weak"'])
+def test_server_without_a_strong_tag_or_date_begins_anew_in_the_next_run(
+    tag: str, shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    if tag:
+        shelf.etag["/data/field.nc"] = tag
+    interrupt(tmp_path, base, shelf, OLD)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests == [("/data/field.nc", "")]
+
+
+def test_file_that_changes_between_two_cuts_is_not_spliced(
+    shelf: Shelf, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a tag the size alone tells, within a run."""
+    shelf.files["/data/field.nc"] = OLD + OLD[:1000]
+    shelf.cut_after, shelf.cuts = 900_000, 1
+    monkeypatch.setattr(download.time, "sleep", lambda _: shelf.files.__setitem__("/data/field.nc", CONTENT))
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert len(shelf.requests) == 3
+
+
+def test_a_fetched_file_bears_the_date_of_its_source(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.modified["/data/field.nc"] = TAGS["modified"]
+    assert fetch_field(tmp_path, base).stat().st_mtime == 1608120000.0
+
+
+def test_dead_connection_gives_up_and_keeps_what_came(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    interrupt(tmp_path, base, shelf, CONTENT)
+    shelf.cut_after, shelf.cuts = 0, 99
+    with pytest.raises(ForcingError, match=r"3 attempts in a row brought nothing.*1\.0 MB are kept"):
+        fetch_field(tmp_path, base, attempts=3)
+    assert (tmp_path / "field.nc.part").read_bytes() == CONTENT[:1_000_000]
+    assert not (tmp_path / "field.nc").exists()
+
+
+def test_wrong_checksum_keeps_nothing(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.files["/data/field.nc"] = CONTENT[:-1] + b"?"
+    with pytest.raises(ForcingError, match="its checksum is wrong"):
+        fetch_field(tmp_path, base)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_changed_file_on_disk_is_fetched_again(base: str, tmp_path: Path) -> None:
+    (tmp_path / "field.nc").write_bytes(b"old")
+    assert fetch_field(tmp_path, base).read_bytes() == CONTENT
+
+
+class FullDisk:
+    """A stream to a disk that takes ``room`` bytes: as the system does, it writes what fits, then refuses."""
+
+    def __init__(self, stream: BinaryIO, room: int) -> None:
+        self.stream, self.room = stream, room
+
+    def write(self, block: bytes) -> int:
+        fits = min(self.room, len(block))
+        self.stream.write(block[:fits])
+        self.room -= fits
+        if fits < len(block):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return fits
+
+    def __enter__(self) -> FullDisk:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.stream.close()
+
+
+@pytest.mark.parametrize("room", [0, 700_001])
+def test_full_disk_keeps_what_was_written_and_the_next_run_continues(
+    room: int, shelf: Shelf, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    truly = download.opened
+    monkeypatch.setattr(download, "opened", lambda path, start: FullDisk(truly(path, start), room))
+    with pytest.raises(
+        ForcingError, match=r"the disk is full\. Free some space.*what was fetched is kept and continued"
+    ):
+        fetch_field(tmp_path, base)
+    assert not (tmp_path / "field.nc").exists()
+    assert (tmp_path / "field.nc.part").read_bytes() == CONTENT[:room]
+    monkeypatch.setattr(download, "opened", truly)
+    assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
+    assert shelf.requests[1:] == [("/data/field.nc", f"bytes={room}-" if room else "")]
+
+
+@pytest.mark.usefixtures("little_room")
+def test_a_write_that_the_system_refuses_keeps_what_was_written(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.etag["/data/field.nc"] = '"first"'
+    with pytest.raises(ForcingError, match=r"writing failed .*File too large"):
+        fetch_field(tmp_path, base)
+    kept = (tmp_path / "field.nc.part").read_bytes()
+    assert kept
+    assert kept == CONTENT[: len(kept)]
+
+
+def test_download_that_cannot_fit_is_not_begun(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(download.shutil, "disk_usage", lambda folder: types.SimpleNamespace(free=1000))
+    with pytest.raises(ForcingError, match="the disk is full"):
+        fetch_field(tmp_path, base)
+    assert not (tmp_path / "field.nc.part").exists()
+
+
+def test_folder_that_cannot_be_written(base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(path: Path, start: int) -> BinaryIO:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(download, "opened", refused)
+    with pytest.raises(ForcingError, match=r"cannot be written\. Choose another folder"):
+        fetch_field(tmp_path, base)
+
+
+@pytest.mark.parametrize(("code", "words"), [(404, "is not there"), (403, "wants a login"), (500, "brought nothing")])
+def test_refusals_say_what_they_mean(code: int, words: str, shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.status["/data/field.nc"] = code
+    with pytest.raises(ForcingError, match=words):
+        fetch_field(tmp_path, base, attempts=2)
+
+
+def test_pointer_of_git_lfs_is_followed(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.files["/data/field.nc"] = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
+    shelf.files["/large/data/field.nc"] = CONTENT
+    fetched = fetch_field(tmp_path, base, large_files=lambda url: url.replace("/data/", "/large/data/"))
+    assert fetched.read_bytes() == CONTENT
+
+
+def test_large_file_behind_a_pointer_is_continued_by_the_next_run(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    """Its pointer has another address, tag and size: asked for the rest of that, a server answered 416."""
+    shelf.files["/data/field.nc"] = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
+    shelf.files["/large/data/field.nc"] = CONTENT
+    shelf.etag = {"/data/field.nc": '"pointer"', "/large/data/field.nc": '"large"'}
+    part = Part(tmp_path / "field.nc.part", f"{base}large/data/field.nc")
+    part.begin(Version(part.url, '"large"', "", len(CONTENT)))
+    part.path.write_bytes(CONTENT[:1_000_000])
+    fetched = fetch_field(tmp_path, base, digest=None, large_files=lambda url: url.replace("/data/", "/large/data/"))
+    assert fetched.read_bytes() == CONTENT
+    assert shelf.requests == [("/large/data/field.nc", "bytes=1000000-")]
+
+
+def test_progress_is_told(base: str, tmp_path: Path) -> None:
+    seen: list[tuple[str, int, int]] = []
+    fetch_field(tmp_path, base, progress=lambda *told: seen.append(told))
+    assert seen[-1] == ("field.nc", len(CONTENT), len(CONTENT))
+    assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
+
+
+class Terminal(io.StringIO):
+    """What a terminal was told."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def shown(*told: tuple[str, int, int]) -> str:
+    """Return what a bar writes to a terminal."""
+    terminal = Terminal()
+    with contextlib.redirect_stderr(terminal):
+        bar = download.Bar()
+        for name, done, total in told:
+            bar(name, done, total)
+        bar.close()
+    return terminal.getvalue()
+
+
+def test_bar_shows_one_file_after_another() -> None:
+    text = shown(("a.nc", 1000, 4000), ("a.nc", 4000, 4000), ("b.nc", 5000, 0))
+    first, second = (line.split("\r")[-1] for line in text.rstrip("\n").split("\n"))
+    assert first.startswith("a.nc: 100%")
+    assert "4.00k/4.00k" in first
+    assert second.startswith("b.nc: 5.00kB")  # no share where the size is not told
+
+
+def test_bar_follows_a_fetch_that_starts_anew() -> None:
+    text = shown(("a.nc", 3000, 4000), ("a.nc", 100, 2000), ("a.nc", 2000, 2000))
+    assert "2.00k/2.00k" in text.split("\r")[-1]
+
+
+def test_bar_is_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    bar = download.Bar()
+    bar("a.nc", 1000, 4000)
+    bar.close()
+    assert capsys.readouterr().err == ""

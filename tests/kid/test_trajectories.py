@@ -1,0 +1,257 @@
+"""KID's trajectory files: layout, stamps, sampling, selection, blocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pytest
+
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.errors import InputError, NamelistError
+from riftberg.kid import blocks
+from riftberg.kid.blocks import BlockWriter
+from riftberg.kid.driver import Clock
+from riftberg.kid.identifiers import join_id
+from riftberg.kid.namelist import KidNamelist, read_namelist
+from riftberg.kid.ncfile import Column
+from riftberg.kid.parameters import to_parameters
+from riftberg.kid.restart import Origin
+from riftberg.kid.trajectories import FIELDS, BondRecorder, TrajectoryRecorder, recorded, trajectory_columns
+from riftberg.state import new_elements
+
+from .conftest import namelist_text
+
+
+class Ocean:
+    """A forcing that notes at which times it was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[float] = []
+
+    def sample(self, elements: Any, time: float) -> None:
+        self.asked.append(time)
+        elements.uo[:], elements.depth[:] = 0.5, 77.0
+
+
+def namelist(tmp_path: Path, **icebergs: Any) -> KidNamelist:
+    path = tmp_path / "input.nml"
+    path.write_text(namelist_text({}, icebergs))
+    return read_namelist(path)
+
+
+def fake_model(tmp_path: Path, size: int = 3, **icebergs: Any) -> Any:
+    """Return something with the attributes of a model that recorders read: a row of squares, all values different."""
+    elements = new_elements(size)
+    for k, name in enumerate(elements._fields):
+        getattr(elements, name)[:] = 100 * k + np.arange(size)
+    elements.id[:] = join_id(np.arange(1, size + 1), 10 * np.arange(1, size + 1))
+    elements.lon[:], elements.lat[:] = 400.0 * np.arange(size), 50.0
+    elements.length[:] = elements.width[:] = 400.0
+    elements.thickness[:], elements.mass[:] = 200.0, 850.0 * 200.0 * 400.0**2
+    bonds = form_bonds(elements, BondRule(), Metric(latlon=False))
+    nml = namelist(tmp_path, **icebergs)
+    return SimpleNamespace(
+        elements=elements, bonds=bonds, parameters=to_parameters(nml), step_number=0, forcing=Ocean(), namelist=nml
+    )
+
+
+def origin(size: int = 3) -> Origin:
+    one = np.ones(size)
+    return Origin(0 * one, 0 * one, np.zeros(size, dtype=np.int64), 0 * one, 5 * one, one, 6 * one, 7 * one)
+
+
+def recorder(kind: Any, model: Any, path: Path, dt: float = 1800.0) -> Any:
+    return kind(path, model.namelist.icebergs, origin(len(model.elements.id)), Clock(dt, 100, 0.0))
+
+
+def run(kind: Any, model: Any, path: Path, steps: int, dt: float = 1800.0) -> dict[str, Any]:
+    writer = recorder(kind, model, path, dt)
+    writer.start(model)
+    for _ in range(steps):
+        model.step_number += 1
+        writer.record(model)
+    writer.finish(model)
+    with netCDF4.Dataset(path) as dataset:
+        dataset.set_auto_mask(False)
+        return {name: variable[:] for name, variable in dataset.variables.items()}
+
+
+def test_values_and_stamps(tmp_path: Path) -> None:
+    """Hourly records of half-hour steps; the stamp is the start of the step (quirks Q7, T28)."""
+    model = fake_model(tmp_path, traj_sample_hrs=1.0)
+    found = run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=6)
+    assert found["day"].tolist() == [0.0] * 3 + [1 / 24] * 3 + [2 / 24] * 3
+    assert found["year"].tolist() == [1] * 9
+    assert found["id_cnt"].tolist() == [1, 2, 3] * 3
+    assert found["id_ij"].tolist() == [10, 20, 30] * 3
+    for name, field in FIELDS.items():
+        np.testing.assert_array_equal(found[name][:3], getattr(model.elements, field), err_msg=name)
+    assert found["start_mass"][0] == 5.0
+    assert found["mass_of_bits"][0] == 6.0
+    assert found["heat_density"][0] == 7.0
+    assert not found["halo_berg"].any()
+
+
+def test_every_step(tmp_path: Path) -> None:
+    found = run(TrajectoryRecorder, fake_model(tmp_path, traj_sample_hrs=-1.0), tmp_path / "t.nc", steps=5)
+    assert len(found["day"]) == 15
+
+
+@pytest.mark.parametrize(
+    ("icebergs", "size", "absent"),
+    [
+        ({}, 43, ""),
+        ({"save_short_traj": True}, 12, "uo"),
+        ({"save_short_traj": True, "save_fl_traj": False}, 6, "uvel"),
+        ({"save_fl_traj": False}, 37, "uvel"),
+        ({"dem": False}, 40, "rot"),
+        ({"iceberg_bonds_on": False}, 42, "n_bonds"),
+        ({"mts": False, "dem": False}, 36, "axn_fast"),
+    ],
+)
+def test_layouts(tmp_path: Path, icebergs: dict[str, Any], size: int, absent: str) -> None:
+    nml = namelist(tmp_path, **icebergs)
+    names = [c.name for c in trajectory_columns(nml.icebergs, to_parameters(nml))]
+    assert len(names) == len(set(names)) == size
+    assert absent not in names
+
+
+@pytest.mark.parametrize("name", ["collision_KID", "collision_iKID", "a68_story"])
+def test_names_and_attributes_are_those_of_the_reference(shared: Path, name: str) -> None:
+    case = shared / "reference" / name
+    nml = read_namelist(case / "input.nml")
+    columns = {c.name: c for c in trajectory_columns(nml.icebergs, to_parameters(nml))}
+    with netCDF4.Dataset(case / "expected" / "trajectories.nc") as dataset:
+        for variable in dataset.variables.values():
+            column = columns[variable.name]
+            assert (column.long_name, column.units) == (variable.long_name, variable.units)
+            assert np.dtype(column.dtype) == variable.dtype
+
+
+def test_bond_columns_are_those_of_the_reference(tmp_path: Path, shared: Path) -> None:
+    run(BondRecorder, fake_model(tmp_path), tmp_path / "b.nc", steps=1)
+    reference = shared / "reference" / "a68_story" / "expected" / "bonds.nc"
+    with netCDF4.Dataset(tmp_path / "b.nc") as ours, netCDF4.Dataset(reference) as theirs:
+        assert list(ours.variables) == list(theirs.variables)
+        for name, variable in theirs.variables.items():
+            assert (ours[name].long_name, ours[name].units) == (variable.long_name, variable.units)
+
+
+def test_bond_records(tmp_path: Path) -> None:
+    """Both directions; displacements change sign, stresses do not; n is divided by the berg's length (T36)."""
+    model = fake_model(tmp_path, size=4)
+    model.bonds.status[:] = 0, 1, 2
+    model.bonds.shear_x[:], model.bonds.normal_stress[:] = 3.0, 4.0
+    model.elements.length[:] = 800.0
+    found = run(BondRecorder, model, tmp_path / "b.nc", steps=1)
+    assert found["id_cnt1"].tolist() == [1, 2, 2, 3]
+    assert found["id_cnt2"].tolist() == [2, 3, 1, 2]
+    assert found["lon"].tolist() == [200.0, 600.0, 200.0, 600.0]
+    assert found["n1"].tolist() == [-0.5, -0.5, 0.5, 0.5]
+    assert found["tangd1"].tolist() == [3.0, 3.0, -3.0, -3.0]
+    assert found["nstress"].tolist() == [4.0] * 4
+    assert found["broken"].tolist() == [0, 1, 0, 1]
+    assert found["length"].tolist() == [400.0] * 4
+
+
+def test_spring_bonds_record_the_initial_length(tmp_path: Path) -> None:
+    model = fake_model(tmp_path, dem=False)
+    writer = recorder(BondRecorder, model, tmp_path / "b.nc")
+    writer.start(model)
+    model.elements.lon[:] *= 2.0
+    model.step_number = 1
+    writer.record(model)
+    writer.finish(model)
+    with netCDF4.Dataset(tmp_path / "b.nc") as dataset:
+        assert dataset["length"][:].tolist() == [400.0] * 4
+        assert "tangd1" not in dataset.variables
+
+
+def test_single_step_schemes_look_around_after_the_move(tmp_path: Path) -> None:
+    """The environment is that of the new position and the old fields, the depth that of the step (files 1.1)."""
+    model = fake_model(tmp_path, mts=False, dem=False, traj_sample_hrs=-1.0)
+    depth = model.elements.depth.copy()
+    found = run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=2)
+    assert model.forcing.asked == [0.0, 1800.0]
+    assert set(found["uo"]) == {0.5}
+    np.testing.assert_array_equal(found["od"][:3], depth)
+    multiple = fake_model(tmp_path)
+    run(TrajectoryRecorder, multiple, tmp_path / "m.nc", steps=2)
+    assert multiple.forcing.asked == []
+
+
+def test_selection_by_area_bonds_year_and_class(tmp_path: Path) -> None:
+    model = fake_model(tmp_path, traj_area_thres=0.2)
+    e, group = model.elements, model.namelist.icebergs
+    e.bond_count[:] = 1, 0, 0
+    e.mass[2] *= 2.0
+    assert recorded(e, group, origin(), 850.0, 1).tolist() == [True, False, True]
+    late = namelist(tmp_path, traj_area_thres=0.2, save_all_traj_year=1.0).icebergs
+    assert recorded(e, late, origin(), 850.0, 2).all()
+    assert not recorded(e, late, origin(), 850.0, 1).all()
+    by_class = {"traj_area_thres": 0.2, "save_nonfl_traj_by_class": True}
+    light = namelist(tmp_path, save_traj_by_class_start_mass_thres_n=6.0, **by_class).icebergs
+    assert not recorded(e, light, origin(), 850.0, 1).all()
+    heavy = namelist(tmp_path, save_traj_by_class_start_mass_thres_n=5.0, **by_class).icebergs
+    assert recorded(e, heavy, origin(), 850.0, 1).all()
+
+
+@pytest.mark.parametrize("hours", [0.0, -2.0])
+def test_no_interval(tmp_path: Path, hours: float) -> None:
+    with pytest.raises(NamelistError, match=f"traj_sample_hrs = {hours}"):
+        recorder(TrajectoryRecorder, fake_model(tmp_path, traj_sample_hrs=hours), tmp_path / "t.nc")
+
+
+def test_debug_write_samples_at_the_writing_interval(tmp_path: Path) -> None:
+    model = fake_model(tmp_path, debug_write=True, traj_write_hrs=2.0, traj_sample_hrs=1.0)
+    assert len(run(TrajectoryRecorder, model, tmp_path / "t.nc", steps=8)["day"]) == 6
+
+
+def test_an_interrupted_run_keeps_its_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_RECORDS", 4)
+    writer = BlockWriter(tmp_path / "b.nc", [Column("lon", "f8", "longitude", "degrees_E")])
+    for k in range(3):
+        writer.append({"lon": np.full(2, float(k))})
+    copy = tmp_path / "copy.nc"
+    copy.write_bytes((tmp_path / "b.nc").read_bytes())
+    with netCDF4.Dataset(copy) as dataset:
+        assert dataset["lon"][:].tolist() == [0.0, 0.0, 1.0, 1.0]
+    writer.close()
+    with netCDF4.Dataset(tmp_path / "b.nc") as dataset:
+        assert len(dataset["lon"]) == 6
+
+
+def test_writing_interval_brings_records_to_the_disk(tmp_path: Path) -> None:
+    model = fake_model(tmp_path, traj_sample_hrs=-1.0, traj_write_hrs=1.0)
+    writer = recorder(TrajectoryRecorder, model, tmp_path / "t.nc")
+    writer.start(model)
+    for _ in range(4):
+        model.step_number += 1
+        writer.record(model)
+    copy = tmp_path / "copy.nc"
+    copy.write_bytes((tmp_path / "t.nc").read_bytes())
+    with netCDF4.Dataset(copy) as dataset:
+        assert len(dataset["lon"]) == 9
+    writer.finish(model)
+
+
+def test_unwritable_output(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written"):
+        BlockWriter(tmp_path / "no" / "folder.nc", [Column("lon", "f8", "longitude", "degrees_E")])
+
+
+def test_values_are_copied_when_recorded(tmp_path: Path) -> None:
+    """The state is changed in place by the next step while records still wait."""
+    model = fake_model(tmp_path, traj_sample_hrs=-1.0)
+    writer = recorder(TrajectoryRecorder, model, tmp_path / "t.nc")
+    writer.start(model)
+    model.step_number = 1
+    writer.record(model)
+    model.elements.lat[:] = -1.0
+    writer.finish(model)
+    with netCDF4.Dataset(tmp_path / "t.nc") as dataset:
+        assert dataset["lat"][:].tolist() == [50.0] * 3

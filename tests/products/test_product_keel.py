@@ -1,0 +1,107 @@
+"""Mean current from the surface to the keel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
+
+from riftberg.errors import ForcingError
+from riftberg.products import keel_integral, keel_mean, mean_over_draft, open_product
+from riftberg.products.interpolate import to_grid
+from riftberg.products.keel import layer_limits
+
+DEPTH = np.array([10.0, 30.0, 70.0, 150.0])  # limits 0, 20, 50, 110, 190
+
+
+def column(values: list[float], dry: int = 0) -> xr.Dataset:
+    """Return one column of current, the lowest ``dry`` levels under the sea floor."""
+    u = np.array(values, float)
+    if dry:
+        u[-dry:] = np.nan
+    data = np.broadcast_to(u[:, None, None], (u.size, 2, 2)).copy()
+    dims = ("depth", "lat", "lon")
+    axes = {"depth": DEPTH, "lat": [-56.0, -55.0], "lon": [-38.0, -37.0]}
+    return xr.Dataset({"uo": (dims, data), "vo": (dims, -data)}, coords=axes)
+
+
+def test_layers_meet_half_way() -> None:
+    np.testing.assert_allclose(layer_limits(DEPTH), [0.0, 20.0, 50.0, 110.0, 190.0])
+
+
+def test_uniform_current_is_its_own_mean() -> None:
+    mean = keel_mean(column([0.3] * 4), 166.0)
+    np.testing.assert_allclose(mean["uo"], 0.3)
+    np.testing.assert_allclose(mean["vo"], -0.3)
+    assert "depth" not in mean.dims
+
+
+def test_mean_weighs_layers_by_thickness() -> None:
+    mean = keel_mean(column([1.0, 0.5, 0.0, 9.0]), 100.0)
+    assert float(mean["uo"][0, 0]) == pytest.approx((20 * 1.0 + 30 * 0.5 + 50 * 0.0) / 100.0)
+
+
+def test_mean_ends_at_the_sea_floor() -> None:
+    mean = keel_mean(column([1.0, 0.5, 0.0, 0.0], dry=2), 166.0)
+    assert float(mean["uo"][0, 0]) == pytest.approx((20 * 1.0 + 30 * 0.5) / 50.0)
+    assert np.isnan(keel_mean(column([1.0] * 4, dry=4), 50.0)["uo"]).all()
+
+
+def test_draft_below_the_levels_is_an_error() -> None:
+    with pytest.raises(ForcingError, match=r"outside the layers of the data, 0\.\.190 m"):
+        keel_mean(column([1.0] * 4), 250.0)
+    with pytest.raises(ForcingError, match="no currents on levels"):
+        keel_mean(column([1.0] * 4).isel(depth=0, drop=True), 100.0)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    values=st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4),
+    draft=st.floats(0.5, 190.0),
+    dry=st.integers(0, 3),
+)
+def test_integral_gives_the_same_mean_for_any_draft(values: list[float], draft: float, dry: int) -> None:
+    ds = column(values, dry)
+    stored = keel_integral(ds)
+    limits = stored["draft"].values
+    columns = stored.transpose("lat", "lon", "draft")
+    by_integral = mean_over_draft(
+        limits, columns["uo_integral"].values, columns["wet_thickness"].values, np.full((2, 2), draft)
+    )
+    np.testing.assert_allclose(by_integral, keel_mean(ds, draft)["uo"].values, rtol=1e-12, atol=1e-12)
+
+
+def test_every_element_by_its_own_draft() -> None:
+    ds = column([1.0, 0.5, 0.0, 0.0])
+    drafts = xr.DataArray([[20.0, 50.0], [100.0, 190.0]], dims=("lat", "lon"))
+    expected = [[1.0, 35.0 / 50.0], [35.0 / 100.0, 35.0 / 190.0]]
+    np.testing.assert_allclose(keel_mean(ds, drafts)["uo"].transpose("lat", "lon"), expected)
+
+
+def test_integrals_may_be_interpolated_and_land_counts_for_nothing() -> None:
+    ds = column([1.0, 0.5, 0.0, 0.0])
+    ds["uo"][:, :, 1] = np.nan
+    ds["vo"][:, :, 1] = np.nan
+    stored = to_grid(keel_integral(ds), np.array([-37.4]), np.array([-55.5]))
+    limits = stored["draft"].values
+    mean = mean_over_draft(
+        limits, stored["uo_integral"].values[:, 0, 0], stored["wet_thickness"].values[:, 0, 0], np.array(50.0)
+    )
+    assert float(mean) == pytest.approx(0.7)
+
+
+def test_real_glorys_column(shared: Path) -> None:
+    ds = open_product(shared / "data" / "samples" / "GLORYS_NA_20120101.nc")
+    surface, mean = ds["uo"].isel(depth=0), keel_mean(ds, 100.0)["uo"]
+    np.testing.assert_array_equal(np.isnan(mean.values), np.isnan(surface.values))
+    low = ds["uo"].isel(depth=slice(0, 3)).min("depth")
+    high = ds["uo"].isel(depth=slice(0, 3)).max("depth")
+    wet = ~np.isnan(mean.values)
+    assert np.all(mean.values[wet] >= low.values[wet] - 1e-9)
+    assert np.all(mean.values[wet] <= high.values[wet] + 1e-9)

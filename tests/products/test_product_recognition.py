@@ -1,0 +1,153 @@
+"""Files find their product, and files that are no forcing say what they are."""
+
+from __future__ import annotations
+
+import gzip
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from products import product_files as files
+
+pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
+
+from riftberg.errors import ForcingError
+from riftberg.products import PRODUCTS, open_product, product_named, recognise
+from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.products.reading import open_raw
+
+SAMPLES = {
+    "samples/20030101000000-GLOBCURRENT-L4-CUReul_hs-ALT_SUM-v02.0-fv01.0.nc": "globcurrent",
+    "samples/ERA5_NA_2012.nc": "era5",
+    "samples/GLORYS_NA_20120101.nc": "glorys",
+    "samples/nrt_global_allsat_phy_l4_20190223_20190226.nc": "duacs",
+    "samples/r1_v2014_air.2m.gauss.1960.nc": "ncep-r1",
+    "samples/srtm15_coarsened.nc": "srtm15",
+    "observed/gebco_for_plots.nc": "gebco",
+    "a68a/a68_experiment_gebco_ll_p125.nc": "a68a",
+    "a68a/a68_experiment_ssh_oras5_dec2020_ll_p125.nc": "a68a",
+    "a68a/a68_experiment_wind_vel_jra55_dec2020_ll_p125.nc": "a68a",
+}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_real_sample_matches_one_product_only(name: str, shared: Path) -> None:
+    path = shared / "data" / name
+    assert recognise(path).name == SAMPLES[name]
+    raw = open_raw(str(path), chunked=False)
+    matching = [product.name for product in PRODUCTS if product.matches(raw) and product.name != "cf"]
+    assert matching == [SAMPLES[name]]
+
+
+def test_every_product_states_origin_and_known_quantities() -> None:
+    assert len({product.name for product in PRODUCTS}) == len(PRODUCTS)
+    for product in PRODUCTS:
+        assert product.evidence in {"sample", "layout", "documentation"}
+        assert product.citation
+        for source in product.sources:
+            units = source.units or QUANTITIES[source.quantity].units
+            assert conversion(QUANTITIES[source.quantity], units, where=product.name)
+
+
+def test_product_by_name_or_a_list_of_names() -> None:
+    assert product_named("era5").name == "era5"
+    with pytest.raises(ForcingError, match=r"Choose one of: .*oscar-v2"):
+        product_named("oscar")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"<!DOCTYPE html><html>login</html>", "a web page"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n", "Git LFS pointer"),
+        (b"GRIB\x00\x00\x00\x01", "a GRIB file"),
+        (b"nothing known", "not a netCDF file"),
+        (b"", "not a netCDF file"),
+    ],
+)
+def test_file_that_is_no_netcdf_says_what_it_is(content: bytes, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "forcing.nc"
+    path.write_bytes(content)
+    with pytest.raises(ForcingError, match=words):
+        recognise(path)
+
+
+def test_packed_archives_say_how_to_unpack(tmp_path: Path) -> None:
+    packed = tmp_path / "oscar_vel2020.nc.gz"
+    packed.write_bytes(gzip.compress(b"CDF"))
+    archive = tmp_path / "era5.zip"
+    with zipfile.ZipFile(archive, "w") as bundle:
+        bundle.writestr("data.nc", b"CDF")
+    with pytest.raises(ForcingError, match="gunzip"):
+        open_product(packed)
+    with pytest.raises(ForcingError, match="Unzip"):
+        open_product(archive)
+
+
+def test_file_cut_short_is_reported_with_its_name(tmp_path: Path) -> None:
+    path = files.oscar_v2(tmp_path)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(ForcingError, match=r"oscar_currents_final_20201216\.nc: cannot be opened"):
+        open_product(path)
+
+
+def test_absent_file_and_empty_pattern(tmp_path: Path) -> None:
+    with pytest.raises(ForcingError, match="does not exist"):
+        open_product(tmp_path / "absent.nc")
+    with pytest.raises(ForcingError, match="no file matches"):
+        open_product(str(tmp_path / "*.nc"))
+
+
+def test_store_that_is_not_there_says_what_to_check(tmp_path: Path) -> None:
+    pytest.importorskip("zarr")
+    with pytest.raises(ForcingError, match="the store cannot be opened"):
+        open_product(tmp_path / "absent.zarr")
+
+
+def test_iceberg_restart_is_not_taken_for_forcing(shared: Path) -> None:
+    with pytest.raises(ForcingError, match="may be no forcing file"):
+        open_product(shared / "data" / "a68a" / "icebergs.res.nc")
+
+
+def test_opening_reads_no_field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Opening and windowing a large file must not read it: only the window's chunks are read, on demand."""
+    pytest.importorskip("dask")
+    from xarray.backends.netCDF4_ import NetCDF4ArrayWrapper
+
+    side = 3000
+    path = files.write(
+        tmp_path / "gebco.nc",
+        {"lat": side, "lon": side},
+        {
+            "lat": ("f8", ("lat",), np.linspace(-60.0, -50.0, side), {"units": "degrees_north"}),
+            "lon": ("f8", ("lon",), np.linspace(-45.0, -35.0, side), {"units": "degrees_east"}),
+            "elevation": ("i2", ("lat", "lon"), np.full((side, side), -1000, dtype=np.int16), {"units": "m"}),
+        },
+        title="The GEBCO_2021 Grid",
+    )
+    read: list[int] = []
+    fetch = NetCDF4ArrayWrapper._getitem
+
+    def counted(self: NetCDF4ArrayWrapper, key: object) -> np.ndarray:
+        values = fetch(self, key)
+        read.append(int(np.size(values)))
+        return values
+
+    monkeypatch.setattr(NetCDF4ArrayWrapper, "_getitem", counted)
+    from riftberg.products import window
+
+    ds = window(open_product(path), (-40.0, -39.9), (-55.0, -54.9))
+    assert max(read) <= side
+    assert isinstance(ds, xr.Dataset)
+    assert float(ds["depth_below_surface"].mean()) == 1000.0
+
+
+def test_without_dask_files_are_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from riftberg.products import reading
+
+    monkeypatch.setattr(reading, "find_spec", lambda name: None)
+    ds = open_product(files.oscar_v2(tmp_path))
+    assert ds["uo"].values[0, 1, 1] == pytest.approx(0.21)

@@ -1,0 +1,100 @@
+"""Currents and sea floor that a run file keeps for maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from fakes import FakeForcing, FakeModel
+from riftberg.errors import ForcingError
+from riftberg.runs.background import bilinear, stored_water
+from riftberg.runs.run_file import RunWriter, memory_run, open_run
+
+
+class Turning(FakeForcing):
+    """Current that turns with time and grows to the north."""
+
+    def currents(self, lon: Any, lat: Any, time: float) -> tuple[Any, Any]:
+        """Return the current at points."""
+        return 1e-6 * time + 0.0 * lon, 0.01 * (lat + 55.0) + 0.0 * lon
+
+
+def finished(tmp_path: Path, forcing: Any, days: float = 2.0, **how: Any) -> Path:
+    """Run and return the file."""
+    model = FakeModel(**how)
+    model.forcing = forcing
+    model.advance(days, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
+    return tmp_path / "run.nc"
+
+
+def test_currents_come_back_between_times_and_points(tmp_path: Path) -> None:
+    water = stored_water(finished(tmp_path, Turning()))
+    assert water is not None
+    lon, lat = np.array([-39.0, -38.7, 321.2]), np.array([-55.0, -54.93, -55.1])
+    for time in (0.0, 10_000.0, 172_800.0):
+        u, v = water.currents(lon, lat, time)
+        np.testing.assert_allclose(u, 1e-6 * time, atol=6e-4)
+        np.testing.assert_allclose(v, 0.01 * (lat + 55.0), atol=6e-4)
+
+
+def test_outside_of_the_stored_box_nothing_is_known(tmp_path: Path) -> None:
+    water = stored_water(finished(tmp_path, Turning()))
+    assert water is not None
+    assert np.isnan(water.currents(np.array([-20.0]), np.array([-55.0]), 0.0)).all()
+    assert np.isnan(water.depth(np.array([-39.0]), np.array([-70.0]))).all()
+
+
+def test_the_main_group_stays_a_plain_trajectory_file(tmp_path: Path) -> None:
+    path = finished(tmp_path, Turning())
+    with xr.open_dataset(path) as ds:
+        assert set(ds.sizes) == {"trajectory", "time", "bond", "fragment"}
+    assert path.stat().st_size < 400_000
+    assert not list(tmp_path.glob(".*.part"))
+
+
+def test_the_water_of_an_open_run_is_found(tmp_path: Path) -> None:
+    path = finished(tmp_path, FakeForcing())
+    with open_run(path) as run:
+        water = stored_water(run)
+    assert water is not None
+    assert float(water.depth(np.array([-38.9]), np.array([-55.0]))[0]) == pytest.approx(250.0, abs=0.2)
+
+
+def test_a_run_in_metres_has_its_water_in_metres(tmp_path: Path) -> None:
+    class Plain(FakeForcing):
+        def depth(self, lon: Any, lat: Any) -> Any:
+            return 300.0 + 0.001 * lon
+
+    water = stored_water(finished(tmp_path, Plain(), latlon=False))
+    assert water is not None
+    np.testing.assert_allclose(water.depth(np.array([0.0, 5e3]), np.array([0.0, 0.0])), [300.0, 305.0], atol=0.1)
+    np.testing.assert_allclose(water.currents(np.array([0.0]), np.array([0.0]), 0.0), [[0.2], [0.05]], atol=1e-3)
+
+
+def test_a_forcing_that_cannot_be_asked_leaves_the_run_as_it_is(tmp_path: Path) -> None:
+    class Silent(FakeForcing):
+        def currents(self, lon: Any, lat: Any, time: float) -> tuple[Any, Any]:
+            raise ForcingError("no records at this time")
+
+    path = finished(tmp_path, Silent())
+    assert stored_water(path) is None
+    assert open_run(path).sizes["time"] == 9
+
+
+def test_a_run_in_memory_does_without(tmp_path: Path) -> None:
+    with memory_run(None, 6.0) as writer:
+        FakeModel().advance(1, recorders=[writer])
+        assert stored_water(writer.dataset()) is None
+
+
+def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
+    x, y = np.linspace(0.0, 2.0, 5), np.linspace(-1.0, 1.0, 3)
+    field = (1.0 + x[None, :]) * (2.0 - y[:, None])
+    px, py = np.array([0.3, 2.0, 0.0, 2.1]), np.array([0.7, 1.0, -1.0, 0.0])
+    expected = (1.0 + px) * (2.0 - py)
+    expected[3] = np.nan
+    np.testing.assert_allclose(bilinear(x, y, field, px, py), expected)

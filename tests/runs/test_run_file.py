@@ -1,0 +1,238 @@
+"""The trajectory file of a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+from fakes import FakeModel
+from riftberg.errors import InputError, RunError
+from riftberg.parameters import Parameters
+from riftberg.runs.run_file import RunWriter, element_history, memory_run, open_run
+from riftberg.state import ELEMENT_VARIABLES
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[FakeModel, Path]:
+    """Run two days and return the model with the file it wrote."""
+    path = tmp_path_factory.mktemp("run") / "run.nc"
+    model = FakeModel()
+    model.advance(2, recorders=[RunWriter(path, every_hours=3, experiment="fake", seed=7)])
+    return model, path
+
+
+def test_opens_in_xarray_without_options(run: tuple[FakeModel, Path]) -> None:
+    model, path = run
+    with xr.open_dataset(path) as ds:
+        assert dict(ds.sizes) == {"trajectory": 24, "time": 17, "bond": 37, "fragment": 2}
+        assert set(ds.coords) == {"trajectory", "time", "lon", "lat"}
+        assert ds.time.values[0] == np.datetime64("2020-12-09T13:00:00")
+        assert ds.time.values[-1] == np.datetime64("2020-12-11T13:00:00")
+        np.testing.assert_array_equal(ds.lon[:, -1], model.elements.lon)
+        np.testing.assert_array_equal(ds.trajectory, model.elements.id)
+
+
+def test_every_output_variable_is_there_with_its_units(run: tuple[FakeModel, Path]) -> None:
+    with netCDF4.Dataset(run[1]) as file:
+        for v in ELEMENT_VARIABLES:
+            if v.output and v.name != "id":
+                assert file[v.name].dimensions == ("trajectory", "time"), v.name
+                assert file[v.name].units == v.units
+        assert all(file[v.name].standard_name == v.standard_name for v in element_history() if v.standard_name)
+        assert file["lon"].dtype == file["lat"].dtype == file["rotation"].dtype == np.float64
+
+
+def test_bond_table_and_family_tree(run: tuple[FakeModel, Path]) -> None:
+    model, path = run
+    ds = open_run(path.parent)
+    broken = ds.status.values == 2
+    assert broken.sum() == 3
+    assert set(ds.break_time.values[broken]) == {np.datetime64("2020-12-10T13:00:00")}
+    assert np.isnat(ds.break_time.values[~broken]).all()
+    np.testing.assert_array_equal(ds["first"], model.bonds.first)
+    np.testing.assert_allclose(ds.normal_stress[0], 1000.0 + np.arange(17) * 108.0, rtol=1e-6)
+    assert ds.fragment_parent.values.tolist() == [0, 1]
+    assert ds.fragment_birth_time.values[1] == np.datetime64("2020-12-10T13:00:00")
+    assert ds.fragment_area.values[1] == 6 * 9e6
+    assert ds.fragment_grounded.values.tolist() == [0, 1]
+
+
+def test_peak_stress_is_the_largest_since_the_record_before(run: tuple[FakeModel, Path]) -> None:
+    """Of both long steps of 1800 s up to a record the first has the larger peak, by 470 Pa less 18 Pa of growth."""
+    ds = open_run(run[1])
+    np.testing.assert_array_equal(ds.peak_stress[:, 0], ds.normal_stress[:, 0])
+    np.testing.assert_allclose((ds.peak_stress - ds.normal_stress)[:, 1:], 500.0 - 18.0, rtol=1e-4)
+    assert "since the record before" in ds.peak_stress.attrs["long_name"]
+
+
+def test_attributes_allow_the_run_to_be_repeated(run: tuple[FakeModel, Path]) -> None:
+    attributes = open_run(run[1]).attrs
+    assert attributes["Conventions"] == "CF-1.11"
+    assert Parameters.model_validate_json(attributes["parameters_json"]) == run[0].parameters
+    assert "normal_strength = 18000.0 Pa" in attributes["parameters"]
+    assert "eabq6974" in attributes["references"]
+    assert "A uniform current" in attributes["references"]
+    assert "made up for tests" in attributes["forcing"]
+    assert attributes["seed"] == "7"
+    assert set(json.loads(attributes["versions_json"])) >= {"riftberg", "python", "numpy", "numba"}
+
+
+def test_cartesian_run_has_metres(tmp_path: Path) -> None:
+    FakeModel(latlon=False).advance(0.25, recorders=[RunWriter(tmp_path / "run.nc")])
+    ds = open_run(tmp_path)
+    assert ds.x.attrs["units"] == ds.y.attrs["units"] == "m"
+    assert ds.x.attrs["standard_name"] == "projection_x_coordinate"
+    assert "lon" not in ds.variables
+    assert "fragment_x" in ds
+
+
+def test_last_state_is_kept_even_off_schedule(tmp_path: Path) -> None:
+    FakeModel().advance(2.5 / 24, recorders=[RunWriter(tmp_path / "run.nc")])
+    hours = (open_run(tmp_path).time - np.datetime64("2020-12-09T13:00:00")) / np.timedelta64(1, "h")
+    assert hours.values.tolist() == [0.0, 1.0, 2.0, 2.5]
+
+
+def test_readable_after_every_record_while_another_program_keeps_it_open(tmp_path: Path) -> None:
+    model, writer = FakeModel(), RunWriter(tmp_path / "run.nc", every_hours=1, flush_seconds=0)
+    writer.start(model)
+    look = "import sys, netCDF4; d = netCDF4.Dataset(sys.argv[1]); print(d['time'][:], flush=True); sys.stdin.read()"
+    command = [sys.executable, "-c", look, str(tmp_path / "run.nc")]
+    environment = {k: v for k, v in os.environ.items() if k != "HDF5_USE_FILE_LOCKING"}
+    with subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as reader:
+        assert reader.stdout is not None
+        assert reader.stdout.readline() == b"[0.]\n"
+        for hour in range(1, 4):
+            model.step()
+            model.step()
+            writer.record(model)
+            with xr.open_dataset(tmp_path / "run.nc") as ds:
+                assert ds.sizes["time"] == hour + 1
+                np.testing.assert_array_equal(ds.lat[:, -1], model.elements.lat)
+
+
+def test_a_new_run_may_replace_a_file_that_is_still_open_here(tmp_path: Path) -> None:
+    FakeModel().advance(0.25, recorders=[RunWriter(tmp_path / "run.nc")])
+    earlier = open_run(tmp_path)
+    FakeModel().advance(0.5, recorders=[RunWriter(tmp_path / "run.nc")])
+    assert open_run(tmp_path).sizes["time"] == 13
+    assert np.isfinite(earlier.lon.values).all()
+
+
+def test_killed_run_leaves_a_complete_file(tmp_path: Path) -> None:
+    script = """
+    import sys
+    from fakes import FakeModel
+    from riftberg.runs.run_file import RunWriter
+    model, writer = FakeModel(), RunWriter(sys.argv[1], every_hours=1, flush_seconds=0)
+    writer.start(model)
+    for step in range(4):
+        model.step()
+        writer.record(model)
+    print("ready", flush=True)
+    sys.stdin.read()
+    """
+    here = str(Path(__file__).parent.parent)
+    command = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / "run.nc")]
+    environment = {**os.environ, "PYTHONPATH": here}
+    with subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.send_signal(signal.SIGKILL)
+    ds = open_run(tmp_path)
+    assert ds.sizes["time"] == 3
+    assert np.isfinite(ds.lon.values).all()
+
+
+def test_records_are_held_back_to_spare_time(tmp_path: Path) -> None:
+    model, writer = FakeModel(), RunWriter(tmp_path / "run.nc", flush_seconds=3600)
+    writer.start(model)
+    for _ in range(10):
+        model.step()
+        writer.record(model)
+    assert writer.records == 1
+    writer.finish(model)
+    assert open_run(tmp_path).sizes["time"] == 6
+
+
+def test_writing_costs_little(tmp_path: Path) -> None:
+    model, writer = FakeModel(40, 12), RunWriter(tmp_path / "run.nc")
+    before = time.perf_counter()
+    model.advance(10, recorders=[writer])
+    assert (time.perf_counter() - before) / 10 < 0.2  # s per day; 0.02 on a laptop
+
+
+def test_opens_in_trajan(run: tuple[FakeModel, Path]) -> None:
+    pytest.importorskip("trajan")
+    with xr.open_dataset(run[1]) as ds:
+        assert type(ds.traj).__name__ == "Orthogonal"
+        assert ds.traj.trajectory_dim == "trajectory"
+        speed = ds.traj.speed().isel(time=slice(0, -1)).mean().item()
+        assert speed == pytest.approx(0.2, rel=0.1)
+        gridded = ds.traj.gridtime("6h").sel(time="2020-12-10T06:00")
+        assert np.isfinite(gridded.lon).all()
+
+
+def test_opens_in_clouddrift(run: tuple[FakeModel, Path]) -> None:
+    clouddrift = pytest.importorskip("clouddrift")
+    with xr.open_dataset(run[1]) as ds:
+        seconds = (ds.time - ds.time[0]) / np.timedelta64(1, "s")
+        u, _v = clouddrift.kinematics.velocity_from_position(ds.lon, ds.lat, seconds)
+        assert np.mean(u) == pytest.approx(0.2, abs=0.03)
+        ragged, rowsize = clouddrift.ragged.regular_to_ragged(ds.lon.values)
+        assert len(ragged) == 24 * 17
+        assert set(rowsize) == {17}
+
+
+def test_missing_and_foreign_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        open_run(tmp_path)
+    xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(InputError, match="not the trajectory file of a run"):
+        open_run(tmp_path / "other.nc")
+
+
+def test_a_run_without_a_file_ends_in_memory() -> None:
+    model = FakeModel()
+    with memory_run(None, 6.0) as writer:
+        model.advance(1, recorders=[writer])
+        dataset = writer.dataset()
+    assert not writer.path.exists()
+    np.testing.assert_array_equal(dataset.lon[:, -1], model.elements.lon)
+    assert dataset.sizes["time"] == 5
+
+
+def test_killed_at_any_moment_the_earlier_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, writer = FakeModel(), RunWriter(tmp_path / "run.nc", flush_seconds=0)
+    writer.start(model)
+    before = (tmp_path / "run.nc").read_bytes()
+
+    def killed(*_: object) -> None:
+        raise SystemExit
+
+    monkeypatch.setattr("riftberg.runs.run_file.os.replace", killed)
+    for _ in range(2):
+        model.step()
+        if model.step_number == 2:
+            with pytest.raises(SystemExit):
+                writer.record(model)
+    assert (tmp_path / "run.nc").read_bytes() == before
+
+
+def test_a_file_that_vanished_is_named(tmp_path: Path) -> None:
+    model, writer = FakeModel(), RunWriter(tmp_path / "run.nc")
+    writer.start(model)
+    (tmp_path / "run.nc").unlink()
+    model.step()
+    with pytest.raises(RunError, match=r"cannot write .*run.nc"):
+        writer.finish(model)

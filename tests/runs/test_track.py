@@ -1,0 +1,83 @@
+"""Centroid and long axis."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes import FakeModel
+from riftberg.runs.track import (
+    DailyTrack,
+    berg_position,
+    from_plane,
+    long_axis,
+    main_berg,
+    to_plane,
+    track_table,
+)
+
+RADIUS = 6_363_827.0
+
+
+def rectangle(azimuth: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points of a 100 km x 20 km rectangle whose long axis points to ``azimuth`` (degrees from north)."""
+    along, across = np.meshgrid(np.linspace(-50e3, 50e3, 21), np.linspace(-10e3, 10e3, 5))
+    s, c = math.sin(math.radians(azimuth)), math.cos(math.radians(azimuth))
+    return (along * s + across * c).ravel(), (along * c - across * s).ravel()
+
+
+@given(azimuth=st.floats(0.0, 179.9))
+def test_long_axis_of_a_rectangle(azimuth: float) -> None:
+    x, y = rectangle(azimuth)
+    found = long_axis(x, y, np.ones_like(x))
+    assert abs((found - azimuth + 90.0) % 180.0 - 90.0) < 1e-6
+    assert 0.0 <= found < 180.0
+
+
+def test_a_square_has_no_long_axis() -> None:
+    x, y = np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    assert math.isnan(long_axis(x, y, np.ones(4)))
+
+
+@given(lon=st.floats(-180.0, 180.0), lat=st.floats(-80.0, 80.0), x=st.floats(-1e5, 1e5), y=st.floats(-1e5, 1e5))
+def test_plane_and_back(lon: float, lat: float, x: float, y: float) -> None:
+    there = from_plane(x, y, lon, lat, RADIUS)
+    back = to_plane(np.array([there[0]]), np.array([there[1]]), lon, lat, RADIUS)
+    assert back[0][0] == pytest.approx(x, abs=1e-3)
+    assert back[1][0] == pytest.approx(y, abs=1e-3)
+
+
+@pytest.mark.parametrize(("lon", "lat"), [(-39.2, -55.0), (179.9, -70.0), (0.0, 60.0)])
+def test_azimuth_and_centroid_on_the_sphere(lon: float, lat: float) -> None:
+    x, y = rectangle(113.0)
+    places = np.array([from_plane(a, b, lon, lat, RADIUS) for a, b in zip(x, y, strict=True)])
+    wrapped = (places[:, 0] + 180.0) % 360.0 - 180.0
+    found = berg_position(wrapped, places[:, 1], np.full(len(x), 4e6), radius=RADIUS)
+    assert abs((found.lon - lon + 180.0) % 360.0 - 180.0) < 1e-4
+    assert found.lat == pytest.approx(lat, abs=1e-4)
+    assert found.azimuth == pytest.approx(113.0, abs=0.01)
+    assert found.area == pytest.approx(105 * 4e6)
+
+
+def test_area_weighs() -> None:
+    found = berg_position(np.array([0.0, 10.0]), np.array([0.0, 0.0]), np.array([3.0, 1.0]), latlon=False)
+    assert (found.lon, found.lat, found.azimuth) == (2.5, 0.0, 90.0)
+
+
+def test_main_berg_is_the_largest_in_area_not_in_number() -> None:
+    assert main_berg(np.array([1, 1, 2]), np.array([1.0, 1.0, 5.0])) == 2
+
+
+def test_daily_track_follows_drift_and_turn() -> None:
+    model, track = FakeModel(20, 4, turn_per_day=-12.0, break_time=1e9), DailyTrack()
+    model.advance(3.3, recorders=[track])
+    assert [when for when, _ in track.rows] == [datetime(2020, 12, day, 13) for day in (9, 10, 11, 12)]
+    assert [p.azimuth for _, p in track.rows] == pytest.approx([90.0, 102.0, 114.0, 126.0], abs=0.5)
+    east = math.radians(track.rows[3][1].lon - track.rows[0][1].lon) * RADIUS * math.cos(math.radians(55.0))
+    assert east == pytest.approx(0.2 * 3 * 86400, rel=1e-3)
+    assert track_table(track.rows)[1]["time"] == "2020-12-10T13:00:00"

@@ -1,0 +1,53 @@
+"""The family tree of the fragments: who broke off whom, by which bonds, and whether aground."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.parameters import A68A_2022
+from riftberg.state import Bonds, Elements, new_bonds, new_elements
+from riftberg.stepping.fragments import FragmentTree
+
+CONSTANTS = A68A_2022.kernel_values()
+
+
+def row_of_ice(count: int) -> tuple[Elements, Bonds]:
+    """Return elements in a row, each joined to the next."""
+    elements = new_elements(count)
+    elements.lon[:], elements.lat[:] = np.arange(count) * 0.05, -56.0
+    elements.length[:] = elements.width[:] = 3000.0
+    elements.thickness[:], elements.mass[:] = 200.0, 200.0 * 9e6 * 850.0
+    return elements, new_bonds(np.arange(count - 1), np.arange(1, count))
+
+
+def test_a_bond_sets_free_one_fragment_only() -> None:
+    """The bond by which an earlier fragment left does not count again for its neighbour that leaves later."""
+    elements, bonds = row_of_ice(10)
+    tree = FragmentTree()
+    assert tree.update(elements, bonds, 0.0, CONSTANTS) == 1
+    bonds.status[1] = 1  # 0 and 1 leave
+    tree.update(elements, bonds, 1800.0, CONSTANTS)
+    bonds.status[4] = 1  # 2, 3 and 4 leave; their other side parted before
+    assert tree.update(elements, bonds, 3600.0, CONSTANTS) == 3
+    assert [(f.elements, f.parent, f.bonds_broken) for f in tree.breakups] == [(2, 1, 1), (3, 1, 1)]
+    assert sum(f.bonds_broken for f in tree.breakups) == np.count_nonzero(bonds.status)
+
+
+def test_a_fragment_is_not_aground_by_a_bond_that_broke_before() -> None:
+    elements, bonds = row_of_ice(10)
+    tree = FragmentTree()
+    tree.update(elements, bonds, 0.0, CONSTANTS)
+    bonds.status[1], bonds.break_grounded[1] = 1, 1
+    tree.update(elements, bonds, 1800.0, CONSTANTS)
+    bonds.status[4] = 1
+    tree.update(elements, bonds, 3600.0, CONSTANTS)
+    assert [f.grounded for f in tree.breakups] == [True, False]
+
+
+def test_the_heaviest_piece_keeps_the_number() -> None:
+    elements, bonds = row_of_ice(10)
+    tree = FragmentTree()
+    tree.update(elements, bonds, 0.0, CONSTANTS)
+    bonds.status[6] = 1
+    tree.update(elements, bonds, 1800.0, CONSTANTS)
+    assert elements.berg.tolist() == [1] * 7 + [2] * 3
