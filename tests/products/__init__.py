@@ -1,0 +1,1 @@
+"""Tests of the readers of data products and of the doctor."""
