@@ -215,7 +215,7 @@ def test_a_restart_cut_short_is_named(tmp_path: Path, share: float) -> None:
     path = Model(berg(), Steady()).save(tmp_path / "a.restart.nc")
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(InputError, match=r"a.restart.nc: not readable as NetCDF-4"):
+    with pytest.raises(InputError, match=r"a.restart.nc: (not readable as NetCDF-4|the file is empty)"):
         Model.resume(path, Steady())
     path.unlink()
     with pytest.raises(InputError, match=r"a.restart.nc: no such file"):

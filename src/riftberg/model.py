@@ -293,10 +293,17 @@ class Model:
             File written by `save`.
         forcing : Forcing
             The same forcing as before.
+
+        Raises
+        ------
+        InputError
+            If the file is no restart, or holds a state that cannot be; names variable, element and value.
         """
+        from riftberg.runs.checks import check_restart
         from riftberg.runs.restart import load_state
 
         state = load_state(path)
+        check_restart(state, Path(path))
         model = cls.__new__(cls)
         model.elements, model.bonds = state.elements, state.bonds
         model.parameters, model.forcing, model.start = state.parameters, forcing, state.start

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import sys
 from collections.abc import Callable
@@ -17,6 +18,14 @@ R = TypeVar("R")
 EXIT_ERROR: Final = 2
 EXIT_INTERRUPTED: Final = 130
 
+_FULL: Final = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the quota of the disk is used up",
+    errno.EFBIG: "the file would become larger than it may (ulimit -f)",
+    errno.EROFS: "the place is read-only",
+    errno.EMFILE: "too many files are open (ulimit -n)",
+}
+
 
 def say(text: str) -> None:
     """Write to the terminal beside the results."""
@@ -24,7 +33,7 @@ def say(text: str) -> None:
 
 
 def reported(command: Callable[P, R]) -> Callable[P, R]:
-    """Turn errors that Riftberg raises on purpose, and files that cannot be used, into a message and exit code 2.
+    """Turn errors that Riftberg raises on purpose, and what the machine refuses, into a message and exit code 2.
 
     An interrupt has the code 130.
     """
@@ -36,11 +45,15 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
         except RiftbergError as error:
             say(f"Error: {error}")
             raise typer.Exit(EXIT_ERROR) from error
+        except BrokenPipeError:
+            raise  # the reader of the output has gone: nobody is there to be told
         except OSError as error:
-            if error.filename is None:
-                raise
+            say(f"Error: {_refused(error)}")
+            raise typer.Exit(EXIT_ERROR) from error
+        except MemoryError as error:
             say(
-                f"Error: {error.filename}: {(error.strerror or 'cannot be used').lower()}. Name a place that can be used"
+                "Error: this needs more memory than there is (or than ulimit -v allows). "
+                "Give larger elements (berg.radius), shorter or fewer records, or smaller files"
             )
             raise typer.Exit(EXIT_ERROR) from error
         except KeyboardInterrupt as error:
@@ -48,3 +61,10 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
             raise typer.Exit(EXIT_INTERRUPTED) from error
 
     return wrapped
+
+
+def _refused(error: OSError) -> str:
+    """Say what the machine refused, and for which file."""
+    reason = _FULL.get(error.errno or 0) or (error.strerror or str(error) or "cannot be used").lower()
+    place = f"{error.filename}: " if error.filename is not None else ""
+    return f"{place}{reason}. Name a place that can be used, with room on its disk"

@@ -21,8 +21,8 @@ import numpy as np
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.overlap import axis_difference, distance
 from riftberg.diagnostics.side_by_side import Event, aligned, differences
-from riftberg.errors import InputError
 from riftberg.places import latitude, longitude
+from riftberg.runs.checks import read_summary
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
 
@@ -137,10 +137,7 @@ def read_told(folder: Path, name: str, fixes: Sequence[Fix]) -> Told:
     """
     from riftberg.runs.run_file import open_run
 
-    path = folder / "summary.json"
-    if not path.is_file():
-        raise InputError("no summary.json", where=str(folder), remedy="Name folders that 'riftberg run' made")
-    summary = json.loads(path.read_text(encoding="utf-8"))
+    summary = read_summary(folder / "summary.json")
     with open_run(folder) as dataset:
         scene = Scene(dataset)
         days = [day for fix in fixes if (day := _day(scene, fix)) is not None] if scene.latlon else []

@@ -20,7 +20,9 @@ import numpy as np
 
 from riftberg import __version__
 from riftberg.errors import InputError
+from riftberg.input_files import check_file, reading
 from riftberg.parameters import Parameters
+from riftberg.runs.checks import read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.stepping.fragments import Fragment
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 FORMAT = 2
 """Number of the layout; raised when an older Riftberg could not read the file."""
+
+_REMEDY = "Name a restart file that Riftberg wrote (*.restart.nc)"
 
 ADDED = frozenset({"bond_damage", "bond_peak_stress"})
 """Variables that layout 1 did not have; states of its time had their default values."""
@@ -117,20 +121,22 @@ def load_state(path: str | Path) -> RestartState:
         If the file is missing, not a restart file of Riftberg, or of a newer layout.
     """
     path = Path(path)
-    with _open(path) as file:
+    with _open(path) as file, reading(path, "a damaged restart file", _REMEDY):
         file.set_auto_mask(False)
         _check_header(file, path)
-        return RestartState(
+        state = RestartState(
             elements=_read_elements(file, path),
             bonds=_read_bonds(file, path),
-            parameters=Parameters.model_validate_json(file.getncattr("parameters_json")),
-            start=datetime.fromisoformat(file.getncattr("start")),
+            parameters=read_parameters(getattr(file, "parameters_json", None), path),
+            start=read_start(getattr(file, "start", None), path),
             time=float(file["time"][...]),
             step_number=int(file["step_number"][...]),
             fragments=_read_fragments(file),
             extra={name: variable[...] for name, variable in file["extra"].variables.items()},
-            forcing=file.getncattr("forcing"),
+            forcing=str(file.getncattr("forcing")),
         )
+        state.fragment_rows()  # rows that are no fragments are found here
+        return state
 
 
 def fragment_rows(model: Model) -> list[dict[str, Any]]:
@@ -194,13 +200,9 @@ def _to_disk(path: Path) -> None:
 
 
 def _open(path: Path) -> netCDF4.Dataset:
-    try:
+    check_file(path, remedy=_REMEDY)
+    with reading(path, "not readable as NetCDF-4", _REMEDY):
         return netCDF4.Dataset(path)
-    except OSError as error:
-        what = "no such file" if not path.exists() else f"not readable as NetCDF-4 ({error})"
-        raise InputError(
-            what, where=str(path), remedy="Name a restart file that Riftberg wrote (*.restart.nc)"
-        ) from error
 
 
 def _check_header(file: netCDF4.Dataset, path: Path) -> None:

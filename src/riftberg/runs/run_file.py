@@ -31,8 +31,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.errors import InputError, RunError
+from riftberg.errors import RunError
+from riftberg.input_files import is_folder
 from riftberg.runs.background import append_background
+from riftberg.runs.checks import open_checked
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Variable
@@ -164,7 +166,7 @@ class RunWriter:
                 file.set_auto_mask(False)
                 self._write(file, model)
             os.replace(copy, self.path)
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # HDF5 says the latter where a file may not grow
             raise RunError(
                 f"cannot write {self.path} ({error}); its last {len(self._held)} records are missing. "
                 "Is the disk full, or was the file removed?"
@@ -229,19 +231,15 @@ def open_run(path: str | Path) -> xr.Dataset:
     -------
     xarray.Dataset
         With dimensions ``trajectory`` (elements), ``time``, ``bond`` and ``fragment``.
+
+    Raises
+    ------
+    InputError
+        If it is no run file, or a damaged one: see `riftberg.runs.checks`.
     """
     path = Path(path)
-    file = path / "run.nc" if path.is_dir() else path
-    if not file.exists():
-        raise InputError("no such file", where=str(file), remedy="Name run.nc or the folder that 'riftberg run' made")
-    try:
-        dataset = xr.open_dataset(file)
-    except (OSError, ValueError) as error:
-        raise InputError("not a NetCDF file, or a damaged one", where=str(file), remedy="Name a run.nc") from error
-    if "trajectory" not in dataset.dims or dataset.attrs.get("featureType") != "trajectory":
-        dataset.close()
-        raise InputError("not the trajectory file of a run", where=str(file), remedy="Name a run.nc")
-    return dataset
+    file = path / "run.nc" if is_folder(path) else path
+    return open_checked(file)
 
 
 class _RunWithDataset(RunWriter):

@@ -1,0 +1,155 @@
+"""What may be opened as an input file, and how whatever goes wrong in reading it becomes one sentence.
+
+A path may be missing, a folder, a device that never ends, a pipe that never begins, or as large as the disk; the
+libraries that read formats raise errors of every kind on a damaged file. Every reader of the house passes through here.
+"""
+
+from __future__ import annotations
+
+import stat
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from riftberg.errors import InputError, RiftbergError
+from riftberg.limits import human, refuse_large
+
+_KINDS: Final = (
+    (stat.S_ISDIR, "a folder, not a file"),
+    (stat.S_ISCHR, "a device, not a file"),
+    (stat.S_ISBLK, "a device, not a file"),
+    (stat.S_ISFIFO, "a pipe, not a file"),
+    (stat.S_ISSOCK, "a socket, not a file"),
+)
+
+_MOST_MEMBERS: Final = 1000
+"""Files in an archive."""
+
+
+def check_file(
+    path: str | Path,
+    *,
+    remedy: str,
+    most: float | None = None,
+    kind: type[InputError] = InputError,
+    missing: str = "no such file",
+) -> Path:
+    """Return the path of a plain file that is there, not empty and not too large; else raise ``kind``.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    remedy : str
+        What to name instead.
+    most : float, optional
+        Largest size, bytes.
+    kind : type
+        Error to raise.
+    missing : str
+        What is said where there is nothing.
+    """
+    path = Path(path)
+    where = shown(path)
+    try:
+        found = path.stat()
+    except FileNotFoundError as error:
+        raise kind(missing, where=where, remedy=remedy) from error
+    except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
+        raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
+    for is_kind, what in _KINDS:
+        if is_kind(found.st_mode):
+            raise kind(what, where=where, remedy=remedy)
+    if found.st_size == 0:
+        raise kind("the file is empty", where=where, remedy=remedy)
+    if most is not None:
+        refuse_large(
+            found.st_size, most, f"bytes of input ({human(found.st_size)})", where=where, remedy=remedy, kind=kind
+        )
+    try:
+        with path.open("rb") as file:
+            file.read(1)
+    except OSError as error:
+        raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
+    return path
+
+
+def is_folder(path: Path) -> bool:
+    """Whether a path is a folder; a path that cannot be looked at is none."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+@contextmanager
+def reading(where: object, what: str, remedy: str, kind: type[InputError] = InputError) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file into one sentence that names the file.
+
+    Parameters
+    ----------
+    where : path or str
+        The file, perhaps with a variable.
+    what : str
+        What it is not, for example ``"not a GeoTIFF"``.
+    remedy : str
+        What would be right.
+    kind : type
+        Error to raise.
+    """
+    try:
+        yield
+    except RiftbergError:
+        raise
+    except MemoryError as error:
+        raise kind("asks for more memory than there is", where=shown(where), remedy=remedy) from error
+    except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
+        raise kind(f"{what} ({_reason(error)})", where=shown(where), remedy=remedy) from error
+
+
+def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:
+    """Return the names in a zip archive that may be unpacked: few, small, and inside the archive's own folder."""
+    with reading(path, "not a zip archive, or a damaged one", remedy, kind), zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+    if not members:
+        raise kind("an empty archive", where=shown(path), remedy=remedy)
+    if len(members) > _MOST_MEMBERS:
+        raise kind(f"an archive of {len(members)} files", where=shown(path), remedy=remedy)
+    for member in members:
+        if member.filename.startswith(("/", "\\")) or ".." in Path(member.filename.replace("\\", "/")).parts:
+            raise kind(
+                f"the archive holds a path outside itself, {member.filename!r}", where=shown(path), remedy=remedy
+            )
+        if member.flag_bits & 1:
+            raise kind(f"{member.filename} in the archive is encrypted", where=shown(path), remedy=remedy)
+    size = sum(member.file_size for member in members)
+    refuse_large(size, most, f"bytes once unpacked ({human(size)})", where=shown(path), remedy=remedy, kind=kind)
+    return [member.filename for member in members]
+
+
+def shown(path: object) -> str:
+    """Return a path or text as it may stand in a message: one line, not too long, without control characters."""
+    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in str(path))
+    return text if len(text) <= 300 else f"{text[:140]} ... {text[-140:]}"
+
+
+def value_shown(value: object) -> str:
+    """Return a value as it may stand in a message: on one line, and short."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # a whole number of more than 4300 digits, a list that holds itself
+        text = f"a {type(value).__name__} that is too long to show"
+    text = " ".join(text.split())
+    return text if len(text) <= 80 else f"{text[:60]} ... {text[-15:]}"
+
+
+def _reason(error: BaseException) -> str:
+    """Return the reason of an error in one short line."""
+    if isinstance(error, OSError) and error.strerror and not (error.errno or 0) < 0:
+        return shown(error.strerror.lower())
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = shown(lines[0] if lines else type(error).__name__)
+    text = text if len(text) <= 160 else f"{text[:157]}..."
+    return text.rstrip(".")

@@ -1,0 +1,450 @@
+"""Whether a file is what it says: run files, restart files and summaries are checked here, once, when they are opened.
+
+All commands and `riftberg.runs.run_file.open_run` come through `check_run`; so what is drawn, compared or continued can
+rely on shapes, types, finite positions and bonds that join elements of the run.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+from pydantic import ValidationError
+
+from riftberg.errors import InputError
+from riftberg.input_files import check_file, reading, shown, value_shown
+from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
+from riftberg.parameters import Parameters
+
+if TYPE_CHECKING:
+    from riftberg.runs.restart import RestartState
+
+RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
+
+NEEDED: Final[Mapping[str, tuple[str, ...]]] = {
+    "time": ("time",), "trajectory": ("trajectory",), "length": ("trajectory",), "width": ("trajectory",),
+    "mass": ("trajectory",), "thickness": ("trajectory", "time"), "rotation": ("trajectory", "time"),
+    "u_sync": ("trajectory", "time"), "v_sync": ("trajectory", "time"), "spin": ("trajectory", "time"),
+    "depth": ("trajectory", "time"), "berg": ("trajectory", "time"), "first": ("bond",), "second": ("bond",),
+    "status": ("bond",), "strength": ("bond",), "break_time": ("bond",), "break_grounded": ("bond",),
+    "normal_stress": ("bond", "time"), "shear_stress": ("bond", "time"), "fragment_number": ("fragment",),
+    "fragment_parent": ("fragment",), "fragment_birth_time": ("fragment",), "fragment_elements": ("fragment",),
+    "fragment_area": ("fragment",), "fragment_bonds_broken": ("fragment",), "fragment_grounded": ("fragment",),
+}  # fmt: skip
+"""Variables of a run file that every reader may use, and their dimensions; positions are asked for by name besides."""
+
+OPTIONAL: Final[Mapping[str, tuple[str, ...]]] = {
+    "peak_stress": ("bond", "time"), "damage": ("bond", "time"),
+    **{name: ("trajectory", "time") for name in ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "ice_thickness")},
+}  # fmt: skip
+"""Variables that older files may lack; where they are there, they have these dimensions."""
+
+_DATES: Final = ("time", "break_time", "fragment_birth_time")
+_POSITIVE: Final = ("length", "width", "mass", "thickness")
+_FINITE: Final = ("rotation", "u_sync", "v_sync", "spin", *_POSITIVE)
+_LARGEST: Final = 1e30
+"""Numbers at least this large are fill values."""
+
+
+def open_checked(file: Path) -> xr.Dataset:
+    """Open a run file and check it; whatever is wrong is said in one sentence.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The run file.
+
+    Raises
+    ------
+    InputError
+        Naming the file, and the variable, record or attribute.
+    """
+    check_file(file, remedy=RUN_REMEDY)
+    with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
+        dataset = xr.open_dataset(file, engine="netcdf4", decode_times=False)
+    try:
+        with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
+            _check_layout(dataset, file)
+            _check_attributes(dataset, file)
+            decoded = _with_dates(dataset, file)
+            _check_values(decoded, file)
+            return decoded
+    except BaseException:
+        dataset.close()
+        raise
+
+
+def _error(
+    what: str, file: Path, place: str = "", remedy: str = "Make the run again, or name another run.nc"
+) -> InputError:
+    return InputError(what, where=f"{shown(file)}, {place}" if place else shown(file), remedy=remedy)
+
+
+def _check_layout(run: xr.Dataset, file: Path) -> None:
+    """Check kind, dimensions, variables and their types."""
+    if "trajectory" not in run.dims or run.attrs.get("featureType") != "trajectory":
+        raise _error("not the trajectory file of a run of Riftberg", file, remedy=RUN_REMEDY)
+    if "parameters_json" not in run.attrs or "bond" not in run.dims:
+        raise _error(
+            "a trajectory file, but not of Riftberg: it has no elements, bonds and parameters", file, remedy=RUN_REMEDY
+        )
+    places = ("lon", "lat") if "lon" in run.variables else ("x", "y")
+    needed = {**dict.fromkeys(places, ("trajectory", "time")), **NEEDED}
+    for name, dims in {**needed, **{n: d for n, d in OPTIONAL.items() if n in run.variables}}.items():
+        if name not in run.variables:
+            raise _error(f"variable {name} is missing", file)
+        found = run[name]
+        if set(found.dims) != set(dims) or len(found.dims) != len(dims):
+            raise _error(f"dimensions {found.dims} instead of {dims}", file, f"variable {name}")
+        if found.dtype.kind not in "iuf":
+            raise _error(f"numbers are needed, not values of type {found.dtype}", file, f"variable {name}")
+        refuse_large(
+            found.size, MOST_VALUES, f"values of {name}", size=found.dtype.itemsize, where=shown(file),
+            remedy="Write fewer records (--every)", kind=InputError,
+        )  # fmt: skip
+    for dimension, word in (("trajectory", "elements"), ("time", "records")):
+        if run.sizes[dimension] == 0:
+            raise _error(f"no {word}", file, remedy="The run stopped before its first record: make it again")
+
+
+def _check_attributes(run: xr.Dataset, file: Path) -> None:
+    parameters_of(run, file)
+    start_of(run, file)
+
+
+def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:
+    """Return the parameters of a run file, or say that its attribute is none."""
+    return read_parameters(run.attrs.get("parameters_json"), file or Path(str(run.encoding.get("source", "run"))))
+
+
+def read_parameters(text: Any, file: Path) -> Parameters:
+    """Return parameters from the attribute ``parameters_json`` of a file."""
+    place = "attribute parameters_json"
+    if not isinstance(text, str):
+        raise _error("missing, or no text", file, place)
+    try:
+        return Parameters.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        found = ".".join(str(part) for part in first["loc"])
+        raise _error(
+            f"no parameters of Riftberg ({found}: {str(first['msg'])[:100]})" if found else "no JSON of parameters",
+            file,
+            place,
+            "The file is damaged, or was written by another version of Riftberg",
+        ) from error
+
+
+def start_of(run: xr.Dataset, file: Path) -> datetime:
+    """Return the start of a run from its attribute."""
+    return read_start(run.attrs.get("start"), file)
+
+
+def read_start(text: Any, file: Path) -> datetime:
+    """Return a date from the attribute ``start`` of a file."""
+    try:
+        start = datetime.fromisoformat(text)
+    except (TypeError, ValueError) as error:
+        raise _error(f"{value_shown(text)} is no date", file, "attribute start") from error
+    if start.tzinfo is not None:
+        raise _error(f"{text} has a time zone", file, "attribute start", "Dates of run files are UTC, without a zone")
+    return start
+
+
+def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
+    """Return the run with decoded dates."""
+    for name in _DATES:
+        units = run[name].attrs.get("units")
+        if not isinstance(units, str) or not units.startswith("seconds since "):
+            raise _error(f"units {value_shown(units)} are no 'seconds since' a date", file, f"variable {name}")
+        values = run[name].values
+        if not (np.isfinite(values) | (name != "time")).all() or (np.abs(values[np.isfinite(values)]) > 1e11).any():
+            raise _error("times that are no numbers, or thousands of years away", file, f"variable {name}")
+    with reading(f"{shown(file)}, variable time", "dates that cannot be read", "Make the run again"):
+        decoded = xr.decode_cf(run)
+    decoded.set_close(run.close)
+    for name in _DATES:
+        if decoded[name].dtype.kind != "M":
+            raise _error("dates outside the years 1678 to 2261", file, f"variable {name}")
+    steps = np.diff(decoded["time"].values.astype("datetime64[ns]").astype(np.int64))
+    if (steps <= 0).any():
+        raise _error(f"times do not rise after record {int(np.argmax(steps <= 0)) + 1}", file, "variable time")
+    return decoded
+
+
+def _check_values(run: xr.Dataset, file: Path) -> None:
+    latlon = parameters_of(run, file).earth.latlon
+    if latlon != ("lon" in run.variables):
+        raise _error("positions and the parameter earth.latlon do not agree", file)
+    for name in ("lon", "lat") if latlon else ("x", "y"):
+        _check_finite(run, name, file, 90.0 if name == "lat" else 1e4 if name == "lon" else 1e12)
+    for name in _FINITE:
+        _check_finite(run, name, file, _LARGEST, positive=name in _POSITIVE)
+    if int(run["berg"].min()) < 1:
+        raise _error("numbers of fragments begin with 1", file, "variable berg")
+    check_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
+    check_status(run["status"].values, file, "variable status")
+    _check_fragments(run, file)
+
+
+def _check_finite(run: xr.Dataset, name: str, file: Path, most: float, *, positive: bool = False) -> None:
+    """Refuse NaN, infinite and impossible values; names element and record."""
+    values = run[name].values
+    good = np.isfinite(values) & (np.abs(values) <= most)
+    demand = "a finite number"
+    if positive:
+        good, demand = good & (values > 0.0), "a number above 0"
+    elif most < _LARGEST:
+        demand = f"a number from {-most:g} to {most:g}"
+    if good.all():
+        return
+    index = tuple(int(k) for k in np.argwhere(~good)[0])
+    place = ", ".join(
+        f"{'element' if dim == 'trajectory' else 'record'} {k + 1}"
+        for dim, k in zip(run[name].dims, index, strict=True)
+    )
+    raise _error(f"{name} is {values[index]:g}, not {demand}", file, f"variable {name}, {place}")
+
+
+def check_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
+    """Refuse bonds that join no two elements of the run."""
+    bad = (first < 0) | (second < 0) | (first >= elements) | (second >= elements) | (first == second)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise _error(
+            f"bond {k + 1} joins rows {first[k]:g} and {second[k]:g}, but the elements have rows 0 to {elements - 1}",
+            file, place,
+        )  # fmt: skip
+    if first.dtype.kind == "f" and not ((first == np.floor(first)).all() and (second == np.floor(second)).all()):
+        raise _error("rows of elements are whole numbers", file, place)
+    low, high = np.minimum(first, second).astype(np.int64), np.maximum(first, second).astype(np.int64)
+    pairs, counts = np.unique(low * elements + high, return_counts=True)
+    if (counts > 1).any():
+        pair = int(pairs[np.argmax(counts > 1)])
+        raise _error(f"two bonds join rows {pair // elements} and {pair % elements}", file, place)
+
+
+def check_status(status: Any, file: Path, place: str) -> None:
+    """Refuse a status of a bond that means nothing."""
+    bad = ~np.isin(status, (0, 1, 2))
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise _error(f"bond {k + 1} has status {status[k]:g}; it is 0, 1 or 2", file, place)
+
+
+def _check_fragments(run: xr.Dataset, file: Path) -> None:
+    if run.sizes["fragment"] == 0:
+        return
+    number, parent = run["fragment_number"].values, run["fragment_parent"].values
+    place = "variable fragment_number, fragment_parent"
+    if (number < 1).any() or len(np.unique(number)) < len(number):
+        raise _error("numbers of fragments are whole, from 1, and each stands once", file, place)
+    known = np.isin(parent, (0, *number)) & (parent != number)
+    if not known.all():
+        k = int(np.argmin(known))
+        raise _error(f"fragment {number[k]} broke off {parent[k]}, which is not in the file", file, place)
+    for name in ("fragment_area", "fragment_elements", "fragment_bonds_broken"):
+        values = run[name].values
+        if not (np.isfinite(values) & (values >= 0)).all():
+            raise _error("a negative number, or none", file, f"variable {name}")
+    if np.isnat(run["fragment_birth_time"].values).any():
+        raise _error("a fragment without a time of birth", file, "variable fragment_birth_time")
+
+
+def check_recorded(run: xr.Dataset, names: tuple[str, ...]) -> None:
+    """Refuse a run whose recorded surroundings are missing or no numbers, for those who compute forces from them."""
+    file = Path(str(run.encoding.get("source", "run")))
+    for name in names:
+        if name not in run.variables:
+            raise _error(f"variable {name} is missing", file)
+        _check_finite(run, name, file, _LARGEST)
+
+
+# --- restarts ----------------------------------------------------------------------------------------------------------
+
+
+def check_restart(state: RestartState, path: Path) -> None:
+    """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be.
+
+    Parameters
+    ----------
+    state : RestartState
+        As read.
+    path : pathlib.Path
+        Its file, for messages.
+    """
+    remedy = "The file is damaged: resume from another restart"
+    dt = state.parameters.stepping.time_step
+    if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
+        raise _error(f"time is {state.time:g} s", path, "variable time", remedy)
+    if state.step_number < 0 or (state.step_number == 0) != (state.time == 0.0):
+        raise _error(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number", remedy)
+    if abs(state.step_number * dt - state.time) > 0.5 * dt:
+        raise _error(
+            f"{state.step_number} steps of {dt:g} s do not lead to {state.time:g} s",
+            path,
+            "variable step_number",
+            remedy,
+        )
+    if state.elements.mass.size == 0:
+        raise _error("no elements", path, remedy=remedy)
+    bonds, count = state.bonds, state.elements.mass.size
+    check_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
+    check_status(bonds.status, path, "variable bond_status")
+    _check_tables(state, path, remedy)
+    ids = state.elements.id
+    if len(np.unique(ids)) < len(ids):
+        raise _error("two elements have the same identifier", path, "variable element_id", remedy)
+    if (state.elements.berg < 0).any():
+        raise _error("a fragment with a negative number", path, "variable element_berg", remedy)
+    broken_at = bonds.break_time[np.isfinite(bonds.break_time)]
+    if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
+        raise _error("a bond that broke before the start, or later than now", path, "variable bond_break_time", remedy)
+    _check_substeps(state, path, remedy)
+
+
+def _check_tables(state: RestartState, path: Path, remedy: str) -> None:
+    """Refuse numbers that are none, except the times of bonds that hold."""
+    for table, arrays in (("element", state.elements), ("bond", state.bonds)):
+        for name, values in zip(arrays._fields, arrays, strict=True):
+            if values.dtype.kind != "f" or name == "break_time":
+                continue
+            # Values around an element may be missing where its forcing failed: they are looked up anew.
+            bad = np.abs(values) >= _LARGEST if name in _SURROUNDINGS else ~(np.abs(values) < _LARGEST)
+            bad |= (values <= 0.0) if name in _POSITIVE or name == "bond_length" else False
+            if bad.any():
+                k = int(np.argmax(bad))
+                raise _error(f"{table} {k + 1} has {name} = {values[k]:g}", path, f"variable {table}_{name}", remedy)
+    lat = state.elements.lat
+    if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
+        raise _error(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat", remedy)
+
+
+_SURROUNDINGS: Final = frozenset(
+    ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "sst", "sss", "ice_fraction", "ice_thickness",
+     "vorticity", "ax", "ay", "bx", "by", "ax_fast", "ay_fast", "bx_fast", "by_fast")
+)  # fmt: skip
+
+
+def _check_substeps(state: RestartState, path: Path, remedy: str) -> None:
+    if "substeps" not in state.extra:
+        return
+    found = np.asarray(state.extra["substeps"])
+    if found.dtype.kind not in "iu" or found.size != 1 or not 1 <= int(found) <= MOST_SUBSTEPS:
+        raise _error(f"{value_shown(found.tolist())} sub-steps in a long step", path, "variable extra/substeps", remedy)
+
+
+def check_same_run(state: RestartState, fresh: Any, path: Path, *, named: str) -> None:
+    """Refuse to go on from the restart of another experiment, ocean or start.
+
+    Parameters
+    ----------
+    state : RestartState
+        The restart.
+    fresh : Model
+        The experiment that was named, at its start.
+    path : pathlib.Path
+        The restart, for messages.
+    named : str
+        How the experiment was named.
+    """
+    from riftberg.runs.provenance import forcing_text
+
+    remedy = "Name the experiment that it comes from, with the options of that run"
+    where = f"--resume {shown(path)}"
+    if state.parameters.earth.latlon != fresh.parameters.earth.latlon:
+        raise InputError(f"a restart in other coordinates than {named}", where=where, remedy=remedy)
+    if state.start != fresh.start:
+        raise InputError(
+            f"a run that started at {state.start:%Y-%m-%d %H:%M}, but {named} starts at {fresh.start:%Y-%m-%d %H:%M}",
+            where=where, remedy=remedy,
+        )  # fmt: skip
+    ours, theirs = state.elements, fresh.elements
+    if ours.mass.size != theirs.mass.size or not all(
+        np.allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-6) for name in ("mass", "length", "width")
+    ):
+        raise InputError(
+            f"a berg of {ours.mass.size} elements and {ours.mass.sum() / 1e12:.4g} Gt, but that of {named} has "
+            f"{theirs.mass.size} and {theirs.mass.sum() / 1e12:.4g} Gt",
+            where=where, remedy=remedy,
+        )  # fmt: skip
+    before, now = (_first_line(text) for text in (state.forcing, forcing_text(fresh.forcing)))
+    if before != now:
+        raise InputError(
+            f"a run in another ocean ({value_shown(before)}) than that of {named} ({value_shown(now)})",
+            where=where, remedy=remedy,
+        )  # fmt: skip
+
+
+def _first_line(text: str) -> str:
+    return next((line.strip() for line in text.splitlines() if line.strip()), "")
+
+
+# --- summaries ---------------------------------------------------------------------------------------------------------
+
+_SUMMARY: Final[Mapping[str, type | tuple[type, ...]]] = {
+    "experiment": str, "start": str, "end": str, "days": (int, float), "elements": int, "bonds_total": int,
+    "bonds_broken": int, "fragments": int, "breakups": list, "largest_km2": (int, float), "numerics": dict,
+}  # fmt: skip
+_BREAKUP: Final[Mapping[str, type | tuple[type, ...]]] = {
+    "time": str, "lon": (int, float), "lat": (int, float), "area_km2": (int, float), "bonds": int, "grounded": bool,
+}  # fmt: skip
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read ``summary.json`` and check what it holds.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the key.
+    """
+    remedy = "Make the run again: 'riftberg run' writes summary.json beside run.nc"
+    check_file(path, remedy="Name folders that 'riftberg run' made", most=MOST_TEXT, missing="no summary.json")
+    with reading(path, "not JSON, or a damaged file", remedy):
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(summary, dict):
+        raise InputError("no summary of a run", where=shown(path), remedy=remedy)
+    _check_keys(summary, _SUMMARY, path, "")
+    speed = summary.setdefault("seconds_per_day", None)
+    if speed is not None and not _is_number(speed):
+        raise InputError(
+            f"{value_shown(speed)} is no number", where=f"{shown(path)}, key seconds_per_day", remedy=remedy
+        )
+    for k, event in enumerate(summary["breakups"]):
+        if not isinstance(event, dict):
+            raise InputError("no break-up", where=f"{shown(path)}, key breakups.{k}", remedy=remedy)
+        _check_keys(event, _BREAKUP, path, f"breakups.{k}.")
+        read_start(event["time"], path)
+        if event["area_km2"] <= 0:
+            raise InputError(
+                f"an area of {event['area_km2']:g}", where=f"{shown(path)}, key breakups.{k}.area_km2", remedy=remedy
+            )
+    groups = summary["numerics"]
+    earth = groups.get("earth")
+    good = isinstance(earth, dict) and isinstance(earth.get("latlon"), bool) and _is_number(earth.get("radius"))
+    if not good or not all(isinstance(values, dict) for values in groups.values()):
+        raise InputError("no parameters of a run", where=f"{shown(path)}, key numerics", remedy=remedy)
+    return summary
+
+
+def _check_keys(found: dict[str, Any], wanted: Mapping[str, Any], path: Path, above: str) -> None:
+    for key, kinds in wanted.items():
+        where = f"{shown(path)}, key {above}{key}"
+        remedy = "Make the run again: 'riftberg run' writes summary.json beside run.nc"
+        if key not in found:
+            raise InputError("this key is missing", where=where, remedy=remedy)
+        value = found[key]
+        right = _is_number(value) if kinds == (int, float) else isinstance(value, kinds)
+        if not right or (kinds is int and (isinstance(value, bool) or value < 0)):
+            raise InputError(f"{value_shown(value)} is not possible", where=where, remedy=remedy)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
