@@ -85,8 +85,8 @@ class Asked(NamedTuple):
 def _asked(name: str) -> Asked:
     """Return what an experiment asks of its files."""
     if name.endswith((".yaml", ".yml")):
-        from riftberg.experiments.schema import FileForcing
         from riftberg.experiments.yaml_file import read_file
+        from riftberg.ocean.files_schema import FileForcing
 
         experiment, _, _ = read_file(Path(name))
         given = experiment.forcing

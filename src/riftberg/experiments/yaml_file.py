@@ -28,10 +28,10 @@ from riftberg.experiments.schema import (
     ConstantForcing,
     Experiment,
     ExperimentForcing,
-    FileForcing,
     Rift,
     Strength,
 )
+from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 if TYPE_CHECKING:
