@@ -12,35 +12,24 @@ from __future__ import annotations
 import argparse
 import ast
 import statistics
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = "riftberg"
 
-FLOORS: tuple[tuple[str, ...], ...] = (
-    ("cli",),
-    ("experiments",),
-    ("viz",),
-    ("diagnostics",),
-    ("kid",),
-    ("runs",),
-    ("model",),
-    ("stepping",),
-    ("ocean",),
-    ("products", "fetching"),
-    ("bergs",),
-    ("parameters", "parameter_groups"),
-    ("state",),
-    ("physics",),
-    ("kernels", "constants", "units", "errors", "places", "plane"),
-)
-"""Rooms from the roof to the ground, as in the contract in ``pyproject.toml``; the names of before the move stand nowhere."""
-
 LONG, MANY = 40, 10
 """Lines beyond which a function is long, and arguments beyond which it has many."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def floors(project: Path) -> list[set[str]]:
+    """Return the rooms of each floor from the roof to the ground, as in the contract in ``pyproject.toml``."""
+    contracts = tomllib.loads(project.read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["id"] == "floors")
+    return [set(layer.replace(":", " ").replace("|", " ").split()) for layer in layers]
 
 
 def modules(folder: Path) -> dict[str, ast.Module]:
@@ -88,9 +77,9 @@ def room(module: str) -> str:
     return parts[1] if len(parts) > 1 else parts[0]
 
 
-def upward(edges: dict[str, set[str]]) -> list[tuple[str, str]]:
+def upward(edges: dict[str, set[str]], rooms: list[set[str]]) -> list[tuple[str, str]]:
     """Return the imports of a module on a floor above."""
-    floor = {name: -level for level, rooms in enumerate(FLOORS) for name in rooms}
+    floor = {name: -level for level, names in enumerate(rooms) for name in names}
     pairs = ((a, b) for a in sorted(edges) for b in sorted(edges[a]))
     return [(a, b) for a, b in pairs if room(a) in floor and room(b) in floor and floor[room(b)] > floor[room(a)]]
 
@@ -160,7 +149,9 @@ def main() -> None:
     names = twice_named(trees)
     lists = {
         "circles of imports": [" <-> ".join(group) for group in circles(edges)],
-        "imports that run upwards": [f"{a} -> {b}" for a, b in upward(edges)],
+        "imports that run upwards": [
+            f"{a} -> {b}" for a, b in upward(edges, floors(home.parents[1] / "pyproject.toml"))
+        ],
         f"functions of more than {MANY} arguments (kernels apart)": many,
         "names with more than one home": [f"{name}: {', '.join(homes)}" for name, homes in names.items()],
     }

@@ -1,7 +1,8 @@
 """Where things stood before: old module paths and names keep working, with a warning that tells the new one.
 
 `OldPaths` comes first among Python's finders: an old package has the folder of the new one, and its modules would be
-loaded a second time from there. The old path gives the new module itself, not a copy: classes and constants are the same objects under both paths.
+loaded a second time from there. The old path gives the new module itself, not a copy: classes
+and constants are the same objects under both paths.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any, Final
 
@@ -46,10 +47,14 @@ MODULES: Final = {
 
 NAMES: Final = {
     "experiments.Entry": "experiments.registry.BuiltIn",
+    "experiments.schema.NamedFiles": "ocean.files_schema.NamedFiles",
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""
 
 PACKAGE: Final = "riftberg."
+
+HOMES: Final = frozenset(PACKAGE + name.rpartition(".")[0] for name in NAMES)
+"""Modules in which a name has changed."""
 
 
 def new_path(path: str) -> str | None:
@@ -70,6 +75,8 @@ class OldPaths(MetaPathFinder, Loader):
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Return where a module is, or None where no module was ever called so."""
+        if fullname in HOMES:
+            return _with_old_names(PathFinder.find_spec(fullname, path, target))
         new = new_path(fullname)
         if new is None or importlib.util.find_spec(new) is None:
             return None
@@ -85,6 +92,20 @@ class OldPaths(MetaPathFinder, Loader):
         assert new is not None
         warnings.warn(f"{module.__name__} is now {new}", DeprecationWarning, stacklevel=2)
         sys.modules[module.__name__] = importlib.import_module(new)
+
+
+def _with_old_names(spec: ModuleSpec | None) -> ModuleSpec | None:
+    """Let a module answer to the names that it had, once it is loaded."""
+    if spec is None or spec.loader is None:
+        return spec
+    name, load = spec.name, spec.loader.exec_module
+
+    def exec_module(module: ModuleType) -> None:
+        load(module)
+        setattr(module, "__getattr__", old_names(name))  # noqa: B010
+
+    setattr(spec.loader, "exec_module", exec_module)  # noqa: B010
+    return spec
 
 
 def install() -> None:

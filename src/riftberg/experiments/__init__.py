@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from riftberg import moved
 from riftberg.errors import InputError, nearest
 from riftberg.experiments.options import Info, Numerics, Options
 from riftberg.experiments.registry import EXPERIMENTS, BuiltIn, find, names
@@ -17,9 +16,6 @@ if TYPE_CHECKING:
     from riftberg.model import Model
 
 __all__ = ["EXPERIMENTS", "BuiltIn", "Info", "Numerics", "Options", "build", "find", "names"]
-
-if not TYPE_CHECKING:
-    __getattr__ = moved.old_names(__name__)
 
 
 def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
