@@ -32,7 +32,7 @@ MOST_WORK: Final = 1e13
 MOST_TEXT: Final = 64 * 2**20
 """Bytes of a table, drawing or other text."""
 
-MOST_YAML: Final = 4 * 2**20
+MOST_YAML: Final = 500_000
 """Bytes of an experiment file or a namelist."""
 
 MOST_VALUES: Final = 1_000_000_000

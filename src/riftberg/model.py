@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -13,6 +14,7 @@ from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RiftbergError, RunError
+from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements, Floats, copy_state
@@ -110,6 +112,7 @@ class Model:
         self.substeps = 1
         if self.parameters.stepping.scheme == "mts":
             self.substeps = choose_substeps(self.parameters, self.elements, self.bonds, sizes)
+            check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
         self._visited = self.step_number > 0
         self._stepper: Stepper = make_stepper(self)
 
@@ -242,6 +245,7 @@ class Model:
     ) -> None:
         """Run for some days, calling the recorders; see `run`."""
         count = self._number_of_steps(days, steps)
+        check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
         dt = self.parameters.stepping.time_step
         if self.forcing.grid is not None and self.step_number == 0:
             self.forcing.grid.locate(self.elements)
@@ -266,8 +270,12 @@ class Model:
         if (days is None) == (steps is None):
             raise InputError("give either days or steps", where="Model.run")
         if steps is not None:
-            return steps
+            if isinstance(steps, bool) or int(steps) != steps or steps < 1:
+                raise InputError(f"{steps!r} steps", where="Model.run", remedy="Give a whole number from 1")
+            return int(steps)
         assert days is not None
+        if not math.isfinite(days) or days <= 0.0:
+            raise InputError(f"{days:g} days", where="Model.run", remedy="Give a finite number above 0")
         count = round(days * 86400.0 / self.parameters.stepping.time_step)
         if count < 1:
             raise InputError(
@@ -299,11 +307,9 @@ class Model:
         InputError
             If the file is no restart, or holds a state that cannot be; names variable, element and value.
         """
-        from riftberg.runs.checks import check_restart
         from riftberg.runs.restart import load_state
 
         state = load_state(path)
-        check_restart(state, Path(path))
         model = cls.__new__(cls)
         model.elements, model.bonds = state.elements, state.bonds
         model.parameters, model.forcing, model.start = state.parameters, forcing, state.start

@@ -12,8 +12,12 @@ from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import element_area
 from riftberg.bergs.raster import Raster
 from riftberg.errors import BergError
+from riftberg.limits import check_elements
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
+
+THICKEST = 5000.0
+"""Thickness (m) that no ice on Earth has; what is above it is a fill value or a slip of units."""
 
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
@@ -53,6 +57,7 @@ def make_elements(
     latlon : bool
         Whether positions are degrees.
     """
+    check_elements(len(lon), kind=BergError)
     elements = new_elements(len(lon))
     thickness = np.broadcast_to(numbers(thickness, len(lon), "thickness"), lon.shape)
     _check(lon, lat, radius, thickness, density, latlon)
@@ -80,11 +85,19 @@ def _check(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: fl
         raise BergError(
             f"latitude {lat[np.argmax(abs(lat))]:g}", remedy="Latitudes must lie within 89 degrees of the equator"
         )
-    if not (np.asarray(radius) > 0).all():
+    if not ((np.asarray(radius) > 0) & np.isfinite(radius)).all():
         raise BergError(f"radius {np.min(radius)} m", remedy="Give a positive radius in metres")
     if not 0 < density < 1025:
         raise BergError(
             f"ice density {density} kg m-3", remedy="Ice floats: give a density between 0 and 1025, usually 850 to 917"
+        )
+    thick = thickness > THICKEST
+    if thick.any():
+        k = int(np.argmax(np.broadcast_to(thick, lon.shape)))
+        raise BergError(
+            f"thickness {np.broadcast_to(thickness, lon.shape)[k]:g} m",
+            where=f"element {k + 1} at {lon[k]:.4f}, {lat[k]:.4f}",
+            remedy=f"No ice is thicker than {THICKEST:g} m: give metres, and leave out fill values",
         )
     bad = ~(thickness > 0) | ~np.isfinite(thickness)
     if bad.any():

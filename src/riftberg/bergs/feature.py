@@ -50,13 +50,24 @@ def needed(module: str, why: str = "outlines need it", extra: str = "outline") -
 
 def polygon(shell: Any, holes: list[Any], where: str) -> Any:
     """Return a shapely polygon of a shell and holes, or say what is wrong with its vertices."""
-    shell = np.asarray(shell, dtype=float)
-    if shell.ndim != 2 or shell.shape[1] < 2 or len(shell) < 3:
+    rings = [_ring(ring, where) for ring in (shell, *holes)]
+    return needed("shapely").Polygon(rings[0], rings[1:])
+
+
+def _ring(ring: Any, where: str) -> Any:
+    """Return a ring as an array (n, 2), or say what is wrong with it."""
+    try:
+        vertices = np.asarray(ring, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
         raise BergError(
-            f"a ring of shape {shell.shape}",
+            "vertices that are no numbers", where=where, remedy="Give longitude and latitude each"
+        ) from error
+    if vertices.ndim != 2 or vertices.shape[1] < 2 or len(vertices) < 3:
+        raise BergError(
+            f"a ring of shape {vertices.shape}",
             where=where,
             remedy="A ring needs at least 3 vertices of longitude and latitude",
         )
-    if not all(np.isfinite(np.asarray(ring, dtype=float)).all() for ring in (shell, *holes)):
+    if not np.isfinite(vertices).all():
         raise BergError("vertices that are not numbers", where=where, remedy="Remove them")
-    return needed("shapely").Polygon(shell[:, :2], [np.asarray(h, dtype=float)[:, :2] for h in holes])
+    return vertices[:, :2]

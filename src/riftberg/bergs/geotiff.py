@@ -13,6 +13,8 @@ import numpy as np
 
 from riftberg.bergs.feature import needed
 from riftberg.errors import BergError
+from riftberg.input_files import check_file, reading
+from riftberg.limits import MOST_VALUES, refuse_large
 from riftberg.state import Floats
 
 SUFFIXES = (".tif", ".tiff", ".gtiff")
@@ -40,20 +42,29 @@ def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, 
         Coordinate system of projected coordinates.
     """
     rasterio = needed("rasterio", "GeoTIFF files need it", "geotiff")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(path) as file:
-                band = _band(file, variable, str(path))
-                values = np.ma.filled(file.read(band, masked=True).astype(np.float64), np.nan)
-                transform, system = file.transform, file.crs
-    except rasterio.errors.RasterioIOError as error:
-        raise BergError(f"not a GeoTIFF ({error})", where=str(path), remedy="Write the grid again") from error
+    check_file(path, remedy="Name a GeoTIFF", kind=BergError)
+    with reading(path, "not a GeoTIFF, or a damaged one", "Write the grid again", BergError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with rasterio.open(path, driver="GTiff") as file:
+            band = _band(file, variable, str(path))
+            refuse_large(
+                file.width * file.height, MOST_VALUES, "values", size=8.0, where=str(path), kind=BergError,
+                remedy="Cut the grid to the berg, or make it coarser",
+            )  # fmt: skip
+            raw = file.read(band, masked=True)
+            if raw.dtype.kind not in "iufb":
+                raise BergError(f"values of type {raw.dtype}", where=str(path), remedy="Give a band of plain numbers")
+            values = np.ma.filled(raw.astype(np.float64), np.nan)
+            transform, system = file.transform, file.crs
     where = f"{path}, band {band}"
     if system is None or transform.is_identity:
         raise BergError("no coordinates", where=where, remedy="Write a GeoTIFF with transform and coordinate system")
     if transform.b or transform.d:
         raise BergError("a turned grid", where=where, remedy="Warp it to a grid along its coordinates")
+    if not np.isfinite(list(transform)[:6]).all() or not transform.a or not transform.e:
+        raise BergError(
+            "a transform that is no grid", where=where, remedy="Write the GeoTIFF again, with its cell size"
+        )
     if min(values.shape) < 2:
         raise BergError(f"shape {values.shape}", where=where, remedy="Give a grid of at least 2 by 2 points")
     x = transform.c + transform.a * (np.arange(values.shape[1]) + 0.5)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import BergError
+from riftberg.limits import check_elements
 from riftberg.parameters import Packing
 from riftberg.state import Floats, Ints
 
@@ -152,6 +153,7 @@ def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, f
     """
     if not radius > 0 or not math.isfinite(radius):
         raise BergError(f"radius is {radius} m", remedy="Give a positive radius in metres, for example 1500")
+    _check_size(region, radius, packing)
     parts = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
     tried = [(a, b) for a in parts for b in parts] if offset is None else [offset]
     best, best_misfit = None, math.inf
@@ -168,6 +170,23 @@ def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, f
             remedy=f"Give a radius below {0.2 * math.sqrt(region.area):.3g} m",
         )
     return along(best)
+
+
+_SPARSE = 50
+"""How many times as many places as elements may be looked at: a region may fill little of its box."""
+
+
+def _check_size(region: Region, radius: float, packing: Packing) -> None:
+    """Refuse a region whose elements, or whose box of places, are too many, before any is made."""
+    x0, y0, x1, y1 = region.bounds
+    size = element_area(radius, packing)
+    if not (math.isfinite(region.area) and size > 0.0 and math.isfinite((x1 - x0) * (y1 - y0))):
+        raise BergError(
+            f"an area of {region.area:g} m2 for elements of {size:g} m2",
+            remedy="Give a finite outline and a radius in metres, for example 1500",
+        )
+    check_elements(region.area / size, kind=BergError)
+    check_elements((x1 - x0) * (y1 - y0) / size / _SPARSE, kind=BergError)
 
 
 def _misfit(lattice: Lattice, region: Region, area: float) -> float:
@@ -219,6 +238,8 @@ def cells_of_rows(rows: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
 
     A row may occur several times (a notch or a hole splits it).
     """
+    if not rows:
+        raise BergError("no rows", where="table of rows", remedy="Write (row, first column, last column) for each row")
     for row, first, last in rows:
         if first > last or min(row, first) < 0:
             raise BergError(
@@ -226,6 +247,9 @@ def cells_of_rows(rows: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
                 where="table of rows",
                 remedy="Write (row, first column, last column) with 0 <= first <= last",
             )
+    check_elements(sum(last - first + 1 for _, first, last in rows), where="table of rows", kind=BergError)
+    box = (1 + max(last for _, _, last in rows)) * (1 + max(row for row, _, _ in rows))
+    check_elements(box / _SPARSE, where="table of rows", kind=BergError)
     column = np.concatenate([np.arange(first, last + 1) for _, first, last in rows])
     row_of = np.concatenate([np.full(last - first + 1, row) for row, first, last in rows])
     pairs = np.stack([column, row_of], axis=1)

@@ -18,6 +18,8 @@ from riftberg.bergs.feature import Feature, needed, polygon
 from riftberg.bergs.outline_csv import features_of_csv
 from riftberg.bergs.outline_kml import features_of_kml
 from riftberg.errors import BergError
+from riftberg.input_files import check_archive, check_file, reading
+from riftberg.limits import MOST_TEXT
 
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "OGC:CRS84")
 
@@ -52,9 +54,10 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
 
 def _read(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
     if isinstance(source, str | Path):
-        path = Path(source)
-        if not path.exists():
-            raise BergError("file not found", where=str(path), remedy="Check the path")
+        path = check_file(
+            source, most=MOST_TEXT, kind=BergError, missing="file not found",
+            remedy=f"Name a file {', '.join(sorted((*_READERS, *_TABLES)))}",
+        )  # fmt: skip
         if path.suffix.lower() in _TABLES:
             return features_of_csv(path, lines=lines), None
         reader = _READERS.get(path.suffix.lower())
@@ -64,7 +67,8 @@ def _read(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
                 where=str(path),
                 remedy=f"Use one of {', '.join(sorted((*_READERS, *_TABLES)))}",
             )
-        return reader(path)  # type: ignore[no-any-return]
+        with reading(path, "no outline that can be read", "Export the outline again", BergError):
+            return reader(path)  # type: ignore[no-any-return]
     if hasattr(source, "__geo_interface__"):
         return _from_geojson(dict(source.__geo_interface__))
     if isinstance(source, dict):
@@ -74,9 +78,12 @@ def _read(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
 
 def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Feature], str | None]:
     shape = needed("shapely.geometry").shape
-    crs = ((data.get("crs") or {}).get("properties") or {}).get("name")
+    crs = _named_crs(data, where)
     if data.get("type") == "FeatureCollection":
-        items = [(f.get("geometry"), f.get("properties") or {}) for f in data.get("features", [])]
+        features = data.get("features", [])
+        if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
+            raise BergError("its features are no list of features", where=where, remedy=_RFC)
+        items = [(f.get("geometry"), f.get("properties") or {}) for f in features]
     elif data.get("type") == "Feature":
         items = [(data.get("geometry"), data.get("properties") or {})]
     else:
@@ -84,29 +91,56 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
     try:
         return [Feature(shape(g), dict(p)) for g, p in items if _holds_anything(g)], crs
     except (KeyError, TypeError, ValueError, AttributeError, needed("shapely.errors").ShapelyError) as error:
-        raise BergError(
-            f"not a GeoJSON geometry ({error})", where=where, remedy="Write GeoJSON as in RFC 7946"
-        ) from error
+        raise BergError(f"not a GeoJSON geometry ({error})", where=where, remedy=_RFC) from error
+
+
+_RFC = "Write GeoJSON as in RFC 7946"
+
+
+def _named_crs(data: dict[str, Any], where: str) -> str | None:
+    """Return the coordinate system that an old GeoJSON names."""
+    named = data.get("crs")
+    for key in ("properties", "name"):
+        if named is None:
+            return None
+        if not isinstance(named, dict):
+            raise BergError("a member crs that names no coordinate system", where=where, remedy="Leave it out")
+        named = named.get(key)
+    if named is not None and not isinstance(named, str):
+        raise BergError("a member crs that names no coordinate system", where=where, remedy="Leave it out")
+    return named
 
 
 def _holds_anything(geometry: Any) -> bool:
     if geometry and geometry.get("type") == "GeometryCollection":
-        return any(_holds_anything(member) for member in geometry.get("geometries") or ())
+        members = geometry.get("geometries") or ()
+        if any(isinstance(m, dict) and m.get("type") == "GeometryCollection" for m in members):
+            raise ValueError("collections within collections")
+        return any(_holds_anything(member) for member in members)
     return bool(geometry and geometry.get("coordinates"))
 
 
 def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise BergError(f"not JSON ({error})", where=str(path), remedy="Write GeoJSON as in RFC 7946") from error
+    except (ValueError, RecursionError) as error:
+        raise BergError(f"not JSON ({error})", where=str(path), remedy=_RFC) from error
     if not isinstance(data, dict):
-        raise BergError("no GeoJSON object", where=str(path), remedy="Write GeoJSON as in RFC 7946")
+        raise BergError("no GeoJSON object", where=str(path), remedy=_RFC)
     return _from_geojson(data, str(path))
 
 
 def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
     shape = needed("shapely.geometry").shape
+    if path.suffix.lower() == ".zip":
+        names = check_archive(
+            path, MOST_TEXT, remedy="Zip the parts of one shapefile (.shp, .shx, .dbf)", kind=BergError
+        )
+        if not any(name.lower().endswith(".shp") for name in names):
+            raise BergError(
+                f"an archive without a shapefile; it holds {', '.join(names[:5])}", where=str(path),
+                remedy="Zip the parts of one shapefile (.shp, .shx, .dbf)",
+            )  # fmt: skip
     crs = _projection(path)
     with needed("shapefile").Reader(str(path)) as reader:
         features = [
@@ -136,8 +170,17 @@ def _to_lonlat(geometry: Any, crs: str, where: str) -> Any:
         raise BergError(
             f"unknown coordinate system '{crs[:60]}'", where=where, remedy="Name it like EPSG:3031"
         ) from error
-    return needed("shapely").transform(geometry, transformer.transform, interleaved=False)
+    moved = needed("shapely").transform(geometry, transformer.transform, interleaved=False)
+    if not np.isfinite(needed("shapely").get_coordinates(moved)).all():
+        raise BergError(
+            f"vertices that do not exist in the coordinate system '{crs[:60]}'", where=where,
+            remedy="Name the coordinate system of the file",
+        )  # fmt: skip
+    return moved
 
+
+TALLEST = 20.0
+"""Degrees of latitude that no berg spans; the longest ever seen had 3."""
 
 _READERS: dict[str, Any] = {
     ".geojson": _from_geojson_file,
@@ -226,6 +269,12 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
             where=where,
             remedy="Name the coordinate system with crs=, for example crs='EPSG:3031'",
         )
+    tall = float(np.ptp(points[:, 1]))
+    if tall > TALLEST:
+        raise BergError(
+            f"the outline spans {tall:.3g} degrees of latitude, from {points[:, 1].min():g} to {points[:, 1].max():g}",
+            where=where, remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
+        )  # fmt: skip
     for ring in _ring_coordinates(geometry):
         if abs(np.diff(ring[:, 0])).max() > 180:
             raise BergError(

@@ -11,18 +11,29 @@ from xml.etree import ElementTree
 
 from riftberg.bergs.feature import Feature, needed, polygon
 from riftberg.errors import BergError
+from riftberg.input_files import check_archive
+from riftberg.limits import MOST_TEXT
 
 
 def features_of_kml(path: Path) -> list[Feature]:
     """Return the placemarks of a file that are polygons or lines."""
     try:
         if path.suffix.lower() == ".kmz":
+            names = check_archive(path, MOST_TEXT, remedy="Export the outline again as KML", kind=BergError)
+            inside = next((n for n in names if n.lower().endswith(".kml")), None)
+            if inside is None:
+                raise BergError(
+                    f"an archive without KML; it holds {', '.join(names[:5])}", where=str(path),
+                    remedy="Export the outline again as KML",
+                )  # fmt: skip
             with zipfile.ZipFile(path) as archive:
-                text = archive.read(next(n for n in archive.namelist() if n.lower().endswith(".kml")))
+                text = archive.read(inside)
         else:
             text = path.read_bytes()
+        if b"<!ENTITY" in text or b"<!DOCTYPE" in text:
+            raise BergError("a document type or entities, which KML has not", where=str(path), remedy="Remove them")
         root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, zipfile.BadZipFile, StopIteration) as error:
+    except (ElementTree.ParseError, zipfile.BadZipFile, ValueError, LookupError, RuntimeError) as error:
         raise BergError(f"not KML ({error})", where=str(path), remedy="Export the outline again as KML") from error
     return list(_placemarks(root, {}, str(path)))
 

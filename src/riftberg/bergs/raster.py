@@ -17,6 +17,8 @@ from riftberg.bergs.geotiff import SUFFIXES, read_band
 from riftberg.bergs.lattice import Booleans
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
+from riftberg.input_files import check_file, is_folder, reading
+from riftberg.limits import MOST_VALUES, refuse_large
 from riftberg.state import Floats
 
 _LON = ("lon", "longitude", "nav_lon", "x")
@@ -184,17 +186,21 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
     where = "Dataset"
     if isinstance(source, str | Path):
         where = str(source)
-        if not Path(source).exists():
+        path = Path(source)
+        if path.suffix.lower() != ".zarr":
+            check_file(path, remedy="Name a NetCDF file or a GeoTIFF", kind=BergError, missing="file not found")
+        elif not is_folder(path):
             raise BergError("file not found", where=where, remedy="Check the path")
-        if Path(source).suffix.lower() in SUFFIXES:
-            return _tiff(Path(source), variable, date)
-        try:
-            with xr.open_dataset(source) as opened:
-                source = opened.load()
-        except (OSError, ValueError) as error:
-            raise BergError(
-                f"not a grid ({str(error).splitlines()[0]})", where=where, remedy="Give NetCDF or GeoTIFF"
-            ) from error
+        if path.suffix.lower() in SUFFIXES:
+            return _tiff(path, variable, date)
+        with reading(where, "not a grid", "Give NetCDF or GeoTIFF", BergError), xr.open_dataset(path) as opened:
+            chosen = [variable] if variable in opened.data_vars else list(opened.data_vars)
+            size = sum(opened[name].size for name in chosen)
+            refuse_large(
+                size, MOST_VALUES, "values", size=8.0, where=where, kind=BergError,
+                remedy="Cut the grid to the berg and its date, or make it coarser",
+            )  # fmt: skip
+            source = opened[chosen].load()
     names = [str(n) for n, v in source.data_vars.items() if v.ndim >= 2]
     if variable is None and len(names) == 1:
         variable = names[0]
@@ -231,12 +237,38 @@ def _raster(array: xr.DataArray, where: str, date: str | None) -> Raster:
     if "time" in array.dims:
         if date is None and array.sizes["time"] > 1:
             raise BergError(f"{array.sizes['time']} dates", where=where, remedy="Choose one with date=")
-        array = array.isel(time=0) if date is None else array.sel(time=date, method="nearest")
+        with reading(where, "dates that cannot be chosen from", "Give date= as 2020-12-17", BergError):
+            array = array.isel(time=0) if date is None else array.sel(time=date, method="nearest")
     array = array.squeeze(drop=True)
     lon = _coordinate(array, _LON, "longitude", where)
     lat = _coordinate(array, _LAT, "latitude", where)
     if array.ndim != 2 or min(array.shape) < 2:
         raise BergError(f"shape {array.shape}", where=where, remedy="Give a grid of at least 2 by 2 points")
-    array = array.transpose(array[lat].dims[0], array[lon].dims[0]).sortby([lat, lon])
-    values = np.asarray(array.values, dtype=np.float64)
-    return Raster(np.asarray(array[lon], np.float64), np.asarray(array[lat], np.float64), values, where)
+    with reading(where, "not a grid", "Give numbers on longitude and latitude", BergError):
+        array = array.transpose(array[lat].dims[0], array[lon].dims[0]).sortby([lat, lon])
+        values = np.asarray(array.values, dtype=np.float64)
+        axes = (np.asarray(array[lon], np.float64), np.asarray(array[lat], np.float64))
+    _check_grid(*axes, values, where)
+    return Raster(*axes, values, where)
+
+
+def _check_grid(lon: Floats, lat: Floats, values: Floats, where: str) -> None:
+    """Refuse coordinates that are no axes, and fill values that the file does not declare."""
+    for name, axis in (("longitude", lon), ("latitude", lat)):
+        if not np.isfinite(axis).all() or (np.abs(axis) > _FILL).any() or (np.diff(axis) <= 0.0).any():
+            raise BergError(
+                f"a {name} that is no number, or stands twice", where=where, remedy=f"Give every {name} once, in order"
+            )
+    with np.errstate(invalid="ignore"):
+        odd = np.isinf(values) | (np.abs(values) >= _FILL)
+    if odd.any():
+        raise BergError(
+            f"{int(odd.sum())} values such as {values[odd][0]:g}", where=where,
+            remedy="Declare the fill value (attribute _FillValue), or write NaN there",
+        )  # fmt: skip
+    if np.isnan(values).all():
+        raise BergError("no values, only gaps", where=where, remedy="Choose another variable or date")
+
+
+_FILL = 1e30
+"""Numbers at least this large are fill values."""

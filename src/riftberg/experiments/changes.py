@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from riftberg.errors import InputError, nearest
+from riftberg.input_files import value_shown
 from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.units import looks_like_quantity, to_unit
 
@@ -181,7 +182,11 @@ def explained(error: ValidationError, where: str) -> dict[str, str]:
     if len(first["loc"]) < 2:
         return {"what": str(first["msg"]).removeprefix("Value error, "), "where": where}
     field = find_field(str(first["loc"][0]), str(first["loc"][1]), where=where)
-    return {"what": f"{place} = {first['input']!r} is not possible", "where": where, "remedy": allowed(field)}
+    return {
+        "what": f"{place} = {value_shown(first['input'])} is not possible",
+        "where": where,
+        "remedy": allowed(field),
+    }
 
 
 def reference_numerics(parameters: Parameters) -> Parameters:

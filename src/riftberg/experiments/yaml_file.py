@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from datetime import date, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -21,16 +22,19 @@ from riftberg.experiments.changes import (
     plain_value,
     reference_numerics,
 )
+from riftberg.experiments.document import Document, Place
 from riftberg.experiments.options import Info, Options
 from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
     PRESETS,
+    Berg,
     ConstantForcing,
     Experiment,
     ExperimentForcing,
     Rift,
     Strength,
 )
+from riftberg.input_files import value_shown
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
@@ -39,77 +43,9 @@ if TYPE_CHECKING:
     from riftberg.model import Model
     from riftberg.ocean.forcing import Forcing
 
-Place = tuple[str | int, ...]
 _KINDS: dict[str, type[BaseModel]] = {
     "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing,
 }  # fmt: skip
-
-
-class Document:
-    """A YAML file with the lines of its keys.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.lines: dict[Place, int] = {}
-        self.values = self._load(self._text())
-
-    def _text(self) -> str:
-        try:
-            return self.path.read_text(encoding="utf-8")
-        except OSError as error:
-            raise InputError("no such file", where=str(self.path), remedy="Name a YAML file") from error
-        except UnicodeDecodeError as error:
-            raise InputError("not a text file in UTF-8", where=str(self.path)) from error
-
-    def _load(self, text: str) -> dict[str, Any]:
-        try:
-            node = yaml.compose(text, Loader=yaml.SafeLoader)
-        except yaml.MarkedYAMLError as error:
-            line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-            raise InputError(f"not valid YAML: {error.problem}", where=f"{self.path}{line}") from error
-        if not isinstance(node, yaml.MappingNode):
-            raise InputError(
-                "an experiment file is a list of sections", where=str(self.path), remedy=f"It has {_keys(Experiment)}"
-            )
-        self._mark(node, ())
-        values: dict[str, Any] = yaml.safe_load(text)
-        return values
-
-    def _mark(self, node: yaml.Node, place: Place) -> None:
-        """Note the line of every key, and refuse keys that stand twice."""
-        if isinstance(node, yaml.MappingNode):
-            for key, value in node.value:
-                inner = (*place, str(key.value))
-                if inner in self.lines:
-                    raise InputError(
-                        f"{'.'.join(map(str, inner))} stands twice, first in line {self.lines[inner]}",
-                        where=f"{self.path}, line {key.start_mark.line + 1}",
-                    )
-                self.lines[inner] = key.start_mark.line + 1
-                self._mark(value, inner)
-        elif isinstance(node, yaml.SequenceNode):
-            for index, value in enumerate(node.value):
-                self.lines[(*place, index)] = value.start_mark.line + 1
-                self._mark(value, (*place, index))
-
-    def where(self, place: Place) -> str:
-        """Return file, line and key of a place, or of the section around it."""
-        known = place
-        while known and known not in self.lines:
-            known = known[:-1]
-        line = f", line {self.lines[known]}" if known else ""
-        key = ".".join(str(part) for part in place)
-        return f"{self.path}{line}" + (f", {key}" if key else "")
-
-    def error(self, what: str, place: Place, remedy: str = "") -> InputError:
-        """Return an error that names the place."""
-        return InputError(what, where=self.where(place), remedy=remedy)
 
 
 def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
@@ -134,7 +70,7 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     InputError
         With file, line, key, the value met and what is allowed.
     """
-    document = Document(Path(path))
+    document = Document(Path(path), _keys(Experiment))
     values = dict(document.values)
     values.setdefault("name", Path(path).stem)
     values = _prepared(values, Experiment, (), document)
@@ -142,7 +78,46 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
         experiment = Experiment(**values)
     except ValidationError as error:
         raise _explained(error, document) from error
-    return experiment, _parameters(experiment, document), document
+    parameters = _parameters(experiment, document)
+    check_span(experiment.start, experiment.days, where=document.where(("days",)))
+    if parameters.earth.latlon:
+        _check_place(experiment.berg, document)
+    return experiment, parameters, document
+
+
+FIRST_YEAR, LAST_YEAR = 1700, 2250
+"""Years in which run files can tell dates to the nanosecond, as xarray keeps them."""
+
+
+def check_span(start: datetime, days: float, *, where: str) -> None:
+    """Refuse a run whose dates no run file can hold."""
+    good = FIRST_YEAR <= start.year <= LAST_YEAR and days <= 366.0 * (LAST_YEAR - start.year + 1)
+    if not good:
+        raise InputError(
+            f"a run of {days:g} days from {start:%d.%m.}{start.year:04d}", where=where,
+            remedy=f"Runs lie in the years {FIRST_YEAR} to {LAST_YEAR}",
+        )  # fmt: skip
+
+
+SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
+"""Latitudes (degrees) between which there is sea, and a berg can be placed."""
+
+
+def _check_place(berg: Berg, document: Document) -> None:
+    """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
+    for name, place in (("placement", berg.placement), ("shift", berg.shift)):
+        if place is not None and not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
+            raise document.error(
+                f"{list(place)} is no longitude and latitude in degrees", ("berg", name), "Longitude stands first"
+            )
+    if berg.placement is None:
+        return
+    lat = berg.placement[1] + berg.shift[1]
+    if not SOUTHERNMOST <= lat <= NORTHERNMOST:
+        raise document.error(
+            f"latitude {lat:g} has no sea for a berg: are longitude and latitude swapped?", ("berg", "placement"),
+            f"Write [longitude, latitude], with a latitude from {SOUTHERNMOST:g} to {NORTHERNMOST:g}",
+        )  # fmt: skip
 
 
 def _keys(section: type[BaseModel]) -> str:
@@ -152,7 +127,7 @@ def _keys(section: type[BaseModel]) -> str:
 def _prepared(values: Any, section: type[BaseModel], place: Place, document: Document) -> dict[str, Any]:
     """Check the keys of a section and of those within, and turn quantities into numbers."""
     if not isinstance(values, dict):
-        raise document.error(f"{values!r} is not a section", place, f"It has the keys {_keys(section)}")
+        raise document.error(f"{value_shown(values)} is not a section", place, f"It has the keys {_keys(section)}")
     result: dict[str, Any] = {}
     for name, value in values.items():
         inner = (*place, str(name))
@@ -171,7 +146,9 @@ def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> An
     if items is not None:
         only = get_args(field.annotation) == (items,)
         if only and not isinstance(value, list):
-            raise document.error(f"{value!r} is no list of sections", place, f"Each has the keys {_keys(items)}")
+            raise document.error(
+                f"{value_shown(value)} is no list of sections", place, f"Each has the keys {_keys(items)}"
+            )
         if isinstance(value, list):
             prepared = [only or isinstance(item, dict) for item in value]
             return [
@@ -180,12 +157,31 @@ def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> An
     inner = _section_of(value, field, place, document)
     if inner is not None:
         return _prepared(value, inner, place, document)
+    _check_kind(value, field, place, document)
     try:
         return (
             value if str in kinds_of(field.annotation) and not _is_quantity(value, field) else plain_value(value, field)
         )
     except ValueError as error:
         raise document.error(str(error), place, allowed(field)) from error
+
+
+def _check_kind(value: Any, field: FieldInfo, place: Place, document: Document) -> None:
+    """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value."""
+    kinds = kinds_of(field.annotation)
+    for item in value if isinstance(value, list) else [value]:
+        if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
+            raise document.error(f"{str(item).lower()} is no number, word or date", place, allowed(field))
+    written = isinstance(value, date) or (isinstance(value, str) and re.match(r"\d{4}-\d\d-\d\d(\D|$)", value))
+    if datetime in kinds and not written:
+        raise document.error(f"{value_shown(value)} is not a date", place, f"{allowed(field)}. {_DATE}")
+    if isinstance(value, date) and datetime not in kinds:
+        raise document.error(
+            f"{value} is a date", place, f"{allowed(field)}. Write it in quotes if it is meant as a text"
+        )
+
+
+_DATE = "Write it like 2020-12-09 13:00"
 
 
 def _is_quantity(value: Any, field: FieldInfo) -> bool:
@@ -208,9 +204,9 @@ def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) 
     if len(sections) < 2 or value is None:
         return sections[0] if sections and value is not None else None
     kind = value.get("kind") if isinstance(value, dict) else None
-    if kind not in _KINDS:
+    if not isinstance(kind, str) or kind not in _KINDS:
         raise document.error(
-            f"kind = {kind!r} is not known" if kind else "the kind of forcing is missing",
+            f"kind = {value_shown(kind)} is not known" if kind else "the kind of forcing is missing",
             (*place, "kind"),
             f"{nearest(str(kind), _KINDS)}Use kind: {', '.join(_KINDS)}",
         )
@@ -231,7 +227,7 @@ def _explained(error: ValidationError, document: Document) -> InputError:
     message = str(first["msg"]).removeprefix("Value error, ")
     if field is None or first["type"] == "value_error":
         return document.error(message, place)
-    return document.error(f"{first['input']!r} is not possible ({message})", place, allowed(field))
+    return document.error(f"{value_shown(first['input'])} is not possible ({message})", place, allowed(field))
 
 
 def _field_at(place: Place) -> FieldInfo | None:
@@ -255,8 +251,8 @@ def _parameters(experiment: Experiment, document: Document) -> Parameters:
     """Return the preset with the changes of the file; packing follows the berg."""
     given = dict(experiment.parameters)
     preset = given.pop("preset", "a68a-2022")
-    if preset not in PRESETS:
-        raise document.error(f"preset {preset!r} is not known", ("parameters", "preset"),
+    if not isinstance(preset, str) or preset not in PRESETS:
+        raise document.error(f"preset {value_shown(preset)} is not known", ("parameters", "preset"),
                              f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
     base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[preset]
     changes = {group: _group(group, values, document) for group, values in given.items()}
@@ -282,7 +278,7 @@ def _group(group: str, values: Any, document: Document) -> dict[str, Any]:
         raise document.error("there is no such group of parameters", place,
                              f"{nearest(group, groups)}Groups are {', '.join(groups)}, and preset")  # fmt: skip
     if not isinstance(values, dict):
-        raise document.error(f"{values!r} is not a group of parameters", place)
+        raise document.error(f"{value_shown(values)} is not a group of parameters", place)
     fields, result = fields_of(groups[group]), {}
     for name, value in values.items():
         if name not in fields:
@@ -311,6 +307,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     folder = options.data or Path(path).parent
     berg = build_berg(experiment, parameters, folder)
     days = options.days or experiment.days
+    check_span(experiment.start, days, where="--days" if options.days else str(path))
     forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
     notices = tuple(getattr(forcing, "notices", ()))
     info = Info(experiment.name, experiment.title, days, experiment.output_every_hours, notices=notices)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 import xarray as xr
@@ -21,9 +21,8 @@ from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading, shown, value_shown
 from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
 from riftberg.parameters import Parameters
-
-if TYPE_CHECKING:
-    from riftberg.runs.restart import RestartState
+from riftberg.runs.provenance import forcing_text
+from riftberg.state import Bonds, Elements
 
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
@@ -269,12 +268,25 @@ def check_recorded(run: xr.Dataset, names: tuple[str, ...]) -> None:
 # --- restarts ----------------------------------------------------------------------------------------------------------
 
 
-def check_restart(state: RestartState, path: Path) -> None:
+class State(Protocol):
+    """What a restart holds (`riftberg.runs.restart.RestartState`)."""
+
+    elements: Elements
+    bonds: Bonds
+    parameters: Parameters
+    start: datetime
+    time: float
+    step_number: int
+    extra: dict[str, Any]
+    forcing: str
+
+
+def check_restart(state: State, path: Path) -> None:
     """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be.
 
     Parameters
     ----------
-    state : RestartState
+    state : State
         As read.
     path : pathlib.Path
         Its file, for messages.
@@ -309,7 +321,7 @@ def check_restart(state: RestartState, path: Path) -> None:
     _check_substeps(state, path, remedy)
 
 
-def _check_tables(state: RestartState, path: Path, remedy: str) -> None:
+def _check_tables(state: State, path: Path, remedy: str) -> None:
     """Refuse numbers that are none, except the times of bonds that hold."""
     for table, arrays in (("element", state.elements), ("bond", state.bonds)):
         for name, values in zip(arrays._fields, arrays, strict=True):
@@ -332,7 +344,7 @@ _SURROUNDINGS: Final = frozenset(
 )  # fmt: skip
 
 
-def _check_substeps(state: RestartState, path: Path, remedy: str) -> None:
+def _check_substeps(state: State, path: Path, remedy: str) -> None:
     if "substeps" not in state.extra:
         return
     found = np.asarray(state.extra["substeps"])
@@ -340,12 +352,12 @@ def _check_substeps(state: RestartState, path: Path, remedy: str) -> None:
         raise _error(f"{value_shown(found.tolist())} sub-steps in a long step", path, "variable extra/substeps", remedy)
 
 
-def check_same_run(state: RestartState, fresh: Any, path: Path, *, named: str) -> None:
+def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
     """Refuse to go on from the restart of another experiment, ocean or start.
 
     Parameters
     ----------
-    state : RestartState
+    state : State
         The restart.
     fresh : Model
         The experiment that was named, at its start.
@@ -354,8 +366,6 @@ def check_same_run(state: RestartState, fresh: Any, path: Path, *, named: str) -
     named : str
         How the experiment was named.
     """
-    from riftberg.runs.provenance import forcing_text
-
     remedy = "Name the experiment that it comes from, with the options of that run"
     where = f"--resume {shown(path)}"
     if state.parameters.earth.latlon != fresh.parameters.earth.latlon:

@@ -21,7 +21,7 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading
 from riftberg.parameters import Parameters
-from riftberg.runs.checks import read_parameters, read_start
+from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.stepping.fragments import Fragment
@@ -112,13 +112,20 @@ def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = No
     return path
 
 
-def load_state(path: str | Path) -> RestartState:
+def load_state(path: str | Path, *, check: bool = True) -> RestartState:
     """Read a file written by `save`.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    check : bool
+        Refuse a state that cannot be (`riftberg.runs.checks.check_restart`); False gives the numbers as they stand.
 
     Raises
     ------
     riftberg.errors.InputError
-        If the file is missing, not a restart file of Riftberg, or of a newer layout.
+        If the file is missing, damaged, not a restart file of Riftberg, of a newer layout, or holds an impossible state.
     """
     path = Path(path)
     with _open(path) as file, reading(path, "a damaged restart file", _REMEDY):
@@ -136,6 +143,8 @@ def load_state(path: str | Path) -> RestartState:
             forcing=str(file.getncattr("forcing")),
         )
         state.fragment_rows()  # rows that are no fragments are found here
+        if check:
+            check_restart(state, path)
         return state
 
 

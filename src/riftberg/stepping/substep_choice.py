@@ -12,6 +12,9 @@ from riftberg.state import Bonds, Elements
 from riftberg.stepping.lattice_modes import bond_operator, largest_eigenvalue
 from riftberg.stepping.sizes import Sizes
 
+MOST_COUNTED = 1e15
+"""Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.limits`."""
+
 
 def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> float:
     """Largest stable sub-step in seconds; infinite without bonds.
@@ -49,7 +52,14 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
     if given is not None and (p.compatibility.zero_start or not p.stepping.explicit_substeps):
         return given
     dt, stable = p.stepping.time_step, stable_substep(p, elements, bonds, sizes)
-    least = max(1, math.ceil(dt / (p.stepping.safety * stable) - 1e-9)) if math.isfinite(stable) else 1
+    wanted = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
+    if not wanted < MOST_COUNTED:
+        raise InputError(
+            f"no sub-step of these bonds is stable (the longest is {stable:.3g} s)",
+            where="stepping.substeps",
+            remedy="Look at thickness, radius, ice.density and bonds.youngs_modulus: one of them is far out of range",
+        )
+    least = max(1, math.ceil(wanted - 1e-9)) if math.isfinite(stable) else 1
     if given is None:
         return least
     if dt / given > stable:
