@@ -74,8 +74,12 @@ def parse_unit(text: str) -> Unit:
         match = _FACTOR.match(piece)
         if match is None or match[1] not in _UNITS:
             raise ValueError(f"{piece!r} is not a unit that Riftberg knows; it knows {', '.join(_UNITS)}")
+        if len(match[2] or "") > 3:
+            raise ValueError(f"{piece[:40]!r} is no power of a unit")
         power = sign * int(match[2] or 1)
         unit = _UNITS[match[1]]
+        if abs(power) > 9:
+            raise ValueError(f"{piece[:40]!r} is no power of a unit")
         factor *= unit.factor**power
         for base, exponent in unit.powers.items():
             powers[base] = powers.get(base, 0) + exponent * power

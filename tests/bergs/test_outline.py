@@ -163,7 +163,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         ("e.csv", "a,b\n1,2\n", "no columns of longitude and latitude among a, b"),
         ("f.csv", "lon,lat\n1,2\n1,x\n1,3\n", "line 3"),
         ("g.kml", "<kml>", "not KML"),
-        ("h.png", "", "unknown kind of file '.png'"),
+        ("h.png", "x", "unknown kind of file '.png'"),
     ]:
         (tmp_path / name).write_text(text)
         with pytest.raises(BergError, match=match) as caught:

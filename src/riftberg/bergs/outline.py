@@ -113,10 +113,7 @@ def _named_crs(data: dict[str, Any], where: str) -> str | None:
 
 def _holds_anything(geometry: Any) -> bool:
     if geometry and geometry.get("type") == "GeometryCollection":
-        members = geometry.get("geometries") or ()
-        if any(isinstance(m, dict) and m.get("type") == "GeometryCollection" for m in members):
-            raise ValueError("collections within collections")
-        return any(_holds_anything(member) for member in members)
+        return any(_holds_anything(member) for member in geometry.get("geometries") or ())
     return bool(geometry and geometry.get("coordinates"))
 
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from riftberg.bergs.feature import Feature, needed, polygon
 from riftberg.errors import BergError
+from riftberg.input_files import check_file, reading, value_shown
+from riftberg.limits import MOST_TEXT
 
 LON_NAMES = ("lon", "longitude", "long", "x", "easting")
 LAT_NAMES = ("lat", "latitude", "y", "northing")
@@ -48,9 +50,9 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
     for number, row in enumerate(rows, start=2):
         try:
             point = (_number(row[lon], separator), _number(row[lat], separator))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, AttributeError) as error:
             raise BergError(
-                f"'{row[lon]}', '{row[lat]}' are not numbers",
+                f"{value_shown(row[lon])}, {value_shown(row[lat])} are not numbers",
                 where=f"{path}, line {number}",
                 remedy="Write decimal degrees",
             ) from error
@@ -62,9 +64,24 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
 
 def rows_of_csv(path: Path) -> tuple[list[dict[str, str]], str]:
     """Return the rows of a table by column, and its separator: comma, semicolon or tab. Empty lines are passed over."""
+    check_file(path, most=MOST_TEXT, remedy=_TABLE, kind=BergError)
     lines = [line for line in _text(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
-    separator = max(",;\t", key=lines[0].count) if lines else ","
-    return list(csv.DictReader(lines, delimiter=separator)), separator
+    if any("\0" in line for line in lines[:100]):
+        raise BergError("bytes that are no text", where=str(path), remedy=_TABLE)
+    if len(lines) < 2:
+        what = "no rows below the line of names" if lines else "no rows"
+        raise BergError(what, where=str(path), remedy=_TABLE)
+    separator = max(",;\t", key=lines[0].count)
+    with reading(path, "no table that can be read", _TABLE, BergError):
+        reader = csv.DictReader(lines, delimiter=separator)
+        names = [(name or "").strip().lower() for name in reader.fieldnames or ()]
+        twice = next((name for name in names if name and names.count(name) > 1), None)
+        if twice is not None:
+            raise BergError(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
+        return list(reader), separator
+
+
+_TABLE = "Give a table with a line of names and rows below, separated by commas, semicolons or tabs"
 
 
 def _text(content: bytes) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from riftberg.cli.failures import reported
 from riftberg.cli.pictures import ObservedFile, Run, beside, outlines
+from riftberg.cli.spans import positive
+from riftberg.errors import InputError
+from riftberg.limits import refuse_large
 
 
 @reported
@@ -31,17 +34,43 @@ def animate(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
     """Write a film of a run."""
+    from riftberg.runs.run_file import open_run
+    from riftberg.viz.animate import default_ending
+
+    positive(hours, "--hours", "hours", most=1e6)
+    shown = outlines(observed)
+    with open_run(run) as dataset:
+        goal = beside(run, output, "film" + default_ending(), observed=observed)
+        check_frames(dataset["time"].values, hours)
+        path = _filmed(dataset, goal, hours, fps, dpi, shown, quiet)
+    typer.echo(path)
+
+
+MOST_FRAMES = 20_000
+"""Frames of a film: a quarter of an hour at 20 a second."""
+
+
+def check_frames(times: Any, hours: float | None) -> None:
+    """Refuse a film of more frames than anybody will look at."""
+    if hours is not None:
+        length = float((times[-1] - times[0]).astype("timedelta64[s]").astype(float)) / 3600.0
+        refuse_large(
+            length / hours, MOST_FRAMES, "frames", where="--hours", remedy="Give more hours between frames",
+            kind=InputError,
+        )  # fmt: skip
+
+
+def _filmed(
+    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, shown: Any, quiet: bool
+) -> Path:
     from rich.console import Console
     from rich.progress import Progress
 
-    from riftberg.runs.run_file import open_run
-    from riftberg.viz.animate import default_ending, write_film
+    from riftberg.viz.animate import write_film
 
-    shown = outlines(observed)
-    with open_run(run) as dataset, Progress(console=Console(stderr=True), disable=quiet) as bar:
+    with Progress(console=Console(stderr=True), disable=quiet) as bar:
         task = bar.add_task("frames", total=None)
-        path = write_film(
-            dataset, beside(run, output, "film" + default_ending()), hours=hours, fps=fps, dpi=dpi, observed=shown,
+        return write_film(
+            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=shown,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
-    typer.echo(path)

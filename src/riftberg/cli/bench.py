@@ -8,7 +8,9 @@ import typer
 
 from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import reported
+from riftberg.cli.spans import positive
 from riftberg.errors import InputError
+from riftberg.limits import check_elements
 
 SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 """Numbers of elements that ``--scaling`` goes through."""
@@ -29,6 +31,7 @@ def bench(
     from riftberg.diagnostics.speed import measure
     from riftberg.experiments import build
 
+    positive(days, "--days", "days", most=1000.0)
     announce_compilation()
     if scaling is None:
         model, info = build(experiment)
@@ -45,9 +48,11 @@ def bench(
 def sizes_between(text: str) -> list[int]:
     """Read ``500..100000`` and return the sizes to time, both ends among them."""
     low, dots, high = text.replace("_", "").partition("..")
-    if not (low.isdigit() and (high.isdigit() if dots else True)) or int(low) < 1 or int(high or low) < int(low):
-        raise InputError(f"{text!r} is not a range of sizes", where="--scaling", remedy="For example 500..100000")
+    long = len(text) > 40
+    if long or not (low.isdecimal() and (high.isdecimal() if dots else True)) or not 1 <= int(low) <= int(high or low):
+        raise InputError(f"{text[:40]!r} is not a range of sizes", where="--scaling", remedy="For example 500..100000")
     first, last = int(low), int(high or low)
+    check_elements(last, where="--scaling")
     return sorted({first, last, *(size for size in SIZES if first < size < last)})
 
 

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from riftberg.cli.failures import reported, say
+from riftberg.cli.output import check_folder, results_folder
 from riftberg.errors import InputError
+from riftberg.input_files import check_file, is_folder, reading
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.compare import Comparison, Known
@@ -31,14 +33,16 @@ def compare(
     """Show runs side by side: break-ups, bonds, and the distance from the observed positions by day."""
     import json
 
+    if output is not None:
+        check_folder(output, ("comparison.json", "comparison.png"))
     found = comparison(runs, names_of(runs), observed)
     if as_json:
         typer.echo(json.dumps(found.as_dict(), indent=1))
     else:
         show(found)
     if output is not None:
-        output.mkdir(parents=True, exist_ok=True)
-        written = [found.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
+        with results_folder(output, ("comparison.json", "comparison.png")):
+            written = [found.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
         say("Written: " + ", ".join(str(path) for path in written))
 
 
@@ -50,7 +54,7 @@ def names_of(runs: Sequence[Path]) -> list[str]:
 
 def folder_of(run: Path) -> Path:
     """Return the folder of a run, which may be named by its run file."""
-    return run if run.is_dir() or run.suffix != ".nc" else run.parent
+    return run if is_folder(run) or run.suffix != ".nc" else run.parent
 
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
@@ -59,8 +63,7 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
 
     folders = [folder_of(run) for run in runs]
     for folder in folders:
-        if not (folder / "run.nc").is_file():
-            raise InputError("no run.nc", where=str(folder), remedy="Name folders that 'riftberg run' made")
+        check_file(folder / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
     known = _known(folders[0], observed)
     return compare([read_told(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
 
@@ -122,7 +125,10 @@ def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
     maps = [folder_of(run) / "map.png" for run in runs]
     if not all(one.is_file() for one in maps):
         return []
-    pictures = [imread(one)[..., :3] for one in maps]
+    pictures = []
+    for one in maps:
+        with reading(one, "no picture that can be read", "Make the run again, or remove the file"):
+            pictures.append(imread(one)[..., :3])
     width = min(picture.shape[1] for picture in pictures)
     imsave(path, np.concatenate([picture[:, :width] for picture in pictures]))
     return [path]

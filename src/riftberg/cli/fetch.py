@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from riftberg.cli.failures import reported
-from riftberg.cli.spans import dates, pair
+from riftberg.cli.output import check_folder
+from riftberg.cli.spans import dates, pair, positive
 from riftberg.errors import InputError
 
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
@@ -39,6 +40,9 @@ def fetch(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
     """Fetch forcing files; a fetch that was cut goes on where it stopped."""
+    positive(depth, "--depth", "m", most=12_000.0)
+    if folder is not None:
+        check_folder(folder)
     folder = folder or Path("riftberg-data") / what
     if what == "a68a":
         from riftberg.fetching.fetch import HOURLY, fetch_a68a

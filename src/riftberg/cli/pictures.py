@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from riftberg.cli.output import check_output
 from riftberg.errors import InputError
+from riftberg.input_files import is_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,10 +36,16 @@ Dates = Annotated[
 ]
 
 
-def beside(run: Path, given: Path | None, name: str) -> Path:
-    """Return where a picture goes: where it was asked for, else beside the run."""
-    folder = run if run.is_dir() else run.parent
-    return given if given is not None else folder / name
+def folder_beside(run: Path, given: Path | None) -> Path:
+    """Return the folder where results go: the one asked for, else that of the run."""
+    return given if given is not None else run if is_folder(run) else run.parent
+
+
+def beside(run: Path, given: Path | None, name: str, *, observed: Path | None = None) -> Path:
+    """Return where a picture goes: where it was asked for, else beside the run; refused where it cannot be written."""
+    path = given if given is not None else folder_beside(run, None) / name
+    check_output(path, inputs=[run, run / "run.nc", observed])
+    return path
 
 
 def seen(path: Path | None) -> Observed:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from riftberg.cli.failures import reported
-from riftberg.cli.pictures import Dates, ObservedFile, Run, moments, seen
+from riftberg.cli.output import results_folder
+from riftberg.cli.pictures import Dates, ObservedFile, Run, folder_beside, moments, seen
 from riftberg.errors import InputError
 
 KINDS = ("dates", "stress", "timeline", "damage")
@@ -35,9 +36,10 @@ def plot(
             raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
     found = seen(observed)
     shown = found.rings_by_day()
-    folder = output or (run if run.is_dir() else run.parent)
-    folder.mkdir(parents=True, exist_ok=True)
-    with open_run(run) as dataset:
+    with (
+        open_run(run) as dataset,
+        results_folder(folder_beside(run, output), [f"{name}.png" for name in KINDS]) as folder,
+    ):
         when = moments(date, dataset, found)
         kinds = kind or [name for name in KINDS if name != "damage" or "damage" in dataset]
         if "dates" in kinds:

@@ -9,6 +9,7 @@ import typer
 
 from riftberg.cli.failures import reported
 from riftberg.cli.pictures import ObservedFile, Run, beside, outlines
+from riftberg.cli.spans import within
 
 
 @reported
@@ -26,10 +27,15 @@ def replay(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 
+    within(largest, "--largest", 0.5, 1000.0)
     shown = outlines(observed)
     with open_run(run) as dataset:
         path = write_replay(
-            dataset, beside(run, output, "replay.html"), title=title, observed=shown, largest=largest * 1e6
+            dataset,
+            beside(run, output, "replay.html", observed=observed),
+            title=title,
+            observed=shown,
+            largest=largest * 1e6,
         )
     typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:

@@ -11,8 +11,12 @@ import typer
 
 from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
+from riftberg.cli.output import check_folder, results_folder
+from riftberg.cli.spans import positive
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
+from riftberg.input_files import check_file, is_folder
+from riftberg.limits import allow_large
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -41,6 +45,9 @@ NumericsName = Annotated[
         "[default: own; reference for a68a-paper]",
     ),
 ]
+RESULTS: Final = ("run.nc", "summary.json", "map.png")
+"""Files that a run writes into its folder."""
+
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 
@@ -66,9 +73,24 @@ def run(
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    large: Annotated[
+        bool, typer.Option("--allow-large", help="Allow more elements, steps or bytes than a slip of units asks for.")
+    ] = False,
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
+    with allow_large(large):
+        _run(experiment, output, settings, days, data, without, numerics, fetch, grid, every, resume, map_, quiet)
+
+
+def _run(
+    experiment: str, output: Path | None, settings: list[str] | None, days: float | None, data: Path | None,
+    without: list[str] | None, numerics: str | None, fetch: bool, grid: float | None, every: float | None,
+    resume: Path | None, map_: bool, quiet: bool,
+) -> None:  # fmt: skip
     options = make_options(settings, days, data, without, numerics, fetch, grid)
+    positive(every, "--every", "hours", most=1e6)
+    if output is not None:
+        check_folder(output, RESULTS)
     announce_compilation(quiet)
     if numerics == "both":
         if resume is not None:
@@ -78,8 +100,9 @@ def run(
     model, info = _built(experiment, options, resume)
     _tell(info)
     session = Session(model, info, output_folder(output, info.name), _as_given(experiment, options))
-    session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
-    session.report(draw=map_)
+    session.run_and_report(
+        days if days is not None else info.days, info.output_every_hours if every is None else every, quiet, map_
+    )
 
 
 def _run_both(
@@ -98,11 +121,9 @@ def _run_both(
             _tell(info)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
-        folders[-1].mkdir(parents=True, exist_ok=True)
         session = Session(model, info, folders[-1], _as_given(experiment, chosen))
         hours = info.output_every_hours if every is None else every
-        session.run(options.days if options.days is not None else info.days, hours, quiet)
-        session.report(draw=draw)
+        session.run_and_report(options.days if options.days is not None else info.days, hours, quiet, draw)
     assert folder is not None
     found = comparison(folders, BOTH)
     show(found)
@@ -152,9 +173,8 @@ def make_options(
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
     if grid is not None and not 0.0 < grid <= 5.0:
         raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number above 0, at most 5")
-    if days is not None and not days > 0.0:
-        raise InputError(f"{days:g} days", where="--days", remedy="Give a number above 0")
-    if data is not None and not data.is_dir() and not fetch:
+    positive(days, "--days", "days")
+    if data is not None and not is_folder(data) and not fetch:
         raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
     changes: dict[str, dict[str, Any]] = {}
     if settings:
@@ -186,8 +206,13 @@ def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Mode
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
         )
     from riftberg.model import Model
+    from riftberg.runs.checks import check_same_run
+    from riftberg.runs.restart import load_state
 
+    check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc)")
     fresh, info = build(experiment, options)
+    state = load_state(resume)
+    check_same_run(state, fresh, resume, named=experiment)
     return Model.resume(resume, fresh.forcing), info
 
 
@@ -213,6 +238,23 @@ class Session:
     experiment: str
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
+
+    def run_and_report(self, days: float, every_hours: float, quiet: bool = False, draw: bool = True) -> None:
+        """Run and report in a folder of its own, which is not left behind by a run that was refused."""
+        step = self.model.parameters.stepping.time_step / 3600.0
+        if every_hours < step * (1.0 - 1e-9):
+            raise InputError(
+                f"a record every {every_hours:g} h, but the long step is {step:g} h", where="--every",
+                remedy=f"Give {step:g} or more, or a shorter stepping.time_step",
+            )  # fmt: skip
+        with results_folder(self.folder, RESULTS, needed=self._size(days, every_hours)):
+            self.run(days, every_hours, quiet)
+            self.report(draw=draw)
+
+    def _size(self, days: float, every_hours: float) -> float:
+        """Return the least size (bytes) of the run file: half of what its numbers take, for they are compressed."""
+        records = days * 24.0 / every_hours
+        return 0.5 * records * (90.0 * len(self.model.elements.id) + 12.0 * len(self.model.bonds.first))
 
     def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
@@ -248,8 +290,14 @@ class Session:
         except RiftbergError as error:
             if self.model.step_number == before and not isinstance(error, RunError):
                 raise  # refused before the first step: there is nothing to save
+            if self.model.step_number == before:
+                writer.path.unlink(missing_ok=True)
+                raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
             raise RunError(f"the run failed at {self._date()}: {error}. {self._saved('failed')}") from error
         except Exception:
+            if self.model.step_number == before:
+                writer.path.unlink(missing_ok=True)
+                raise
             say(f"The run failed at {self._date()}. {self._saved('failed')}")
             raise
 

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from riftberg.cli.failures import reported, say
-from riftberg.cli.pictures import Run
+from riftberg.cli.output import results_folder
+from riftberg.cli.pictures import Run, folder_beside
+from riftberg.cli.spans import within
 from riftberg.errors import InputError
+from riftberg.input_files import value_shown
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -58,23 +61,23 @@ def score(
     from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import heading
 
-    folder = output or (run if run.is_dir() else run.parent)
-    folder.mkdir(parents=True, exist_ok=True)
-    with open_run(run) as dataset:
+    within(hour, "--hour", 0.0, 24.0)
+    names = ("score.json", "score.png") if figure else ("score.json",)
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names) as folder:
         seen = read_observed(observed, date=date, variable=variable)
         found = score_run(
             dataset, seen, hour=hour, between=_between(between), together=_numbers(together), interpolated=interpolated
         )
         title = heading(dataset, f"run against {observed.name}")
-    if as_json:
-        typer.echo(json.dumps(found.as_dict(), indent=1))
-    else:
-        _print(found)
-    written = [found.write(folder / "score.json")]
-    if figure:
-        from riftberg.viz.score import draw_score
+        if as_json:
+            typer.echo(json.dumps(found.as_dict(), indent=1))
+        else:
+            _print(found)
+        written = [found.write(folder / "score.json")]
+        if figure:
+            from riftberg.viz.score import draw_score
 
-        written.append(draw_score(found, folder / "score.png", title=title))
+            written.append(draw_score(found, folder / "score.png", title=title))
     say("Written: " + ", ".join(str(path) for path in written))
 
 
@@ -93,7 +96,9 @@ def _numbers(text: str | None) -> list[int]:
     try:
         return [int(part) for part in (text or "").split(",") if part.strip()]
     except ValueError as error:
-        raise InputError(f"{text!r} are no numbers", where="--together", remedy="For example --together 1,6") from error
+        raise InputError(
+            f"{value_shown(text)} are no numbers", where="--together", remedy="For example --together 1,6"
+        ) from error
 
 
 def table_of(found: Score) -> Table:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from riftberg.cli.failures import reported, say
-from riftberg.cli.pictures import Run
+from riftberg.cli.output import results_folder
+from riftberg.cli.pictures import Run, folder_beside
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,28 +44,33 @@ def why(
 ) -> None:
     """Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
     from riftberg.diagnostics.why import explain, words
+    from riftberg.runs.checks import check_recorded
     from riftberg.runs.run_file import open_run
     from riftberg.runs.scene import SMALL
 
-    folder = output or (run if run.is_dir() else run.parent)
-    folder.mkdir(parents=True, exist_ok=True)
-    with open_run(run) as dataset:
+    names = ("why.json", "why.png") if figure else ("why.json",)
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names) as folder:
+        check_recorded(dataset, SURROUNDINGS)
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
         if controls:
             add_controls(dataset, reasons, experiment=experiment, quiet=quiet, data=data)
-    if as_json:
-        typer.echo(json.dumps(reasons.as_dict(), indent=1))
-    else:
-        for paragraph, breakup in zip(words(reasons), [*reasons.breakups, None], strict=False):
-            typer.echo(paragraph)
-            if breakup is not None:
-                _print(breakup)
-    written = [reasons.write(folder / "why.json")]
-    if figure:
-        from riftberg.viz.why import draw_reasons
+        if as_json:
+            typer.echo(json.dumps(reasons.as_dict(), indent=1))
+        else:
+            for paragraph, breakup in zip(words(reasons), [*reasons.breakups, None], strict=False):
+                typer.echo(paragraph)
+                if breakup is not None:
+                    _print(breakup)
+        written = [reasons.write(folder / "why.json")]
+        if figure:
+            from riftberg.viz.why import draw_reasons
 
-        written.append(draw_reasons(reasons, folder / "why.png"))
+            written.append(draw_reasons(reasons, folder / "why.png"))
     say("Written: " + ", ".join(str(path) for path in written))
+
+
+SURROUNDINGS = ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "ice_thickness")
+"""Variables of a run file from which the forces on the fragments are computed."""
 
 
 def add_controls(
@@ -103,7 +109,7 @@ def _experiment(given: str) -> tuple[str, tuple[str, ...]]:
     """Return the experiment as `riftberg.experiments.build` takes it, and its parts; files have none."""
     from riftberg.experiments import find
 
-    if Path(given).is_file():
+    if given.endswith((".yaml", ".yml")):
         return given, ()
     try:
         entry = find(given)

@@ -27,6 +27,7 @@ from riftberg.bergs.outline_csv import rows_of_csv
 from riftberg.diagnostics.dates import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError
+from riftberg.input_files import check_file, reading, value_shown
 from riftberg.state import Floats
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
@@ -108,9 +109,16 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
     InputError
         If the file is of no known kind, or something in it cannot be read; names the row or the outline.
     """
-    path = Path(path)
-    if not path.exists():
-        raise InputError("no such file", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
+    path = check_file(path, most=_MOST, remedy=f"Name a file {', '.join(KINDS)}")
+    with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
+        return _read(path, date, variable)
+
+
+_MOST: Final = 2**31
+"""Bytes of a file of observations, grids among them."""
+
+
+def _read(path: Path, date: str | None, variable: str | None) -> Observed:
     kind = path.suffix.lower()
     if kind in _DRAWINGS:
         return Observed(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
@@ -135,7 +143,12 @@ def _table(path: Path) -> Observed:
         raise _unknown(path, rows[0], "no column of dates")
     if any(name in rows[0] for name in _VERTEX):
         return Observed(path.name, outlines=_without_twins(_vertices(path, rows, date)))
-    return Observed(path.name, fixes=list(_positions(path, rows, date)))
+    fixes = list(_positions(path, rows, date))
+    if not fixes:
+        raise InputError(
+            "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
+        )
+    return Observed(path.name, fixes=fixes)
 
 
 def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
@@ -151,10 +164,18 @@ def _geojson(path: Path) -> Iterator[Outline]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise InputError(f"not JSON ({error})", where=str(path), remedy="Name a GeoJSON file") from error
+    if not isinstance(content, dict):
+        raise InputError(
+            "no GeoJSON object", where=str(path), remedy="A GeoJSON FeatureCollection of polygons is needed"
+        )
     features = content.get("features", [content] if content.get("type") == "Feature" else None)
     if features is None:
         raise InputError("no features", where=str(path), remedy="A GeoJSON FeatureCollection of polygons is needed")
+    if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
+        raise InputError("its features are no list of features", where=str(path), remedy="Write GeoJSON as in RFC 7946")
     for number, feature in enumerate(features):
+        if not isinstance(feature.get("properties") or {}, dict) or not isinstance(feature.get("geometry") or {}, dict):
+            raise InputError("no feature", where=f"{path}, feature {number}", remedy="Write GeoJSON as in RFC 7946")
         properties = {str(k).lower(): v for k, v in (feature.get("properties") or {}).items()}
         where = f"{path}, feature {number}"
         date = next((str(properties[n]) for n in ("date", "time", "datetime") if properties.get(n)), None)
@@ -162,7 +183,9 @@ def _geojson(path: Path) -> Iterator[Outline]:
             raise InputError("no date", where=where, remedy="Give every feature a property 'date'")
         when, day_only = parse_date(date, where=where)
         name = next((str(properties[n]) for n in NAMES if properties.get(n)), "")
-        for ring in _rings(feature.get("geometry") or {}):
+        with reading(where, "no geometry", "Write polygons as in RFC 7946"):
+            rings = list(_rings(feature.get("geometry") or {}))
+        for ring in rings:
             yield Outline(name, when, day_only, checked_ring(ring, where))
 
 
@@ -221,7 +244,10 @@ def _number(row: Mapping[str, str], column: str, path: Path, number: int) -> flo
     try:
         return float(text) if text else math.nan
     except ValueError as error:
-        raise InputError(f"{text!r} is not a number", where=f"{path}, line {number + 2}, {column}") from error
+        raise InputError(
+            f"{value_shown(text)} is not a number", where=f"{path}, line {number + 2}, {column}",
+            remedy="Give a decimal number, or leave it empty",
+        ) from error  # fmt: skip
 
 
 def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
@@ -239,9 +265,15 @@ def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fi
         )
         if not (math.isfinite(lat) and math.isfinite(lon)):
             continue
-        if abs(lat) > 90.0:
-            raise InputError(f"latitude {lat:g}", where=where)
+        if abs(lat) > 90.0 or abs(lon) > 540.0:
+            raise InputError(
+                f"latitude {lat:g}, longitude {lon:g} are no place on Earth", where=where, remedy="Give decimal degrees"
+            )
         area = _number(row, "area_km2", path, number) * 1e6
+        if area <= 0.0 or math.isinf(area):
+            raise InputError(
+                f"an area of {area / 1e6:g} km2", where=where, remedy="Leave it empty where it is not known"
+            )
         yield Fix(
             row.get(name) or path.stem.upper(), when, day_only, lon, lat,
             _number(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated,

@@ -16,10 +16,12 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg.bergs.outline import read_features
+from riftberg.bergs.outline import TALLEST, read_features
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
+from riftberg.input_files import reading
+from riftberg.limits import MOST_VALUES, refuse_large
 from riftberg.state import Floats
 
 NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
@@ -59,9 +61,12 @@ class Outline:
 
 def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude first") -> Floats:
     """Return an outer ring without the repeated point, or say what is wrong with it."""
-    ring = np.asarray(points, np.float64)
+    try:
+        ring = np.asarray(points, np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError("vertices that are no numbers", where=where, remedy=remedy) from error
     if ring.ndim != 2 or ring.shape[1] < 2 or not np.isfinite(ring[:, :2]).all():
-        raise InputError("an outline needs pairs of longitude and latitude", where=where)
+        raise InputError("an outline needs pairs of longitude and latitude", where=where, remedy=remedy)
     ring = ring[:, :2]
     if len(ring) > 1 and (ring[0] == ring[-1]).all():
         ring = ring[:-1]
@@ -69,6 +74,13 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
         raise InputError(f"an outline of {len(ring)} points", where=where, remedy="At least three are needed")
     if (np.abs(ring[:, 1]) > 90.0).any():
         raise InputError("a latitude beyond 90 degrees", where=where, remedy=remedy)
+    if (np.abs(ring[:, 0]) > 540.0).any():
+        raise InputError("a longitude beyond 540 degrees", where=where, remedy=remedy)
+    if np.ptp(ring[:, 1]) > TALLEST:
+        raise InputError(
+            f"an outline over {np.ptp(ring[:, 1]):.3g} degrees of latitude", where=where,
+            remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
+        )  # fmt: skip
     return ring
 
 
@@ -132,11 +144,12 @@ def outlines_of_grid(path: Path, date: str | None = None, variable: str | None =
     InputError
         If the values are no mask, if there is no ice, or no date.
     """
-    try:
-        with xr.open_dataset(path) as opened:
-            data = opened.load()
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read ({error})", where=str(path), remedy="Name a NetCDF file") from error
+    with reading(path, "cannot be read", "Name a NetCDF file"), xr.open_dataset(path) as opened:
+        refuse_large(
+            sum(values.size for values in opened.data_vars.values()), MOST_VALUES, "values", size=8.0, where=str(path),
+            remedy="Cut the file to the berg and its dates", kind=InputError,
+        )  # fmt: skip
+        data = opened.load()
     tables = {str(n): t for n, v in data.data_vars.items() if (t := _corners(v)) is not None}
     if tables and variable is None:
         for name, table in tables.items():

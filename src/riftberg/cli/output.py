@@ -1,0 +1,134 @@
+"""Where results go: found out before any work whether they can, and cleared away again where there are none.
+
+A run may take hours; that its file cannot be written is to be said first. A folder that was made for a run that was
+refused is removed, and two runs never write into one folder at a time.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from riftberg.errors import InputError
+from riftberg.input_files import shown
+from riftberg.limits import human
+
+LOCK: Final = ".riftberg.lock"
+"""Held by the run that writes into a folder."""
+
+LEAST_SPACE: Final = 2e6
+"""Bytes that must be free at least."""
+
+
+def check_folder(
+    folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE
+) -> None:
+    """Refuse a folder that cannot be made or written into, before any work.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Where results go.
+    names : iterable of str
+        Files that will be written there.
+    option : str
+        Option that named it, for messages.
+    needed : float
+        Bytes that will be written, about.
+    """
+    where = f"{option} {shown(folder)}"
+    remedy = "Name another folder"
+    try:
+        nearest = folder
+        while not nearest.exists():
+            nearest = nearest.parent
+        if not nearest.is_dir():
+            what = "a file, not a folder" if nearest == folder else f"{shown(nearest)} is a file, not a folder"
+            raise InputError(what, where=where, remedy=remedy)
+        taken = next((name for name in names if (folder / name).is_dir()), None)
+        if taken is not None:
+            raise InputError(f"{taken} is a folder there, where a file goes", where=where, remedy=remedy)
+        _probe(nearest)
+        free = shutil.disk_usage(nearest).free
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be written ({reason.lower()})", where=where, remedy=remedy) from error
+    if free < max(needed, LEAST_SPACE):
+        raise InputError(
+            f"the results take about {human(max(needed, LEAST_SPACE))}, and {human(free)} are free", where=where,
+            remedy="Make room, name a folder on another disk, or write fewer records (--every)",
+        )  # fmt: skip
+
+
+def _probe(folder: Path) -> None:
+    """Raise `OSError` where no file can be made; a test of the rights alone misses what is mounted read-only."""
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(b"riftberg")
+
+
+def check_output(path: Path, *, option: str = "--output", inputs: Iterable[Path | None] = ()) -> None:
+    """Refuse a file that cannot be written, or that is one of those read."""
+    where = f"{option} {shown(path)}"
+    with suppress(OSError, ValueError):
+        if path.is_dir():
+            raise InputError("a folder, where a file goes", where=where, remedy="Name a file in it")
+        if path.exists() and any(other is not None and other.exists() and path.samefile(other) for other in inputs):
+            raise InputError("the output is one of the inputs", where=where, remedy="Name another file")
+    check_folder(path.parent, [], option=option)
+
+
+@contextmanager
+def results_folder(
+    folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE
+) -> Iterator[Path]:
+    """Make a folder and hold it for this run; remove what was made where an error leaves it empty.
+
+    Parameters
+    ----------
+    folder, names, option, needed
+        As in `check_folder`.
+    """
+    check_folder(folder, names, option=option, needed=needed)
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with ExitStack() as stack:
+            _hold(folder, stack, option)
+            yield folder
+    except BaseException:
+        for parent in made:
+            with suppress(OSError):  # one with something in it stays
+                parent.rmdir()
+        raise
+
+
+def _hold(folder: Path, stack: ExitStack, option: str) -> None:
+    """Lock a folder until the stack closes; a process that dies lets go of it."""
+    try:
+        import fcntl
+    except ImportError:  # a system without such locks
+        return
+    path = folder / LOCK
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(descriptor)
+        raise InputError(
+            "another run is writing into this folder",
+            where=f"{option} {shown(folder)}",
+            remedy="Name another one, or wait until that run has ended",
+        ) from error
+    except OSError:  # a disk of the network without locks
+        pass
+    stack.callback(_let_go, path, descriptor)
+
+
+def _let_go(path: Path, descriptor: int) -> None:
+    path.unlink(missing_ok=True)
+    os.close(descriptor)
