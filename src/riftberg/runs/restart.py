@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 import netCDF4
 import numpy as np
 
-from riftberg import __version__
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.stepping.fragments import Fragment
+from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.model import Model
