@@ -22,7 +22,7 @@ from riftberg.input_files import check_file, reading, shown, value_shown
 from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
-from riftberg.state import Bonds, Elements
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
 
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
@@ -323,10 +323,10 @@ def check_restart(state: State, path: Path) -> None:
 
 def _check_tables(state: State, path: Path, remedy: str) -> None:
     """Refuse numbers that are none, except the times of bonds that hold."""
-    for table, arrays in (("element", state.elements), ("bond", state.bonds)):
-        for name, values in zip(arrays._fields, arrays, strict=True):
-            if values.dtype.kind != "f" or name == "break_time":
-                continue
+    tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
+    for table, variables, arrays in tables:
+        for name in (v.name for v in variables if v.restart and v.dtype == "f8" and v.name != "break_time"):
+            values: Floats = getattr(arrays, name)
             # Values around an element may be missing where its forcing failed: they are looked up anew.
             bad = np.abs(values) >= _LARGEST if name in _SURROUNDINGS else ~(np.abs(values) < _LARGEST)
             bad |= (values <= 0.0) if name in _POSITIVE or name == "bond_length" else False

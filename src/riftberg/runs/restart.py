@@ -255,7 +255,14 @@ def _fill(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays
                     where=str(path),
                     remedy=f"The file was written by Riftberg {getattr(file, 'riftberg_version', '?')}; use that",
                 )
-            getattr(arrays, v.name)[:] = file[name][:]
+            target, stored = getattr(arrays, v.name), file[name]
+            if stored.dtype != target.dtype or stored.shape != target.shape:
+                raise InputError(
+                    f"type {stored.dtype} and shape {stored.shape}, not {target.dtype} and {target.shape}",
+                    where=f"{path}, variable {name}",
+                    remedy="The file is damaged: resume from another restart",
+                )
+            target[:] = stored[:]
 
 
 def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:
