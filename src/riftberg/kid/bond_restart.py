@@ -69,13 +69,35 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
         bonds = new_bonds(first[keep], second[keep])
         for name, field in DEM_FIELDS.items():
             getattr(bonds, field)[:] = column(dataset, path, name, size, default=0.0)[keep]
-        bonds.status[:] = whole_column(dataset, path, "broken", size, default=0)[keep]
+        status = whole_column(dataset, path, "broken", size, default=0)
+        _check_status(status, first, second, path)
+        bonds.status[:] = status[keep]
     bonds.break_time[bonds.status != 0] = 0.0
     a, b = bonds.first, bonds.second
     dx, dy = separation(metric, elements.lon[a], elements.lat[a], elements.lon[b], elements.lat[b])
     bonds.bond_length[:] = np.sqrt(dx * dx + dy * dy)
+    _check_lengths(bonds, elements, path)
     count_bonds(elements, bonds)
     return bonds
+
+
+LONGEST: Final = 10.0
+"""Length of a bond, in sides of its elements, beyond which the file is of another moment or another berg."""
+
+
+def _check_lengths(bonds: Bonds, elements: Elements, path: Path) -> None:
+    """Refuse bonds between elements that lie far apart."""
+    side = np.maximum(elements.length, elements.width)
+    far = bonds.bond_length > LONGEST * 0.5 * (side[bonds.first] + side[bonds.second])
+    if far.any():
+        k = int(np.argmax(far))
+        one, other = (split_id(elements.id[rows[k : k + 1]]) for rows in (bonds.first, bonds.second))
+        raise BergError(
+            f"a bond of {bonds.bond_length[k]:g} m, from element id_cnt = {one[0][0]}, id_ij = {one[1][0]} to "
+            f"id_cnt = {other[0][0]}, id_ij = {other[1][0]}",
+            where=str(path),
+            remedy="Both restart files must be of the same moment",
+        )
 
 
 def _refuse_obsolete(dataset: netCDF4.Dataset, path: Path) -> None:
@@ -110,18 +132,40 @@ def _check_mirrors(first: Ints, second: Ints, elements: Elements, path: Path) ->
     """Return the records of the first element of each pair, after a check that both directions are there once."""
     size = len(elements.id)
     forward, backward = first * size + second, second * size + first
-    unique = np.unique(forward)
-    lonely = ~np.isin(backward, forward)
-    if (first == second).any() or len(unique) < len(forward) or lonely.any():
-        wrong = lonely | (first == second)
-        k = int(np.argmax(wrong)) if wrong.any() else 0
-        raise BergError(
-            f"bond {k + 1} is given twice, joins an element to itself, or lacks its mirror",
-            where=str(path),
-            remedy="The file must hold each bond once in each direction",
-        )
+    _, places, counts = np.unique(forward, return_index=True, return_counts=True)
+    faults = (
+        ("joins an element to itself", first == second),
+        ("is given twice", np.isin(np.arange(len(forward)), places[counts > 1])),
+        ("lacks its mirror, the same bond in the other direction", ~np.isin(backward, forward)),
+    )
+    for what, wrong in faults:
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            one, other = (split_id(elements.id[rows[k : k + 1]]) for rows in (first, second))
+            raise BergError(
+                f"bond {k + 1}, from element id_cnt = {one[0][0]}, id_ij = {one[1][0]} to id_cnt = {other[0][0]}, "
+                f"id_ij = {other[1][0]}, {what}",
+                where=str(path),
+                remedy="The file must hold each bond once in each direction",
+            )
     keep = np.flatnonzero(first < second)
     return keep[np.lexsort((second[keep], first[keep]))]
+
+
+def _check_status(status: Ints, first: Ints, second: Ints, path: Path) -> None:
+    """Refuse a mark of breaking that means nothing, or differs between the two directions of a bond."""
+    bad = ~np.isin(status, (0, 1))
+    if not bad.any():
+        forward, backward = np.lexsort((second, first)), np.lexsort((first, second))
+        differs = status[forward] != status[backward]
+        bad = np.isin(np.arange(len(status)), forward[differs])
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise BergError(
+            f"broken = {status[k]} of bond {k + 1} is neither 0 nor 1, or differs from that of its mirror",
+            where=f"{path}, variable broken",
+            remedy="Correct both records of the bond",
+        )
 
 
 _ENDS: Final = (("first", "first"), ("other", "second"))

@@ -11,12 +11,14 @@ from typing import Final
 
 import numpy as np
 
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import split_id
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import opened, unpacked
 from riftberg.kid.restart import Origin
+from riftberg.parameters import Packing
 from riftberg.state import Elements, Floats
 
 CALVING_FILE: Final = "calving.res.nc"
@@ -94,6 +96,24 @@ def check_calving_store(folder: Path, group: NamelistGroup) -> None:
                     f"{path} stores {float(classes[k].max()):g} kg in size class {k + 1}, enough to calve a berg",
                     "Calving is not built into KID runs yet: remove the file",
                 )
+
+
+TOO_CLOSE: Final = 0.01
+"""Distance of two elements, in sums of their radii, that no run can start from."""
+
+
+def check_distances(elements: Elements, packing: Packing, metric: Metric) -> None:
+    """Refuse elements that lie on top of each other: no direction of contact or bond can be told between them."""
+    near = form_bonds(elements, BondRule(packing=packing, radii_factor=TOO_CLOSE), metric)
+    if len(near.first):
+        pair = [split_id(elements.id[rows[:1]]) for rows in (near.first, near.second)]
+        names = " and ".join(f"id_cnt = {counter[0]}, id_ij = {cell[0]}" for counter, cell in pair)
+        raise BergError(
+            f"two elements lie on top of each other, {near.bond_length[0]:.3g} m apart at "
+            f"{elements.lon[near.first[0]]:g}, {elements.lat[near.first[0]]:g}",
+            where=f"elements {names}",
+            remedy="Remove one of them from the iceberg restart",
+        )
 
 
 def order_sides(elements: Elements) -> int:

@@ -12,10 +12,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from riftberg.errors import NamelistError
 from riftberg.kid.a68 import a68_grid, a68_records
 from riftberg.kid.calendar import LATE_START, Date, date_after
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import time_step, zonal_period
+from riftberg.limits import MOST_STEPS, refuse_large
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import DepthRule, GriddedForcing
@@ -30,6 +32,9 @@ SEAMOUNT: Final = {"x": 63e3, "y": 60e3, "width": 5e3, "spacing": 5e3, "half_cel
 
 SEAMOUNT_LAND: Final = (-5000.0, 220_000.0)
 """Cells of the grounding test are land where the corner's y is at most the first or at least the second, m."""
+
+MOST_CELLS: Final = 10_000_000
+"""Cells of the driver's grid."""
 
 COLLISION_CENTRE: Final = 10_000.0
 """Line towards which the currents of the collision test converge, m (10.2)."""
@@ -62,7 +67,11 @@ def build_clock(namelist: KidNamelist) -> Clock:
     """Return length and calendar: steps until ``nmax`` are done or ``ibhrs`` hours are reached."""
     driver = namelist.driver
     dt = time_step(namelist)
-    steps = min(driver.whole("nmax"), math.ceil(driver.whole("ibhrs") * 3600.0 / dt))
+    wanted = driver.whole("ibhrs") * 3600.0 / dt
+    steps = min(driver.whole("nmax"), math.ceil(wanted) if wanted < 1e18 else driver.whole("nmax"))
+    refuse_large(
+        steps, MOST_STEPS, "long steps", where=driver.where, remedy="Give a smaller ibhrs or nmax", kind=NamelistError
+    )
     if steps < 1:
         raise driver.error(
             f"ibhrs = {driver.whole('ibhrs')} and nmax = {driver.whole('nmax')} give no step", "Give positive numbers"
@@ -98,6 +107,10 @@ def _cartesian(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     ni, nj, spacing = driver.whole("ni"), driver.whole("nj"), driver.number("gridres")
     if ni < 2 or nj < 2 or spacing <= 0:
         raise driver.error(f"ni = {ni}, nj = {nj}, gridres = {spacing} make no grid", "Give at least 2 x 2 cells")
+    refuse_large(
+        ni * nj, MOST_CELLS, "grid cells", size=1000.0, where=driver.where, remedy="Give smaller ni and nj",
+        kind=NamelistError,
+    )  # fmt: skip
     period = zonal_period(icebergs)
     if period > 0 and not math.isclose(period, ni * spacing, rel_tol=1e-12):
         raise icebergs.error(

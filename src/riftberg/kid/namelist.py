@@ -17,10 +17,16 @@ from typing import Any, Final
 import f90nml
 
 from riftberg.errors import NamelistError
+from riftberg.input_files import check_file, reading
 from riftberg.kid.entries import GROUPS, convert, find_entry, refused
 from riftberg.kid.entry_table import REFUSED, REPORTED, TEXT, Entry, Value
+from riftberg.limits import MOST_YAML
 
 _FOLDERS: Final = ("restart_input_dir", "data_dir")
+
+_REMEDY: Final = "A KID run folder holds input.nml"
+_CONTROL: Final = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_REPEATED: Final = re.compile(r"(?<![\w.])(\d{3,})\*")
 
 
 @dataclass(frozen=True)
@@ -123,12 +129,21 @@ def read_namelist(path: Path) -> KidNamelist:
     NamelistError
         If the file or one of the two groups is missing, or an entry is unknown or has a value of the wrong type.
     """
-    path = Path(path)
-    try:
+    path = check_file(path, most=MOST_YAML, remedy=_REMEDY, kind=NamelistError)
+    with reading(path, "cannot be read", _REMEDY, NamelistError):
         text = path.read_text(encoding="latin-1")
-    except OSError as error:
-        what = f"cannot be read ({error.strerror})"
-        raise NamelistError(what, where=str(path), remedy="A KID run folder holds input.nml") from error
+    odd = _CONTROL.search(text)
+    if odd:
+        line = text.count("\n", 0, odd.start()) + 1
+        raise NamelistError(
+            f"the control character {odd.group()!a} stands there", where=f"{path}, line {line}", remedy="Remove it"
+        )
+    if many := _REPEATED.search(text):
+        raise NamelistError(
+            f"a value repeated {many[1][:20]} times",
+            where=str(path),
+            remedy="Lists of a namelist have 10 values at most",
+        )
     groups = split_groups(text, path)
     names = [name for name, _ in groups]
     return KidNamelist(
@@ -189,7 +204,10 @@ def _parse(name: str, body: str, where: str) -> dict[str, Any]:
             warnings.simplefilter("error")
             return dict(f90nml.reads(source).todict().get(name, {}))
     except Exception as error:  # the parser raises bare StopIteration, ValueError, AssertionError and more
-        raise NamelistError(f"cannot be parsed ({error or type(error).__name__})", where=where) from error
+        reason = " ".join(f"{error or type(error).__name__}".split())[:120]
+        raise NamelistError(
+            f"cannot be parsed ({reason})", where=where, remedy="Look for a missing quote, comma, sign or value"
+        ) from error
 
 
 def quote_texts(group: str, body: str) -> str:

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError
+from riftberg.input_files import check_file, reading
 from riftberg.kid.classic import missing_bytes
+from riftberg.limits import refuse_large
 from riftberg.state import Floats, Ints
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
@@ -33,25 +35,29 @@ class Column(NamedTuple):
 @contextmanager
 def opened(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a NetCDF file for reading; errors of the library become `InputError` with the file's name."""
-    if not path.is_file():
-        raise InputError("no such file", where=str(path), remedy="Put it there, or correct the path in the namelist")
-    if missing := missing_bytes(path):
-        raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
-    try:
+    check_file(path, remedy="Put it there, or correct the path in the namelist")
+    with reading(path, "cannot be read", _AGAIN):
+        if missing := missing_bytes(path):
+            raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
         dataset = netCDF4.Dataset(str(path))
-    except OSError as error:
-        raise _unreadable(path, error) from error
-    try:
-        yield dataset
-    finally:
-        dataset.close()
+        try:
+            yield dataset
+        finally:
+            dataset.close()
+
+
+_AGAIN: Final = "Not NetCDF, damaged or cut short: copy or write it again"
+
+FILL: Final = 1e30
+"""Numbers at least this large are fill values."""
+
+MOST_RECORDS: Final = 20_000_000
+"""Elements or bonds of a file."""
 
 
 def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
     where = f"{path}, variable {name}" if name else str(path)
-    return InputError(
-        f"cannot be read ({error})", where=where, remedy="Not NetCDF, or cut short: copy or write it again"
-    )
+    return InputError(f"cannot be read ({error})", where=where, remedy=_AGAIN)
 
 
 def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
@@ -59,7 +65,12 @@ def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
     if name not in dataset.dimensions:
         found = ", ".join(dataset.dimensions) or "none"
         raise InputError(f"no dimension '{name}' (found: {found})", where=str(path), remedy="KID files have it")
-    return len(dataset.dimensions[name])
+    size = len(dataset.dimensions[name])
+    refuse_large(
+        size, MOST_RECORDS, "records", size=500.0, where=str(path), kind=InputError,
+        remedy="The header is damaged, or give a smaller file",
+    )  # fmt: skip
+    return size
 
 
 def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
@@ -124,21 +135,43 @@ def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: 
     """
     if default is not None and name not in dataset.variables:
         return np.full(size, default)
-    return _sized(raw_values(dataset, path, name), path, name, size).astype(np.float64)
+    values = _sized(raw_values(dataset, path, name), path, name, size).astype(np.float64)
+    bad = ~(np.abs(values) < FILL)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise InputError(
+            f"{name} = {values[k]:g} of record {k + 1} is a fill value, not a finite number",
+            where=f"{path}, variable {name}",
+            remedy="Correct the record, or remove it",
+        )
+    return values
 
 
 def whole_column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: int | None = None) -> Ints:
     """Return one whole number per element or bond; arguments as in `column`."""
     if default is not None and name not in dataset.variables:
         return np.full(size, default, dtype=np.int64)
-    return _sized(raw_values(dataset, path, name), path, name, size).astype(np.int64)
+    values = _sized(raw_values(dataset, path, name), path, name, size)
+    if values.dtype.kind == "f":
+        bad = ~(np.isfinite(values) & (np.abs(values) < 2.0**31) & (values == np.floor(values)))
+        if bad.any():
+            k = int(np.argmax(bad))
+            raise InputError(
+                f"{name} = {values[k]:g} of record {k + 1} is no whole number",
+                where=f"{path}, variable {name}",
+                remedy="Correct the record, or remove it",
+            )
+    return values.astype(np.int64)
 
 
 def _sized(values: NDArray[Any], path: Path, name: str, size: int) -> NDArray[Any]:
+    where = f"{path}, variable {name}"
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"values of type {values.dtype}", where=where, remedy="Write it as numbers")
     if values.shape != (size,):
         raise InputError(
             f"shape {values.shape}, expected ({size},)",
-            where=f"{path}, variable {name}",
+            where=where,
             remedy="All variables run over dimension i",
         )
     return values

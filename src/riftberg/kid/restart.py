@@ -116,6 +116,7 @@ def read_restart(path: Path, grid: Grid) -> tuple[Elements, Origin]:
         origin = _read_origin(dataset, path, len(elements.id))
         _refuse_footloose(dataset, path, len(elements.id))
         _check_values(elements, path)
+        _check_sense(elements, origin, path, degrees=grid.arrays.latlon)
         grid.locate(elements)
         elements.id[:] = _read_identifiers(dataset, path, elements, grid)
     _check_unique(elements, path)
@@ -191,6 +192,46 @@ def _check_values(elements: Elements, path: Path) -> None:
                 where=f"{path}, variable {name}",
                 remedy="Correct the record, or remove that element",
             )
+
+
+_LARGEST: Final = {"thickness": 5000.0, "length": 1e6, "width": 1e6, "uvel": 100.0, "vvel": 100.0, "ang_vel": 1.0}
+"""Sizes (m) and speeds (m s-1, rad s-1) that no element has."""
+
+DENSITIES: Final = (200.0, 1100.0)
+"""Densities (kg m-3) between which mass over volume lies."""
+
+
+def _check_sense(elements: Elements, origin: Origin, path: Path, *, degrees: bool) -> None:
+    """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers too."""
+    for name, most in _LARGEST.items():
+        values = getattr(elements, {**REQUIRED, **OPTIONAL}[name])
+        _refuse(np.abs(values) > most, values, name, path, f"at most {most:g}")
+    if degrees:
+        _refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", path, "a latitude from -90 to 90")
+        _refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", path, "a longitude in degrees")
+    density = elements.mass / (elements.thickness * elements.length * elements.width)
+    wrong = (density < DENSITIES[0]) | (density > DENSITIES[1])
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise BergError(
+            f"mass = {elements.mass[k]:g} of record {k + 1} gives {density[k]:g} kg m-3 with its thickness and sides",
+            where=f"{path}, variable mass",
+            remedy=f"Correct mass, thickness, length or width: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g} kg m-3",
+        )
+    _refuse(~(origin.mass_scaling > 0.0), origin.mass_scaling, "mass_scaling", path, "a number above 0")
+    for name in ("start_mass", "mass_of_bits", "start_day"):
+        values = getattr(origin, name)
+        _refuse(values < 0.0, values, name, path, "0 or more")
+
+
+def _refuse(bad: NDArray[np.bool_], values: Floats, name: str, path: Path, demand: str) -> None:
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise BergError(
+            f"{name} = {values[k]:g} of record {k + 1} is not {demand}",
+            where=f"{path}, variable {name}",
+            remedy="Correct the record, or remove that element",
+        )
 
 
 def _check_unique(elements: Elements, path: Path) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
+from riftberg.input_files import is_folder
 from riftberg.kid.bond_restart import read_bonds, write_bonds
-from riftberg.kid.checks import check_bits, check_calving_store, check_rolling, order_sides
+from riftberg.kid.checks import check_bits, check_calving_store, check_distances, check_rolling, order_sides
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_forcing, build_grid
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
@@ -100,7 +101,7 @@ def load_case(case_dir: Path) -> KidCase:
         If something is missing, unknown, unsupported or impossible.
     """
     folder = Path(case_dir)
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise InputError("no such folder", where=str(folder), remedy=f"Name a KID run folder, with {NAMELIST}")
     namelist = read_namelist(folder / NAMELIST)
     parameters = to_parameters(namelist)
@@ -109,6 +110,8 @@ def load_case(case_dir: Path) -> KidCase:
     forcing = build_forcing(namelist, grid, folder, clock)
     restarts = folder / namelist.icebergs.text("restart_input_dir")
     elements, origin = read_restart(restarts / RESTART, grid)
+    earth = parameters.earth
+    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     notes = _prepare_elements(elements, origin, namelist.icebergs, restarts)
     bonds = _bonds(elements, namelist.icebergs, parameters, restarts)
     check_rolling(elements, namelist.icebergs, breakable=parameters.fracture.enabled)
@@ -199,7 +202,14 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
         recorders.append(progress)
     try:
         case.model.advance(steps=case.clock.steps, recorders=recorders)
-    except RunError as error:
+    except BaseException as error:
+        if case.model.step_number == 0:
+            for path in files:  # nothing was run: no file may look like a result
+                path.unlink(missing_ok=True)
+            if isinstance(error, RunError):
+                raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
+        if not isinstance(error, RunError):
+            raise
         saved = _write_restarts(case, paths)
         raise RunError(
             f"{error}; the last good state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
@@ -224,6 +234,8 @@ def _output_paths(case: KidCase, output: Path) -> dict[str, Path]:
     folder = output.is_dir()
     main = output / Path(group.text("traj_name")).name if folder else output
     main.parent.mkdir(parents=True, exist_ok=True)
+    if folder and main.name == Path(group.text("bond_traj_name")).name:
+        raise group.error(f"traj_name = bond_traj_name = {main.name!r}", "Give the two files different names")
     beside = {name: main.with_name(f"{main.stem}_{name}.nc") for name in ("restart", "bonds_restart", "bonds")}
     if folder:
         beside["bonds"] = output / Path(group.text("bond_traj_name")).name
