@@ -13,10 +13,14 @@ Decisions, with their reasons
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import hashlib
 import os
+import shutil
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -43,7 +47,8 @@ def cache_folder() -> Path:
     Returns
     -------
     pathlib.Path
-        ``$RIFTBERG_CACHE/<digest>`` or the user's cache folder; it need not exist yet.
+        ``$RIFTBERG_CACHE/<digest>`` or the user's cache folder, made where it is absent; a passing folder where nothing
+        can be written there, with a copy of what is kept there.
     """
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
     root = Path(__file__).parent
@@ -54,7 +59,24 @@ def cache_folder() -> Path:
     digest.update(Path(__file__).read_bytes())
     base = os.environ.get("RIFTBERG_CACHE")
     home = Path(base) if base else user_cache_path("riftberg")
-    return home / "kernels" / digest.hexdigest()[:16]
+    return _writable(home / "kernels" / digest.hexdigest()[:16])
+
+
+def _writable(folder: Path) -> Path:
+    """Return a folder if files can be kept in it; else a passing one: read-only places, full disks, users without a home."""
+    try:
+        if not folder.is_absolute() and folder.parts[:1] == ("~",):
+            raise OSError("no home")
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"riftberg")
+        return folder
+    except OSError:
+        passing = Path(tempfile.mkdtemp(prefix="riftberg-kernels-"))
+        atexit.register(shutil.rmtree, passing, ignore_errors=True)
+        with contextlib.suppress(OSError, shutil.Error):
+            shutil.copytree(folder, passing, dirs_exist_ok=True)
+        return passing
 
 
 def is_warm() -> bool:
@@ -93,6 +115,40 @@ def _compiled(function: _F, **options: Any) -> _F:
     config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
         compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        _keep_safely(compiled)
         return compiled
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def _keep_safely(compiled: Any) -> None:
+    """Let a damaged file of machine code be compiled anew, and an unwritable one be done without.
+
+    Files carry a checksum behind their content: a flipped bit in machine code would else be run.
+    """
+    kept = compiled._cache._cache_file
+    plain_dump, plain_load = kept._dump, kept._load_data
+
+    def dump(content: Any) -> bytes:
+        data: bytes = plain_dump(content)
+        return data + hashlib.sha256(data).digest()
+
+    def load(name: str) -> Any:
+        data = Path(kept._data_path(name)).read_bytes()
+        if hashlib.sha256(data[:-_DIGEST]).digest() != data[-_DIGEST:]:
+            raise ValueError(f"{name} is damaged")
+        return plain_load(name)
+
+    @contextlib.contextmanager
+    def guarded() -> Iterator[None]:
+        try:
+            yield
+        except Exception:  # whatever a damaged file makes of the reader: the function is compiled anew
+            with contextlib.suppress(Exception):
+                kept.flush()
+
+    kept._dump, kept._load_data = dump, load
+    compiled._cache._guard_against_spurious_io_errors = guarded
+
+
+_DIGEST = hashlib.sha256().digest_size

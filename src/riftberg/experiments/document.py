@@ -191,7 +191,7 @@ class Document:
                 )
         try:
             loader.construct_object(node)
-        except (ValueError, OverflowError) as error:
+        except (ValueError, OverflowError, KeyError, AttributeError, TypeError) as error:
             what = "no date that exists" if kind == "timestamp" else f"no {kind} that can be read"
             remedy = "Dates are such as 2020-12-09 13:00" if kind == "timestamp" else "Write a plain value"
             raise self._wrong(f"{value_shown(text)} is {what}", line, remedy) from error

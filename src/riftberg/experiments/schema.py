@@ -18,6 +18,17 @@ SHAPES = ("outline", "mask", "rectangle", "lattice")
 """Ways to give the shape of a berg."""
 
 
+def refuse_beyond(section: Section, most: dict[str, float]) -> None:
+    """Raise `ValueError` where a value, or one of a pair, is larger than anything in nature."""
+    for name, limit in most.items():
+        value = getattr(section, name)
+        if any(abs(part) > limit for part in (value if isinstance(value, tuple) else (value,))):
+            extra = type(section).model_fields[name].json_schema_extra
+            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+            named = "" if unit in ("", "1") else f" {unit}"
+            raise ValueError(f"{name} = {value} is not possible; the most is {limit:g}{named}")
+
+
 class Outline(Section):
     """Shape from a polygon."""
 
@@ -121,6 +132,7 @@ class Berg(Section):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Berg:
+        refuse_beyond(self, {"velocity": 10.0, "spin": 0.01})
         given = [name for name in SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
             count = f"has {len(given)} shapes ({', '.join(given)})" if given else "has no shape"
@@ -138,7 +150,14 @@ class ConstantForcing(Section):
     wind: Pair = key((0.0, 0.0), "m s-1", "eastward and northward wind")
     slope: Pair = key((0.0, 0.0), "1", "eastward and northward slope of the sea surface")
     sea_ice: tuple[float, float, float] = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice")
-    depth: float = key(1e4, "m", "depth of water", gt=0)
+    depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
+
+    @model_validator(mode="after")
+    def _possible(self) -> ConstantForcing:
+        refuse_beyond(self, {"current": 10.0, "wind": 150.0, "slope": 0.01, "sea_ice": 100.0})
+        if self.sea_ice[2] < 0.0:
+            raise ValueError(f"sea_ice has a thickness of {self.sea_ice[2]:g} m; it is 0 or more")
+        return self
 
 
 class ExperimentForcing(Section):

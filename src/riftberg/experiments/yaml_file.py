@@ -169,6 +169,8 @@ def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> An
 def _check_kind(value: Any, field: FieldInfo, place: Place, document: Document) -> None:
     """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value."""
     kinds = kinds_of(field.annotation)
+    if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
+        raise document.error("a key that is no word", place, "Keys are plain words, such as fracture")
     for item in value if isinstance(value, list) else [value]:
         if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
             raise document.error(f"{str(item).lower()} is no number, word or date", place, allowed(field))

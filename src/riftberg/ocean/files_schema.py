@@ -60,6 +60,15 @@ class FileForcing(Section):
     )
     wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
 
+    @model_validator(mode="after")
+    def _a_box(self) -> FileForcing:
+        for name, (low, high), most in (("longitude", self.longitude, 540.0), ("latitude", self.latitude, 90.0)):
+            if abs(low) > most or abs(high) > most:
+                raise ValueError(f"{name} = [{low:g}, {high:g}] is not in degrees; they go from {-most:g} to {most:g}")
+            if name == "latitude" and low >= high:
+                raise ValueError(f"latitude = [{low:g}, {high:g}]: the southern one stands first")
+        return self
+
     @property
     def entries(self) -> list[NamedFiles]:
         """All entries of ``files`` in one form."""

@@ -1,0 +1,65 @@
+"""The long form of the fuzzer: ``python tests/fuzz/long.py --kinds 2000`` prints how many kinds had which verdict.
+
+``--only TEXT`` takes the families whose names hold TEXT; ``--show`` prints the message of every kind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import shutil
+import sys
+from collections import Counter
+from pathlib import Path
+from tempfile import mkdtemp
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from fuzz.base_files import store
+from fuzz.judging import BAD, HARMLESS, REFUSED, Verdict, judge
+from fuzz.kinds import kinds
+
+
+def main() -> int:
+    """Run the kinds and print the counts; the exit code is 1 where one was not met well."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kinds", type=int, default=2000, help="at least so many kinds")
+    parser.add_argument("--only", default="", help="families whose names hold this")
+    parser.add_argument("--part", default="1/1", help="k/n: every n-th kind, for several processes")
+    parser.add_argument("--show", action="store_true", help="print the message of every kind")
+    given = parser.parse_args()
+    fixed = sum(1 for _ in kinds(0))
+    seeds = max(20, -(-(given.kinds - fixed) // 10))
+    part, parts = (int(number) for number in given.part.split("/"))
+    chosen = [kind for kind in kinds(seeds) if given.only in kind.family]
+    random.Random(1).shuffle(chosen)
+    chosen = chosen[part - 1 :: parts]
+    store()
+    folder = Path(mkdtemp(prefix="riftberg-kinds-"))
+    counts: Counter[str] = Counter()
+    for number, kind in enumerate(chosen):
+        verdict = judge(kind, folder / str(number))
+        counts[verdict.what] += 1
+        if verdict.what in BAD or given.show:
+            _print(verdict)
+        shutil.rmtree(folder / str(number), ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    bad = sum(counts[what] for what in BAD)
+    print(f"{len(chosen)} kinds of bad input, {len({kind.family for kind in chosen})} classes")
+    for what in (REFUSED, HARMLESS, *BAD):
+        print(f"  {what:30} {counts[what]}")
+    print(f"  bad: {bad}")
+    return 1 if bad else 0
+
+
+def _print(verdict: Verdict) -> None:
+    print(
+        f"[{verdict.what}] {verdict.kind.family}: {verdict.kind.name} ({verdict.seconds:.1f} s)\n    {verdict.message.strip()}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
