@@ -31,8 +31,8 @@ from riftberg.diagnostics.score import Day, Match, Score, score_run
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL
+from riftberg.plane import OrthographicPlane
 from riftberg.runs.run_file import open_run
-from riftberg.runs.track import to_plane
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "explanation" / "scores.md"
@@ -99,7 +99,7 @@ def byu_positions(data: Path) -> Observed:
 
 def area_km2(outline: Outline) -> float:
     """Return the area of an outline on the sphere, km2."""
-    x, y = to_plane(*outline.ring.T, *outline.ring.mean(axis=0), EARTH_RADIUS_A68)
+    x, y = OrthographicPlane(*outline.ring.mean(axis=0), EARTH_RADIUS_A68).forward(*outline.ring.T)
     return 0.5e-6 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
 
 
@@ -336,7 +336,7 @@ def plane(elements: Any) -> tuple[Any, Any]:
     """Return positions in metres about the place of 9 December, with the longitudes on one branch."""
     lon = (np.asarray(elements.lon) + 180.0) % 360.0 - 180.0
     first = A68A_OBSERVED[0]
-    return to_plane(lon, np.asarray(elements.lat), first.lon, first.lat, EARTH_RADIUS_A68)
+    return OrthographicPlane(first.lon, first.lat, EARTH_RADIUS_A68).forward(lon, np.asarray(elements.lat))
 
 
 def squares(places: tuple[Any, Any], elements: Any) -> Any:

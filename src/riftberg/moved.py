@@ -46,7 +46,9 @@ MODULES: Final = {
 """Old module to new one, below ``riftberg``; what stood in an old package stands in the new one under the same name."""
 
 NAMES: Final = {
+    "bergs.placement.TangentPlane": "plane.EqualAreaPlane",
     "experiments.Entry": "experiments.registry.BuiltIn",
+    "plane.Plane": "plane.ConformalPlane",
     "experiments.schema.NamedFiles": "ocean.files_schema.NamedFiles",
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""

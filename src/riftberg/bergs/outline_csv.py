@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
-from riftberg.bergs.feature import Feature, needed, polygon
+from riftberg.bergs.feature import Feature, polygon
 from riftberg.errors import BergError
 
 LON_NAMES = ("lon", "longitude", "long", "x", "easting")
@@ -104,4 +105,4 @@ def _lines(lines: list[Points], path: Path) -> Any:
             )
         if not np.isfinite(line).all():
             raise BergError("vertices that are not numbers", where=str(path), remedy="Remove them")
-    return needed("shapely").MultiLineString(lines)
+    return shapely.MultiLineString(lines)

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from riftberg.bergs.feature import Feature, needed, polygon
+import shapely
+
+from riftberg.bergs.feature import Feature, polygon
 from riftberg.errors import BergError
 
 
@@ -63,7 +65,6 @@ def _kml_properties(mark: ElementTree.Element) -> dict[str, Any]:
 
 
 def _placemark(mark: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
-    shapely = needed("shapely")
     properties = {**above, **_kml_properties(mark)}
     polygons, lines = [], []
     for node in mark.iter():

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import shapely
 
-from riftberg.bergs.feature import needed
 from riftberg.bergs.lattice import Booleans, Region
-from riftberg.bergs.placement import Plane
+from riftberg.bergs.placement import FillingPlane
 from riftberg.bergs.raster import Raster, joined, unprojected
 from riftberg.bergs.rifts import pieces as connected
 from riftberg.constants import DEGREE
@@ -18,9 +18,8 @@ from riftberg.errors import BergError
 from riftberg.state import Floats, Ints
 
 
-def outline_region(geometry: Any, plane: Plane) -> Region:
+def outline_region(geometry: Any, plane: FillingPlane) -> Region:
     """Return an outline (shapely, longitude and latitude in degrees) as a region of a plane."""
-    shapely = needed("shapely")
     flat = shapely.transform(geometry, plane.forward, interleaved=False)
     shapely.prepare(flat)
     centroid = (flat.centroid.x, flat.centroid.y)
@@ -101,8 +100,8 @@ class Ice:
 
 
 def mask_region(
-    ice: Ice, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], Plane]
-) -> tuple[Region, Plane, tuple[float, float]]:
+    ice: Ice, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], FillingPlane]
+) -> tuple[Region, FillingPlane, tuple[float, float]]:
     """Return a mask as a region of the plane that suits it, the plane, and the mask's centroid in degrees.
 
     Parameters
@@ -148,7 +147,7 @@ def _edge(west: float, south: float, east: float, north: float) -> tuple[Floats,
     return all_lon, np.concatenate([np.full(33, south), np.full(33, north), lat, lat])
 
 
-def _square_degree(plane: Plane, centroid: tuple[float, float]) -> float:
+def _square_degree(plane: FillingPlane, centroid: tuple[float, float]) -> float:
     """Area (m2) of one square degree at the equator, from the plane's own scale along the meridian."""
     lat = np.array([centroid[1] - 1e-3, centroid[1] + 1e-3])
     x, y = plane.forward(np.full(2, centroid[0]), lat)

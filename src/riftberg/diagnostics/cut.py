@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from riftberg.diagnostics.breakup import Breakup, Budget, FirstBond, Load
 from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 
@@ -259,7 +259,7 @@ class _Geometry:
         lon, lat = scene.x[record], scene.y[record]
         weight = self.mass[body]
         centre = float(np.average(lon[body], weights=weight)), float(np.average(lat[body], weights=weight))
-        plane = Plane(*centre, scene.radius, scene.latlon)
+        plane = ConformalPlane(*centre, scene.radius, scene.latlon)
         x, y = plane.forward(lon, lat)
         self.x, self.y = x - np.average(x[body], weights=weight), y - np.average(y[body], weights=weight)
         self.angle = plane.eastward(lon, lat)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import shapely
+from shapely.affinity import translate
 
 from riftberg.diagnostics.assignment import best_pairs
-from riftberg.errors import InputError
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def group_fragments(
     list of list of int
         Numbers of fragments for each piece; empty where none may be it.
     """
-    union = shapely_module().union_all
+    union = shapely.union_all
     numbers, before = list(shapes), before or {}
     cost = np.empty((len(pieces), len(numbers)))
     for (k, piece), (i, number) in product(enumerate(pieces), enumerate(numbers)):
@@ -123,8 +124,6 @@ def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
 
 def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines whose centroids are laid on each other."""
-    from shapely.affinity import translate
-
     here, there = a.centroid, b.centroid
     return overlap(translate(a, there.x - here.x, there.y - here.y), b)
 
@@ -190,9 +189,8 @@ def rectangle_azimuth(shape: BaseGeometry) -> float:
     return float(np.degrees(np.arctan2(x, y)) % 180.0)
 
 
-def polygon_on(plane: Plane, ring: Floats) -> BaseGeometry:
+def polygon_on(plane: ConformalPlane, ring: Floats) -> BaseGeometry:
     """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
-    shapely = shapely_module()
     x, y = plane.forward(ring[:, 0], ring[:, 1])
     polygon = shapely.Polygon(np.column_stack([x, y]))
     if not polygon.is_valid:
@@ -212,14 +210,3 @@ def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, Bas
         if not any(overlap(piece, other) > TWINS for _, other in kept):
             kept.append((name, piece))
     return kept
-
-
-def shapely_module() -> Any:
-    """Return shapely, or say how to come by it."""
-    try:
-        import shapely
-    except ImportError as error:
-        raise InputError(
-            "outlines need the package shapely", remedy="Install it with: pip install 'riftberg[outline]'"
-        ) from error
-    return shapely

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import shapely
 import xarray as xr
 
 from riftberg.diagnostics.assignment import best_pairs
@@ -37,11 +38,10 @@ from riftberg.diagnostics.overlap import (
     polygon_moments,
     polygon_on,
     same_pieces,
-    shapely_module,
     without_twins,
 )
 from riftberg.errors import InputError
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
 from riftberg.state import Floats
@@ -268,7 +268,7 @@ class _Judge:
 
     def _outlines(self, record: int, outlines: list[Outline]) -> tuple[list[Match], list[int]]:
         here = self.position(record, self.fragments(record)[:1])
-        plane = Plane(here.lon, here.lat, self.scene.radius)
+        plane = ConformalPlane(here.lon, here.lat, self.scene.radius)
         pieces = without_twins([(o.name, polygon_on(plane, o.ring)) for o in outlines])
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
@@ -289,13 +289,12 @@ class _Judge:
         used = {n for group in groups for n in group}
         return matches, [n for n in shapes if n not in used]
 
-    def _answers_before(self, plane: Plane, pieces: list[BaseGeometry]) -> dict[int, int]:
+    def _answers_before(self, plane: ConformalPlane, pieces: list[BaseGeometry]) -> dict[int, int]:
         """Return the fragments that answered to these pieces when they were seen the time before."""
         earlier = [polygon_on(plane, ring) for ring, _ in self._before]
         return {k: self._before[i][1] for k, i in same_pieces(earlier, pieces).items()}
 
-    def _union(self, plane: Plane, polygons: Floats) -> BaseGeometry:
-        shapely = shapely_module()
+    def _union(self, plane: ConformalPlane, polygons: Floats) -> BaseGeometry:
         x, y = plane.forward(polygons[..., 0], polygons[..., 1])
         squares = shapely.polygons(np.stack([x, y], axis=-1))
         return shapely.buffer(
@@ -305,7 +304,7 @@ class _Judge:
     def _piece(
         self,
         record: int,
-        plane: Plane,
+        plane: ConformalPlane,
         name: str,
         piece: BaseGeometry,
         group: list[int],
@@ -315,7 +314,7 @@ class _Judge:
         lon, lat = (float(a) for a in plane.inverse(np.array(x), np.array(y)))
         # The meridians converge: north at the piece is not north at the model's berg, on whose plane all lie.
         azimuth = (azimuth + float(np.degrees(plane.eastward(np.array(lon), np.array(lat))))) % 180.0
-        iou = overlap(shapely_module().union_all([shapes[n] for n in group]), piece) if group else None
+        iou = overlap(shapely.union_all([shapes[n] for n in group]), piece) if group else None
         seen = Position(lon, lat, azimuth, float(piece.area))
         return self._match(name or "berg", group, record, seen, iou)
 

@@ -14,9 +14,10 @@ import numpy as np
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import Lattice, along, cells_of_rows, cells_region, fill
-from riftberg.bergs.placement import ReferencePlane, TangentPlane
+from riftberg.bergs.placement import ReferencePlane
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.parameters import Packing
+from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats
 
 A68A_RADIUS = 1500.0
@@ -117,7 +118,7 @@ def _centre(column: Any, row: Any, position: Position) -> tuple[float, float]:
     lon, lat = (a.mean() for a in _positions(table, position, column, row))
     x, y = table.x - table.x.mean(), table.y - table.y.mean()
     # Rows are great circles now, whose ends lie nearer to the equator than the parallel at their middle.
-    placed = [a.mean() for a in TangentPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
+    placed = [a.mean() for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
     return float(2 * lon - placed[0]), float(2 * lat - placed[1])
 
 

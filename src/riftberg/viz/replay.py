@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.runs.background import StoredWater, bilinear, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
@@ -104,12 +104,12 @@ class ReplayContent:
         self.records: Ints = chosen_records(self.run.sizes["time"], self.run.sizes["trajectory"], self.largest)
 
     @cached_property
-    def plane(self) -> Plane:
+    def plane(self) -> ConformalPlane:
         """Plane through the middle of the path."""
         x, y = self.scene.x[self.records], self.scene.y[self.records]
         if not self.scene.latlon:
-            return Plane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
-        return Plane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
+            return ConformalPlane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
+        return ConformalPlane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
 
     @cached_property
     def damage(self) -> Floats | None:
