@@ -119,7 +119,7 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     if size < 2 or reaches.max() <= 0.0:
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0)
-    _check(elements, reaches)
+    _check_reaches(elements, reaches)
     column, row, columns, rows, wraps = _hash_cells(elements, 2.0 * float(reaches.max()), metric)
     order = np.lexsort((np.arange(size), column, row))
     starts = np.searchsorted((row * columns + column)[order], np.arange(columns * rows + 1))
@@ -138,7 +138,7 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     return first, second, np.sqrt(dx * dx + dy * dy)
 
 
-def _check(elements: Elements, reaches: Floats) -> None:
+def _check_reaches(elements: Elements, reaches: Floats) -> None:
     bad = ~(np.isfinite(elements.lon) & np.isfinite(elements.lat) & np.isfinite(reaches))
     if bad.any():
         k = int(np.argmax(bad))

@@ -23,7 +23,7 @@ from riftberg.bergs.placement import (
     turned,
 )
 from riftberg.bergs.raster import Raster, joined, read_raster
-from riftberg.bergs.regions import Ice, ice_cells, mask_region, outline_region
+from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
@@ -187,7 +187,7 @@ class Iceberg(BondedBerg):
         """Fill a gridded mask or a gridded thickness with elements.
 
         Elements in different pieces of the mask are not bonded to each other, also where the gap between them is narrower
-        than an element; cells that touch at a corner only belong to different pieces (see `riftberg.bergs.regions.Ice`).
+        than an element; cells that touch at a corner only belong to different pieces (see `riftberg.bergs.regions.IceMask`).
         ``rules="makeberg"`` bonds all neighbours, as the reference does.
 
         Parameters
@@ -230,7 +230,7 @@ class Iceberg(BondedBerg):
             body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
             made = {"source": mask.name, "rules": "makeberg"}
             return cls._placed(lattice.x, lattice.y, plane, body, conformal=False, report=made)
-        ice = Ice.of(mask, threshold)
+        ice = IceMask.of(mask, threshold)
         region, plane_of, centroid = mask_region(ice, lambda b, c: filling_plane(b, c, conformal, earth_radius))
         lattice = fill(region, radius, packing, offset)
         if thickness is None:

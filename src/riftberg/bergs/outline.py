@@ -167,7 +167,7 @@ def select_outline(
     date : str, optional
         Date; compared with the start of the feature's date.
     """
-    polygons = [Feature(area, f.properties) for f in features if (area := _area(f.geometry)) is not None]
+    polygons = [Feature(area, f.properties) for f in features if (area := _polygons_joined(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
         chosen = polygons[feature : feature + 1] if feature >= 0 else []
@@ -194,7 +194,7 @@ def _parts(geometry: Any) -> Iterator[Any]:
         yield geometry
 
 
-def _area(geometry: Any) -> Any:
+def _polygons_joined(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry
@@ -256,7 +256,7 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
     A table (CSV) holds open lines; polygons of other files count with their rings. Points are passed over.
     """
     if isinstance(source, np.ndarray | list | tuple):
-        return _arrays(source, crs)
+        return _vertex_arrays(source, crs)
     out = []
     for feature in read_features(source, crs, lines=True):
         for part in _parts(feature.geometry):
@@ -267,7 +267,7 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
     return out
 
 
-def _arrays(source: Any, crs: str | None) -> list[Any]:
+def _vertex_arrays(source: Any, crs: str | None) -> list[Any]:
     if len(source) and hasattr(source[0], "__geo_interface__"):
         return [line for item in source for line in line_strings(item, crs)]
     try:

@@ -41,7 +41,7 @@ def ice_cells(mask: Raster, threshold: float) -> Booleans:
 
 
 @dataclass(frozen=True)
-class Ice:
+class IceMask:
     """A mask as fractions of ice.
 
     Attributes
@@ -56,7 +56,7 @@ class Ice:
     level: float
 
     @classmethod
-    def of(cls, mask: Raster, threshold: float) -> Ice:
+    def of(cls, mask: Raster, threshold: float) -> IceMask:
         """Return the ice of a mask, of a fraction or of a thickness.
 
         Values from 0 to 1 with a positive threshold are fractions, and the edge of the ice lies where they reach the
@@ -100,13 +100,13 @@ class Ice:
 
 
 def mask_region(
-    ice: Ice, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], FillingPlane]
+    ice: IceMask, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], FillingPlane]
 ) -> tuple[Region, FillingPlane, tuple[float, float]]:
     """Return a mask as a region of the plane that suits it, the plane, and the mask's centroid in degrees.
 
     Parameters
     ----------
-    ice : Ice
+    ice : IceMask
         Where there is ice.
     plane_at : callable
         Makes a plane from bounds and centroid (degrees).

@@ -18,7 +18,7 @@ def describe(berg: BondedBerg) -> str:
     if berg.report.get("feature"):
         lines.append(f"  feature: {berg.report['feature']}")
     lines.append(f"  elements: {len(e.id)} {berg.packing}, radius {berg.radius:g} m")
-    lines.append(_area(berg))
+    lines.append(_plan_area(berg))
     lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
     draft = e.thickness * berg.density / RHO_SEAWATER
     lines.append(
@@ -40,7 +40,7 @@ def describe(berg: BondedBerg) -> str:
     return "\n".join(lines)
 
 
-def _area(berg: BondedBerg) -> str:
+def _plan_area(berg: BondedBerg) -> str:
     text = f"  area: {berg.area / 1e6:.6g} km2"
     if "outline_area" in berg.report:
         outline, error = berg.report["outline_area"], berg.report["area_error"]

@@ -55,14 +55,14 @@ def folder_of(run: Path) -> Path:
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
     """Read runs and put them side by side."""
-    from riftberg.diagnostics.compare import compare, read_told
+    from riftberg.diagnostics.compare import compare, read_compared
 
     folders = [folder_of(run) for run in runs]
     for folder in folders:
         if not (folder / "run.nc").is_file():
             raise InputError("no run.nc", where=str(folder), remedy="Name folders that 'riftberg run' made")
     known = _known(folders[0], observed)
-    return compare([read_told(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
+    return compare([read_compared(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
 
 
 def _known(folder: Path, observed: Path | None) -> Known:

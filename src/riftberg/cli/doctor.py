@@ -55,7 +55,7 @@ def doctor(
     report = examine(
         files or asked.files, lon=pair(lon, "--lon") or asked.lon, lat=pair(lat, "--lat") or asked.lat,
         time=dates(time) or asked.time, needed=[name for name in (*NEEDED, *(need or ())) if name not in asked.spared],
-        path=_path(run) or list(asked.path), product=product or asked.products,
+        path=_path_of_run(run) or list(asked.path), product=product or asked.products,
         max_gap=asked.max_gap, hold=asked.hold,
     )  # fmt: skip
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
@@ -127,7 +127,7 @@ def _asked_a68a(name: str) -> Asked:
     return asked._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
 
 
-def _path(run: Path | None) -> list[tuple[float, float]] | None:
+def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
     """Return the daily positions of a run."""
     if run is None:
         return None

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from riftberg.diagnostics.observed import Observed
+    from riftberg.diagnostics.observed import Observations
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
 ObservedFile = Annotated[
@@ -40,12 +40,12 @@ def beside(run: Path, given: Path | None, name: str) -> Path:
     return given if given is not None else folder / name
 
 
-def seen(path: Path | None) -> Observed:
+def seen(path: Path | None) -> Observations:
     """Return observed outlines, none where no file was named."""
-    from riftberg.diagnostics.observed import Observed, read_observed
+    from riftberg.diagnostics.observed import Observations, read_observed
 
     if path is None:
-        return Observed("")
+        return Observations("")
     found = read_observed(path)
     if not found.outlines:
         raise InputError(
@@ -59,7 +59,7 @@ def outlines(path: Path | None) -> dict[str, list[Any]]:
     return seen(path).rings_by_day()
 
 
-def moments(dates: list[str] | None, run: xr.Dataset, observed: Observed) -> list[np.datetime64]:
+def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) -> list[np.datetime64]:
     """Return dates from the command line.
 
     A day alone means the time of its observed outline; where that has none, the hour of the start of the run, as in

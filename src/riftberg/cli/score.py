@@ -63,13 +63,13 @@ def score(
     with open_run(run) as dataset:
         seen = read_observed(observed, date=date, variable=variable)
         found = score_run(
-            dataset, seen, hour=hour, between=_between(between), together=_numbers(together), interpolated=interpolated
+            dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
         )
         title = heading(dataset, f"run against {observed.name}")
     if as_json:
         typer.echo(json.dumps(found.as_dict(), indent=1))
     else:
-        _print(found)
+        _print_score(found)
     written = [found.write(folder / "score.json")]
     if figure:
         from riftberg.viz.score import draw_score
@@ -78,7 +78,7 @@ def score(
     say("Written: " + ", ".join(str(path) for path in written))
 
 
-def _between(text: str | None) -> tuple[datetime, datetime] | None:
+def _span(text: str | None) -> tuple[datetime, datetime] | None:
     from riftberg.cli.spans import dates
 
     span = dates(text, "--between")
@@ -100,6 +100,8 @@ def table_of(found: Score) -> Table:
     """Return the table of a score."""
     from rich.table import Table
 
+    from riftberg.diagnostics.dates import minute
+
     table = Table(title=f"Run against {found.observed}")
     for name in (
         "time",
@@ -117,14 +119,14 @@ def table_of(found: Score) -> Table:
     for day in found.days:
         for k, match in enumerate(day.matches):
             table.add_row(
-                day.time.replace("T", " ")[:16] if k == 0 else "",
-                *_cells(match),
+                minute(day.time) if k == 0 else "",
+                *_match_cells(match),
                 style="bold" if match is day.berg else "",
             )
     return table
 
 
-def _cells(m: Match) -> list[str]:
+def _match_cells(m: Match) -> list[str]:
     def text(value: float | None, form: str) -> str:
         return "" if value is None else format(value, form)
 
@@ -150,7 +152,7 @@ def sentence(found: Score) -> str:
     return f"{s['days']} times: " + ", ".join(parts) + "."
 
 
-def _print(found: Score) -> None:
+def _print_score(found: Score) -> None:
     from rich.console import Console
 
     console = Console()

@@ -58,7 +58,7 @@ def why(
         for paragraph, breakup in zip(words(reasons), [*reasons.breakups, None], strict=False):
             typer.echo(paragraph)
             if breakup is not None:
-                _print(breakup)
+                _print_breakup(breakup)
     written = [reasons.write(folder / "why.json")]
     if figure:
         from riftberg.viz.why import draw_reasons
@@ -148,7 +148,7 @@ def _control(
     return open_run(path)
 
 
-def _print(b: Breakup) -> None:
+def _print_breakup(b: Breakup) -> None:
     """Print the budget and the load of one break-up as tables."""
     from rich.console import Console
     from rich.table import Table

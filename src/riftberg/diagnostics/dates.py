@@ -24,6 +24,11 @@ _WORDS: Final = re.compile(
 )
 
 
+def minute(text: str) -> str:
+    """Return an ISO date and time to the minute, as it stands in tables and titles."""
+    return text.replace("T", " ")[:16]
+
+
 def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
     """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD.
 
@@ -102,7 +107,8 @@ def find_date(
     for key in DATE_KEYS:
         if small.get(key) not in (None, ""):
             return _with_clock(
-                *parse_date(_text(small[key]), where=f"{where}, {key}"), _text(small.get(_clock(key), ""))
+                *parse_date(_text_of_value(small[key]), where=f"{where}, {key}"),
+                _text_of_value(small.get(_clock(key), "")),
             )
     for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
         found = date_in_text(text)
@@ -132,7 +138,7 @@ def _with_clock(when: datetime, day_only: bool, clock: str) -> tuple[datetime, b
     return when + timedelta(hours=hour, minutes=minute, seconds=second), False
 
 
-def _text(value: Any) -> str:
+def _text_of_value(value: Any) -> str:
     """Return a value of a table as text; numbers without the point that tables give them."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)

@@ -106,7 +106,7 @@ def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -
     """
     if min(shape.area, piece.area) <= 0.0:
         return math.inf
-    iou, ratio = overlap(shape, piece), float(shape.area / piece.area)
+    iou, ratio = intersection_over_union(shape, piece), float(shape.area / piece.area)
     diameters = [2.0 * math.sqrt(a.area / math.pi) for a in (shape, piece)]
     away = float(shape.centroid.distance(piece.centroid)) / (REACH * 0.5 * sum(diameters))
     unlike = abs(math.log(ratio)) / math.log(LARGEST_RATIO)
@@ -115,7 +115,7 @@ def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -
     return 1.0 - iou + min(away, 1.0) + min(unlike, 1.0)
 
 
-def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
+def intersection_over_union(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines."""
     common = float(a.intersection(b).area)
     whole = float(a.area) + float(b.area) - common
@@ -125,7 +125,7 @@ def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
 def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines whose centroids are laid on each other."""
     here, there = a.centroid, b.centroid
-    return overlap(translate(a, there.x - here.x, there.y - here.y), b)
+    return intersection_over_union(translate(a, there.x - here.x, there.y - here.y), b)
 
 
 def axis_difference(first: float, second: float) -> float:
@@ -207,6 +207,6 @@ def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, Bas
     """Return the pieces largest first, without those drawn twice."""
     kept: list[tuple[str, BaseGeometry]] = []
     for name, piece in sorted(pieces, key=lambda p: -p[1].area):
-        if not any(overlap(piece, other) > TWINS for _, other in kept):
+        if not any(intersection_over_union(piece, other) > TWINS for _, other in kept):
             kept.append((name, piece))
     return kept

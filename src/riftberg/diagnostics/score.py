@@ -27,14 +27,14 @@ import shapely
 import xarray as xr
 
 from riftberg.diagnostics.assignment import best_pairs
-from riftberg.diagnostics.observed import Fix, Observed
+from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
     REACH,
     axis_difference,
     distance,
     group_fragments,
-    overlap,
+    intersection_over_union,
     polygon_moments,
     polygon_on,
     same_pieces,
@@ -102,7 +102,7 @@ class Match:
 
 
 @dataclass(frozen=True)
-class Day:
+class ScoredDay:
     """Comparison at one time.
 
     Attributes
@@ -136,20 +136,20 @@ class Score:
     ----------
     observed : str
         File of the observations.
-    days : list of Day
+    days : list of ScoredDay
     """
 
     observed: str
-    days: list[Day]
+    days: list[ScoredDay]
 
     def summary(self) -> dict[str, Any]:
         """Return means over the days, for the berg itself."""
         rows = [berg for day in self.days if (berg := day.berg) is not None]
         return {
             "days": len(rows),
-            "distance_km_rms": _rms(m.distance_km for m in rows),
+            "distance_km_rms": root_mean_square(m.distance_km for m in rows),
             "distance_km_max": max((m.distance_km for m in rows if m.distance_km is not None), default=None),
-            "azimuth_rms": _rms(m.azimuth_difference for m in rows),
+            "azimuth_rms": root_mean_square(m.azimuth_difference for m in rows),
             "area_ratio_mean": _mean(
                 m.area_km2 / m.area_observed_km2 if m.area_km2 and m.area_observed_km2 else None for m in rows
             ),
@@ -169,7 +169,7 @@ class Score:
 
 def score_run(
     run: xr.Dataset,
-    observed: Observed,
+    observed: Observations,
     *,
     hour: float | None = None,
     between: tuple[datetime, datetime] | None = None,
@@ -182,7 +182,7 @@ def score_run(
     ----------
     run : xarray.Dataset
         From `riftberg.runs.run_file.open_run`, on a sphere.
-    observed : Observed
+    observed : Observations
         From `riftberg.diagnostics.observed.read_observed`.
     hour : float, optional
         Hour of the day (UTC) at which observations without a time are compared; by default that of the start.
@@ -253,7 +253,7 @@ class _Judge:
         order = np.argsort(-area, kind="stable")
         return [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
 
-    def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> Day:
+    def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> ScoredDay:
         """Compare at one time."""
         outlines = [item for item in items if isinstance(item, Outline)]
         if outlines:
@@ -262,7 +262,7 @@ class _Judge:
             matches = [self._fix(record, item, names) for item in items if isinstance(item, Fix)]
             used = {n for m in matches for n in m.fragments}
             unmatched = [n for n in self.fragments(record) if n not in used]
-        return Day(when.isoformat(), matches, self.fragments(record)[0], unmatched)
+        return ScoredDay(when.isoformat(), matches, self.fragments(record)[0], unmatched)
 
     # --- outlines --------------------------------------------------------------------------------------------------
 
@@ -314,7 +314,7 @@ class _Judge:
         lon, lat = (float(a) for a in plane.inverse(np.array(x), np.array(y)))
         # The meridians converge: north at the piece is not north at the model's berg, on whose plane all lie.
         azimuth = (azimuth + float(np.degrees(plane.eastward(np.array(lon), np.array(lat))))) % 180.0
-        iou = overlap(shapely.union_all([shapes[n] for n in group]), piece) if group else None
+        iou = intersection_over_union(shapely.union_all([shapes[n] for n in group]), piece) if group else None
         seen = Position(lon, lat, azimuth, float(piece.area))
         return self._match(name or "berg", group, record, seen, iou)
 
@@ -406,7 +406,8 @@ def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
-def _rms(values: Iterable[float | None]) -> float | None:
+def root_mean_square(values: Iterable[float | None]) -> float | None:
+    """Return the root of the mean square of the values that there are; None where there is none."""
     there = [v for v in values if v is not None]
     return math.sqrt(sum(v * v for v in there) / len(there)) if there else None
 

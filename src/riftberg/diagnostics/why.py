@@ -14,6 +14,7 @@ import xarray as xr
 
 from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
+from riftberg.diagnostics.dates import minute
 from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
@@ -132,12 +133,12 @@ def _paragraph(b: Breakup) -> str:
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
     text = [
-        f"{_when(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
+        f"{minute(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
         f"{where}.",
-        f"{b.bonds} bonds failed from {_when(b.first_break)} on, the first at {_place(first.lat, first.lon)}"
+        f"{b.bonds} bonds failed from {minute(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
-        f"Across the cut of {load.cut_km:.1f} km the load at {_when(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
+        f"Across the cut of {load.cut_km:.1f} km the load at {minute(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
         + _share_words(b.causes)
         + ".",
     ]
@@ -211,11 +212,7 @@ def _share_words(causes: Sequence[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {value / 1e3:+.1f} kPa" for name, value in causes if abs(value) >= 0.02 * large)
 
 
-def _when(text: str) -> str:
-    return text.replace("T", " ")[:16]
-
-
-def _place(lat: float, lon: float) -> str:
+def _place_text(lat: float, lon: float) -> str:
     if abs(lat) > 90.0 or abs(lon) > 360.0:
         return f"x {lon / 1e3:.1f} km, y {lat / 1e3:.1f} km"
     lon = (lon + 180.0) % 360.0 - 180.0

@@ -18,7 +18,7 @@ SHAPES = ("outline", "mask", "rectangle", "lattice")
 """Ways to give the shape of a berg."""
 
 
-class Outline(Section):
+class OutlineFile(Section):
     """Shape from a polygon."""
 
     file: str = key(..., "", "GeoJSON, shapefile, CSV (lon, lat) or KML")
@@ -104,7 +104,7 @@ class Strength(Section):
 class Berg(Section):
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
-    outline: Outline | None = None
+    outline: OutlineFile | None = None
     mask: Mask | None = None
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None

@@ -321,16 +321,16 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> 
     """Build the berg of an experiment, with its rifts and the strengths of its bonds."""
     berg = _whole_berg(experiment, parameters, folder)
     for index, rift in enumerate(experiment.berg.rifts):
-        with _named(f"berg.rifts.{index}"):
+        with _key_named(f"berg.rifts.{index}"):
             berg = _with_rift(berg, rift, folder)
     if experiment.berg.strength is not None:
-        with _named("berg.strength"):
+        with _key_named("berg.strength"):
             berg = _with_strength(berg, experiment.berg.strength, folder)
     return berg
 
 
 @contextmanager
-def _named(key: str) -> Iterator[None]:
+def _key_named(key: str) -> Iterator[None]:
     """Name the key of the file in errors about what it holds."""
     try:
         yield

@@ -59,7 +59,7 @@ class Version:
         return bool(self.modified and other.modified and self.modified != other.modified)
 
 
-class Part:
+class PartFile:
     """An unfinished file and its record.
 
     Parameters

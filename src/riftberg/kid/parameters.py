@@ -108,10 +108,10 @@ def _check_scheme(group: NamelistGroup) -> None:
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     return {
         "ice": {"density": group.number("rho_bergs")},
-        "drag": _drag(group),
+        "drag": _drag_parameters(group),
         "grounding": _grounding(group),
         "contact": _contact(group),
-        "bonds": _bonds(group),
+        "bonds": _bond_parameters(group),
         "fracture": _fracture(group),
         "stepping": _stepping(group, dt),
         "earth": _earth(group),
@@ -119,7 +119,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     }
 
 
-def _drag(group: NamelistGroup) -> dict[str, Any]:
+def _drag_parameters(group: NamelistGroup) -> dict[str, Any]:
     return {
         "ocean_scale": group.number("ocean_drag_scale"),
         "sides_by_bonds": group.flag("internal_bergs_for_drag"),
@@ -154,7 +154,7 @@ def _contact(group: NamelistGroup) -> dict[str, Any]:
     }
 
 
-def _bonds(group: NamelistGroup) -> dict[str, Any]:
+def _bond_parameters(group: NamelistGroup) -> dict[str, Any]:
     return {
         "law": bond_law(group),
         "packing": "hexagonal" if group.flag("hexagonal_icebergs") else "square",

@@ -226,7 +226,7 @@ class TrajectoryRecorder(_Sampler):
         e = model.elements
         rows = np.flatnonzero(recorded(e, self.group, self.origin, model.parameters.ice.density, date.year))
         found: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
-        found.update(_stamp(date, len(rows)))
+        found.update(_stamp_of_file(date, len(rows)))
         found["id_cnt"], found["id_ij"] = split_id(e.id[rows])
         for name in ("start_mass", "mass_of_bits", "heat_density"):
             found[name] = getattr(self.origin, name)[rows]
@@ -244,7 +244,7 @@ class TrajectoryRecorder(_Sampler):
             model.elements.depth[:] = depth
 
 
-def _stamp(date: Date, size: int) -> dict[str, NDArray[Any]]:
+def _stamp_of_file(date: Date, size: int) -> dict[str, NDArray[Any]]:
     return {"year": np.full(size, date.year), "day": np.full(size, date.year_day())}
 
 
@@ -297,4 +297,4 @@ class BondRecorder(_Sampler):
         found["lon"], found["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
         for k, rows in ((1, a), (2, b)):
             found[f"id_cnt{k}"], found[f"id_ij{k}"] = split_id(e.id[rows])
-        return {**found, **_stamp(date, len(a))}
+        return {**found, **_stamp_of_file(date, len(a))}

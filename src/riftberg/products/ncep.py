@@ -16,19 +16,19 @@ _WINDS = (Source("ua", ("uwnd",), "m/s"), Source("va", ("vwnd",), "m/s"))
 _HEADINGS = ("title", "dataset", "dataset_title", "description", "source", "References")
 
 
-def _told(ds: xr.Dataset) -> str:
+def _stated_here(ds: xr.Dataset) -> str:
     variables = " ".join(str(variable.attrs.get("dataset", "")) for variable in ds.variables.values()).lower()
     return f"{text_of(ds, *_HEADINGS)} {variables}"
 
 
 def _matches_r2(ds: xr.Dataset) -> bool:
-    told = _told(ds)
+    told = _stated_here(ds)
     named = any(word in told for word in ("reanalysis-2", "reanalysis 2", "ncep/doe", "reanalysis2"))
     return named or (("uwnd" in ds.variables or "vwnd" in ds.variables) and ds.sizes.get("level", 0) == 1)
 
 
 def _matches_r1(ds: xr.Dataset) -> bool:
-    told = _told(ds)
+    told = _stated_here(ds)
     named = any(word in told for word in ("nmc reanalysis", "ncep reanalysis", "ncep/ncar"))
     winds = bool({"uwnd", "vwnd"} & set(ds.variables)) and {"lat", "lon"} <= set(ds.dims)
     return (named or winds) and not _matches_r2(ds)

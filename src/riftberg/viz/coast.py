@@ -58,7 +58,7 @@ def draw_coast(ax: Axes, box: Box, *, latlon: bool = True, zorder: float = 3.6) 
         return False
     areas, lines = coast_in(box)
     for colour in (LAND, SHELF):
-        paths = [_path(polygon) for polygon, shown in areas if shown == colour]
+        paths = [_polygon_path(polygon) for polygon, shown in areas if shown == colour]
         # The extent of the map is that of the run, not of the continent.
         ax.add_collection(PathCollection(paths, facecolors=colour, edgecolors="none", zorder=zorder), autolim=False)
     shore = LineCollection(
@@ -160,7 +160,7 @@ def _clipped(path: Path | None, box: Box) -> list[Any]:
     return found
 
 
-def _path(polygon: Any) -> Any:
+def _polygon_path(polygon: Any) -> Any:
     """Return a polygon with its holes as a path of matplotlib."""
     from matplotlib.path import Path as Curve
 

@@ -77,12 +77,12 @@ def draw_map(
 def _title(run: xr.Dataset, title: str) -> str:
     """Title that says which run and which currents these are."""
     first = title or str(run.attrs.get("experiment") or "Iceberg drift")
-    begin, end = (_day(run["time"].values[k], year=True) for k in (0, -1))
+    begin, end = (_day_label(run["time"].values[k], year=True) for k in (0, -1))
     second = str(run.attrs.get("forcing_title", "")).strip()
     return f"{first}, {begin} to {end}" + (f"\nForcing: {second}" if second else "")
 
 
-def _day(moment: np.datetime64, *, year: bool = False, hour: bool = False) -> str:
+def _day_label(moment: np.datetime64, *, year: bool = False, hour: bool = False) -> str:
     when = moment.astype("datetime64[s]").item()
     text = f"{when.day} {when:%b}" + (f" {when.year}" if year else "")
     return text + (f" {when:%H:%M}" if hour else "")
@@ -214,7 +214,7 @@ class _MapFigure:
         for ring in self.observed.get(str(self.scene.times[record])[:10], ()):
             ax.plot(ring[:, 0], ring[:, 1], color="black", lw=1.1, zorder=7)
         self._bar(ax, box, 0.3)
-        ax.set_title(_day(self.scene.times[record], hour=True), fontsize=10, pad=4)
+        ax.set_title(_day_label(self.scene.times[record], hour=True), fontsize=10, pad=4)
 
     def _overview(self, ax: Axes, records: list[int]) -> None:
         """Draw tracks, first and last position, break-ups and the sea floor."""
@@ -251,9 +251,9 @@ class _MapFigure:
         ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
         for place in places:
             labels.avoid(*place)
-        days = [_day(self.scene.times[record]) for record in records]
+        days = [_day_label(self.scene.times[record]) for record in records]
         for record, place, day in zip(records, places, days, strict=True):
-            text = day if days.count(day) == 1 else _day(self.scene.times[record], hour=True)
+            text = day if days.count(day) == 1 else _day_label(self.scene.times[record], hour=True)
             labels.put(text, *place, fontsize=9, fontweight="bold")
 
     def _draw_breakups(self, ax: Axes, labels: style.Labels) -> None:
@@ -292,7 +292,9 @@ class _MapFigure:
         birth = self.scene.birth(number)
         if birth is None:
             return f"berg {number}: {area} at the end"
-        return f"fragment {number}: {area}, off on {_day(birth[0], hour=True)}" + (", aground" if birth[1] else "")
+        return f"fragment {number}: {area}, off on {_day_label(birth[0], hour=True)}" + (
+            ", aground" if birth[1] else ""
+        )
 
     def _speed_bar(self) -> None:
         """Draw the scale of the current speeds below the panels."""

@@ -20,7 +20,7 @@ import xarray as xr
 
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
-from riftberg.runs.background import StoredWater, bilinear, stored_water
+from riftberg.runs.background import StoredWater, on_even_grid, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.version import __version__
@@ -292,7 +292,7 @@ class ReplayContent:
         """Return rings around places that the keel touches, from the finest mesh there is."""
         assert self.water is not None
         xs, ys, _, _, lon, lat = self._mesh(max(self.water.floor.shape))
-        depth = bilinear(self.water.floor_x, self.water.floor_y, self.water.floor, lon, lat)
+        depth = on_even_grid(self.water.floor_x, self.water.floor_y, self.water.floor, lon, lat)
         # Outside of the box it is deep, so that rings close at its edge.
         depth = np.pad(np.where(np.isfinite(depth), depth, 1e5), 1, constant_values=1e5)
         dx, dy = xs[1] - xs[0], ys[1] - ys[0]
