@@ -157,7 +157,7 @@ def _write_header(file: netCDF4.Dataset, model: Model) -> None:
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
-    file.createDimension(dim, len(arrays[0]))
+    file.createDimension(dim, len(next(iter(arrays.arrays().values()))))
     for v in variables:
         if v.restart:
             # No compression and no fill value: the bytes of the arrays, as they are.
