@@ -303,7 +303,7 @@ class ReplayContent:
         """Return meridians and parallels as lines on the plane."""
         if not self.scene.latlon:
             return []
-        box = self.scene.box().grown(0.8)
+        box = self.scene.grown(self.scene.box(), 0.8)
         lines = []
         step_x, step_y = nice_step((box.east - box.west) / 6.0), nice_step((box.north - box.south) / 6.0)
         south, north = max(box.south, -90.0), min(box.north, 90.0)

@@ -13,7 +13,7 @@ from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.plots import new_figure
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

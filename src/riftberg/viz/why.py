@@ -11,7 +11,7 @@ import numpy as np
 from riftberg.diagnostics.breakup import Breakup, Reasons
 from riftberg.diagnostics.dates import minute
 from riftberg.diagnostics.forces import FORCES
-from riftberg.viz.plots import new_figure
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
