@@ -121,19 +121,19 @@ def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
 def numbers(values: Any, size: int, what: str) -> Floats:
     """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
     try:
-        given = np.asarray(values, dtype=np.float64)
+        array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BergError(
             f"{what} {values!r} is no number"[:200], remedy=f"Give one number, {size} numbers, or a map"
         ) from error
-    if given.size == 1:
-        return given.reshape(())
-    if given.shape != (size,):
+    if array.size == 1:
+        return array.reshape(())
+    if array.shape != (size,):
         raise BergError(
-            f"{what} of shape {given.shape}",
+            f"{what} of shape {array.shape}",
             remedy=f"Give one number, {size} numbers (one each), or a map with longitude and latitude",
         )
-    return given
+    return array
 
 
 def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:

@@ -44,8 +44,8 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
         If the file is missing, of an unknown kind or holds no geometry.
     """
     where = str(source) if isinstance(source, str | Path) else type(source).__name__
-    features, found = _read(source, lines)
-    crs = crs or found
+    features, own_crs = _read(source, lines)
+    crs = crs or own_crs
     if crs and not any(name in crs for name in _WGS84):
         features = [Feature(_to_lonlat(f.geometry, crs, where), f.properties) for f in features]
     if not features:

@@ -36,8 +36,8 @@ def outline_region(geometry: Any, plane: FillingPlane) -> Region:
 
 def ice_cells(mask: Raster, threshold: float) -> Booleans:
     """Return the cells whose values are above a threshold."""
-    found: Booleans = np.nan_to_num(mask.values) > threshold
-    return found
+    above: Booleans = np.nan_to_num(mask.values) > threshold
+    return above
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class IceMask:
     @property
     def there(self) -> Booleans:
         """Cells of ice."""
-        found: Booleans = self.fraction.values > self.level
-        return found
+        above: Booleans = self.fraction.values > self.level
+        return above
 
     def pieces(self) -> Floats:
         """Return the numbers (from 1) of the separate pieces of ice, NaN without ice.
@@ -125,8 +125,8 @@ def mask_region(
     area = float((mask.values * cell).sum()) * _square_degree(plane, centroid)
 
     def inside(x: Floats, y: Floats) -> Booleans:
-        found: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > ice.level
-        return found
+        ice_there: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > ice.level
+        return ice_there
 
     numbers = ice.pieces()
     numbered = replace(mask, values=numbers)

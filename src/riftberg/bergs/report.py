@@ -34,8 +34,8 @@ def describe(berg: BondedBerg) -> str:
     lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
     count = int(e.berg.max())
     drawn = berg.report.get("outline_pieces", count)
-    told = f" (the outline has {drawn})" if drawn != count else ""
-    lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{told}")
+    drawn_text = f" (the outline has {drawn})" if drawn != count else ""
+    lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{drawn_text}")
     lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
     return "\n".join(lines)
 

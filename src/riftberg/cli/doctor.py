@@ -89,18 +89,18 @@ def _asked(name: str) -> Asked:
         from riftberg.ocean.files_schema import FileForcing
 
         experiment, _, _ = read_file(Path(name))
-        given = experiment.forcing
-        if not isinstance(given, FileForcing):
+        forcing = experiment.forcing
+        if not isinstance(forcing, FileForcing):
             raise InputError(
-                f"its forcing is of kind {given.kind!r}", where=f"--for {name}", remedy="It needs no files"
+                f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
             )
         end = experiment.start + timedelta(days=experiment.days)
-        products = {str(Path(name).parent / entry.file): entry.product for entry in given.entries}
-        left_out = {"ssh"} if given.sea_level == "none" else set()
-        left_out |= {"ua", "va"} if given.wind == "none" else set()
-        max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (given.max_gap, given.hold))
+        products = {str(Path(name).parent / entry.file): entry.product for entry in forcing.entries}
+        left_out = {"ssh"} if forcing.sea_level == "none" else set()
+        left_out |= {"ua", "va"} if forcing.wind == "none" else set()
+        max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Asked(
-            given.longitude, given.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
+            forcing.longitude, forcing.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
     return _asked_a68a(name)

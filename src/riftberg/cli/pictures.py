@@ -34,10 +34,10 @@ Dates = Annotated[
 ]
 
 
-def beside(run: Path, given: Path | None, name: str) -> Path:
+def beside(run: Path, wished: Path | None, name: str) -> Path:
     """Return where a picture goes: where it was asked for, else beside the run."""
     folder = run if run.is_dir() else run.parent
-    return given if given is not None else folder / name
+    return wished if wished is not None else folder / name
 
 
 def seen(path: Path | None) -> Observations:
@@ -46,12 +46,12 @@ def seen(path: Path | None) -> Observations:
 
     if path is None:
         return Observations("")
-    found = read_observed(path)
-    if not found.outlines:
+    observations = read_observed(path)
+    if not observations.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"
         )
-    return found
+    return observations
 
 
 def outlines(path: Path | None) -> dict[str, list[Any]]:
@@ -71,10 +71,10 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
 
     start = run["time"].values[0]
     hour = start - start.astype("datetime64[D]")
-    found = []
+    days = []
     for text in dates or ():
         when, day_only = parse_date(text, where="--date")
         timed = sorted(o.when for o in observed.outlines if not o.day_only and o.when.date() == when.date())
         moment = np.datetime64((timed[0] if day_only and timed else when).isoformat())
-        found.append(moment + hour if day_only and not timed else moment)
-    return found
+        days.append(moment + hour if day_only and not timed else moment)
+    return days

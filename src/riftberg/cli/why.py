@@ -99,17 +99,17 @@ def add_controls(
             control.close()
 
 
-def _experiment(given: str) -> tuple[str, tuple[str, ...]]:
+def _experiment(name: str) -> tuple[str, tuple[str, ...]]:
     """Return the experiment as `riftberg.experiments.build` takes it, and its parts; files have none."""
     from riftberg.experiments import find
 
-    if Path(given).is_file():
-        return given, ()
+    if Path(name).is_file():
+        return name, ()
     try:
-        entry = find(given)
+        entry = find(name)
     except InputError as error:
         raise InputError(
-            f"{given!r} is no built-in experiment",
+            f"{name!r} is no built-in experiment",
             where="--controls",
             remedy="Name the YAML file of the run by --experiment FILE",
         ) from error

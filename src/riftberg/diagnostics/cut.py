@@ -74,12 +74,12 @@ class Cut:
 
     def breakup(self) -> Breakup | None:
         """Return the reasons; None where the records are too few to tell."""
-        found = members_at_birth(self.scene, self.row)
+        members = members_at_birth(self.scene, self.row)
         before = int(np.searchsorted(self.scene.times, self.birth)) - 1
-        if found is None or before < 0:
+        if members is None or before < 0:
             return None
         self.inside = np.zeros(self.run.sizes["trajectory"], bool)
-        self.inside[found[0]] = True
+        self.inside[members[0]] = True
         first, second = self.run["first"].values, self.run["second"].values
         rest = ~self.inside & (self.scene.berg[before] == self.parent)
         across = (self.inside[first] & rest[second]) | (rest[first] & self.inside[second])

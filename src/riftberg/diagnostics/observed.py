@@ -252,12 +252,12 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
 
 def _sensor_columns(row: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Return columns of latitude, longitude and flag of the sensors in a table."""
-    found = []
+    columns = []
     for sensor in SENSORS:
         for lat, lon, flag in (("_1", "_2", "_3"), ("_lat", "_lon", "_observed")):
             if sensor + lat in row and sensor + lon in row:
-                found.append((sensor + lat, sensor + lon, sensor + flag))
-    return found
+                columns.append((sensor + lat, sensor + lon, sensor + flag))
+    return columns
 
 
 def _best_sensor(

@@ -125,11 +125,11 @@ def _check_against_grid(path: Path, grid: Grid) -> None:
         for name, right in there.items():
             if name not in dataset.variables or dataset[name].shape != right.shape:
                 continue
-            given = np.asarray(dataset[name][:], np.float64)
-            away = float(np.abs((given - right + 180.0) % 360.0 - 180.0).max())
+            stored = np.asarray(dataset[name][:], np.float64)
+            away = float(np.abs((stored - right + 180.0) % 360.0 - 180.0).max())
             if not away <= AWAY:
                 raise ForcingError(
-                    f"its {name} runs from {given[0]:g} to {given[-1]:g}, {away:g} degrees away from the grid's",
+                    f"its {name} runs from {stored[0]:g} to {stored[-1]:g}, {away:g} degrees away from the grid's",
                     where=str(path),
                     remedy=f"It must lie on the grid of {GRID}; {REMEDY}",
                 )

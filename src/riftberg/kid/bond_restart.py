@@ -142,13 +142,13 @@ def directed(bonds: Bonds, dem: bool) -> dict[str, NDArray[Any]]:
     """
     listed = bonds.status != GONE
     a, b = bonds.first[listed], bonds.second[listed]
-    found: dict[str, NDArray[Any]] = {"first": np.concatenate([a, b]), "other": np.concatenate([b, a])}
+    columns: dict[str, NDArray[Any]] = {"first": np.concatenate([a, b]), "other": np.concatenate([b, a])}
     if dem:
         for name, field in DEM_FIELDS.items():
             values = getattr(bonds, field)[listed]
-            found[name] = np.concatenate([values, -values if name in _MIRRORED else values])
-        found["broken"] = np.tile(bonds.status[listed], 2)
-    return found
+            columns[name] = np.concatenate([values, -values if name in _MIRRORED else values])
+        columns["broken"] = np.tile(bonds.status[listed], 2)
+    return columns
 
 
 def write_bonds(path: Path, elements: Elements, bonds: Bonds, grid: Grid, *, dem: bool) -> None:

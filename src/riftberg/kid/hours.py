@@ -60,9 +60,9 @@ class HourlyFile:
             self._block = min(_block_length(dataset.variables[name]) for name in self.names)
         self.count = min(shape[0] for shape in shapes.values())
         if any(shape[0] != self.count for shape in shapes.values()):
-            told = ", ".join(f"{name} {shape[0]}" for name, shape in shapes.items())
+            sizes = ", ".join(f"{name} {shape[0]}" for name, shape in shapes.items())
             raise ForcingError(
-                f"its variables have different numbers of records ({told})",
+                f"its variables have different numbers of records ({sizes})",
                 where=str(path),
                 remedy="Give all of them over the same hours",
             )

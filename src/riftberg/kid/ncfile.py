@@ -57,16 +57,16 @@ def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
 def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
     """Return the size of a dimension."""
     if name not in dataset.dimensions:
-        found = ", ".join(dataset.dimensions) or "none"
-        raise InputError(f"no dimension '{name}' (found: {found})", where=str(path), remedy="KID files have it")
+        present = ", ".join(dataset.dimensions) or "none"
+        raise InputError(f"no dimension '{name}' (found: {present})", where=str(path), remedy="KID files have it")
     return len(dataset.dimensions[name])
 
 
 def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
     """Return the shape of a variable that must be there."""
     if name not in dataset.variables:
-        found = ", ".join(sorted(dataset.variables))
-        raise InputError(f"no variable '{name}' (found: {found})", where=str(path), remedy=f"Add '{name}'")
+        present = ", ".join(sorted(dataset.variables))
+        raise InputError(f"no variable '{name}' (found: {present})", where=str(path), remedy=f"Add '{name}'")
     return tuple(dataset.variables[name].shape)
 
 

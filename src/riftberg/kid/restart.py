@@ -206,12 +206,14 @@ def _check_unique(elements: Elements, path: Path) -> None:
 
 def _columns(elements: Elements, origin: Origin, grid: Grid) -> dict[str, NDArray[Any]]:
     """Return all variables by KID's names."""
-    found: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
-    found.update(origin._asdict())
-    found["ine"], found["jne"] = cell_indices(elements, grid)
-    found["id_cnt"], found["id_ij"] = split_id(elements.id)
-    found["static_berg"] = np.where(elements.static >= 0.5, 1.0, np.where(elements.in_contact != 0, CONTACT_FLAG, 0.0))
-    return found
+    columns: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
+    columns.update(origin._asdict())
+    columns["ine"], columns["jne"] = cell_indices(elements, grid)
+    columns["id_cnt"], columns["id_ij"] = split_id(elements.id)
+    columns["static_berg"] = np.where(
+        elements.static >= 0.5, 1.0, np.where(elements.in_contact != 0, CONTACT_FLAG, 0.0)
+    )
+    return columns
 
 
 _BASE: Final = (

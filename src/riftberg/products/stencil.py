@@ -133,9 +133,9 @@ class Stencil:
             column = column % columns if self.periodic else column
             valid = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
             wanted, target, row, column = wanted[valid], target[valid], row[valid], column[valid]
-            found = flat[wanted, row * columns + column]
-            known = np.isfinite(found)
-            values[wanted[known], target[known]] = found[known]
+            nearest_values = flat[wanted, row * columns + column]
+            known = np.isfinite(nearest_values)
+            values[wanted[known], target[known]] = nearest_values[known]
             origin[wanted[known], target[known]] = NEAREST
 
     def _flat(self, field: Floats) -> Floats:
