@@ -30,6 +30,7 @@ from riftberg.viz.panels import (
     stress_map,
     widened,
 )
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +94,7 @@ def draw_dates(
     rows = math.ceil(count / columns)
     # The legend takes a line for each column's width of fragments.
     entries = math.ceil((len(fragment_colours(scene)) + bool(shown)) / columns)
-    figure = style.new_figure(4.1 * columns + 0.6, 4.3 * rows + 1.8 + 0.17 * entries, dpi)
+    figure = new_figure(4.1 * columns + 0.6, 4.3 * rows + 1.8 + 0.17 * entries, dpi)
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
     boxes = common_boxes(scene, records)
     panels = [Panel(ax, scene, box, water) for ax, box in zip(places[bool(shown) :], boxes, strict=True)]
@@ -244,7 +245,7 @@ def _bond_maps(
     """Draw the bonds at each record in the colour of their values, with a scale below; ``beyond`` marks its upper end as open."""
     from matplotlib.cm import ScalarMappable
 
-    figure = style.new_figure(5.2 * len(values) + 0.8, 6.3, dpi)
+    figure = new_figure(5.2 * len(values) + 0.8, 6.3, dpi)
     boxes = common_boxes(scene, list(values), margin=0.05)
     for k, (record, box) in enumerate(zip(values, boxes, strict=True)):
         panel = Panel(figure.add_subplot(1, len(values), k + 1), scene, box)
@@ -284,7 +285,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     dpi : int, optional
     """
     scene = Scene(run)
-    figure = style.new_figure(11.0, 7.4, dpi)
+    figure = new_figure(11.0, 7.4, dpi)
     upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.0))
     _areas(upper, scene)
     _peak_stress(middle, scene)
