@@ -34,13 +34,13 @@ def plot(
     for name in kind or ():
         if name not in KINDS:
             raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
-    found = seen(observed)
-    shown = found.rings_by_day()
+    observations = seen(observed)
+    shown = observations.rings_by_day()
     with (
         open_run(run) as dataset,
         results_folder(folder_beside(run, output), [f"{name}.png" for name in KINDS]) as folder,
     ):
-        when = moments(date, dataset, found)
+        when = moments(date, dataset, observations)
         kinds = kind or [name for name in KINDS if name != "damage" or "damage" in dataset]
         if "dates" in kinds:
             typer.echo(draw_dates(dataset, folder / "dates.png", dates=when, observed=shown, dpi=dpi))

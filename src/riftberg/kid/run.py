@@ -15,7 +15,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.input_files import is_folder
 from riftberg.kid.bond_restart import read_bonds, write_bonds
 from riftberg.kid.checks import check_bits, check_calving_store, check_distances, check_rolling, order_sides
-from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_forcing, build_grid
+from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
 from riftberg.kid.restart import Origin, read_restart, write_restart
@@ -107,13 +107,13 @@ def load_case(case_dir: Path) -> KidCase:
     parameters = to_parameters(namelist)
     clock = build_clock(namelist)
     grid = build_grid(namelist, folder)
-    forcing = build_forcing(namelist, grid, folder, clock)
+    forcing = driver_forcing(namelist, grid, folder, clock)
     restarts = folder / namelist.icebergs.text("restart_input_dir")
     elements, origin = read_restart(restarts / RESTART, grid)
     earth = parameters.earth
     check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     notes = _prepare_elements(elements, origin, namelist.icebergs, restarts)
-    bonds = _bonds(elements, namelist.icebergs, parameters, restarts)
+    bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
     check_rolling(elements, namelist.icebergs, breakable=parameters.fracture.enabled)
     origin = _start_beam_test(elements, origin, namelist.icebergs)
     berg = _iceberg(elements, bonds, parameters, restarts / RESTART)
@@ -128,7 +128,7 @@ def _prepare_elements(elements: Elements, origin: Origin, group: NamelistGroup, 
     return [f"length and width exchanged in {turned} elements, as KID does in its first step"] if turned else []
 
 
-def _bonds(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
+def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
     """Form the bonds by rule or read them, as the namelist says; none if bonds are off."""
     if not group.flag("iceberg_bonds_on"):
         none: Ints = np.zeros(0, dtype=np.int64)

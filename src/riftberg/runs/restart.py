@@ -128,7 +128,7 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
         If the file is missing, damaged, not a restart file of Riftberg, of a newer layout, or holds an impossible state.
     """
     path = Path(path)
-    with _open(path) as file, reading(path, "a damaged restart file", _REMEDY):
+    with _open_restart(path) as file, reading(path, "a damaged restart file", _REMEDY):
         file.set_auto_mask(False)
         _check_header(file, path)
         state = RestartState(
@@ -208,7 +208,7 @@ def _to_disk(path: Path) -> None:
         os.fsync(handle.fileno())
 
 
-def _open(path: Path) -> netCDF4.Dataset:
+def _open_restart(path: Path) -> netCDF4.Dataset:
     check_file(path, remedy=_REMEDY)
     with reading(path, "not readable as NetCDF-4", _REMEDY):
         return netCDF4.Dataset(path)
@@ -232,18 +232,20 @@ def _check_header(file: netCDF4.Dataset, path: Path) -> None:
 
 def _read_elements(file: netCDF4.Dataset, path: Path) -> Elements:
     elements = new_elements(file.dimensions["element"].size)
-    _fill(file, "element", ELEMENT_VARIABLES, elements, path)
+    _fill_arrays(file, "element", ELEMENT_VARIABLES, elements, path)
     return elements
 
 
 def _read_bonds(file: netCDF4.Dataset, path: Path) -> Bonds:
     empty = np.zeros(file.dimensions["bond"].size, dtype="i8")
     bonds = new_bonds(empty, empty)
-    _fill(file, "bond", BOND_VARIABLES, bonds, path)
+    _fill_arrays(file, "bond", BOND_VARIABLES, bonds, path)
     return bonds
 
 
-def _fill(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds, path: Path) -> None:
+def _fill_arrays(
+    file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds, path: Path
+) -> None:
     for v in variables:
         if v.restart:
             name = f"{dim}_{v.name}"
