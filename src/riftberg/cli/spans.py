@@ -12,7 +12,7 @@ def positive(value: float | None, option: str, unit: str, most: float = math.inf
     """Refuse an option that is no finite number above 0."""
     if value is not None and not (0.0 < value <= most and math.isfinite(value)):
         to = f", at most {most:g}" if math.isfinite(most) else ""
-        raise InputError(f"{value:g} {unit}", where=option, remedy=f"Give a finite number above 0{to}")
+        raise InputError(f"{value:g} {unit}", where=option, remedy=f"Give a number above 0{to or ', not infinity'}")
 
 
 def within(value: float | None, option: str, low: float, high: float) -> None:
