@@ -1,0 +1,207 @@
+"""What the machine refuses: memory, room on the disk, rights, a home, a whole cache, a folder to oneself."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections import namedtuple
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from riftberg.cli.main import app
+from riftberg.cli.output import LOCK, check_folder, check_output, results_folder
+from riftberg.errors import InputError
+from riftberg.limits import MOST_ELEMENTS, allow_large, check_elements, check_work
+from riftberg.runs.run_file import RunWriter
+
+EXPERIMENT = """\
+start: 2020-12-09 13:00
+days: 0.0625
+berg:
+  rectangle: {length: 9 km, width: 6 km}
+  placement: [-39.0, -55.5]
+forcing: {kind: constant, current: [0.2, 0.0]}
+"""
+KERNEL = """\
+from riftberg.kernels import cache_folder, kernel
+
+@kernel
+def doubled(x):
+    return 2.0 * x
+
+print(doubled(21.0), cache_folder())
+"""
+
+
+def riftberg(
+    folder: Path, *arguments: str, limit: Callable[[], None] | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own."""
+    (folder / "berg.yaml").write_text(EXPERIMENT)
+    return subprocess.run(
+        [sys.executable, "-m", "riftberg", *arguments], cwd=folder, capture_output=True, text=True, timeout=500,
+        preexec_fn=limit, env={**os.environ, "MPLBACKEND": "Agg", **environment}, check=False,
+    )  # fmt: skip
+
+
+def refused(result: subprocess.CompletedProcess[str], *words: str) -> None:
+    """Assert that a process ended with one sentence."""
+    assert result.returncode == 2, result.stderr
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+def test_files_may_not_grow(tmp_path: Path) -> None:
+    """Like ``ulimit -f``: HDF5 answers with a RuntimeError, which once came through as a traceback."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    result = riftberg(tmp_path, "run", "berg.yaml", "-o", "out", "-q", "--no-map", limit=limit)
+    refused(result, "Error", "out")
+
+
+def test_memory_may_not_grow(tmp_path: Path) -> None:
+    """Like ``ulimit -v``: a berg of a hundred million elements that was allowed."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, 4 * 2**30))
+
+    (tmp_path / "large.yaml").write_text(EXPERIMENT.replace("placement:", "radius: 0.3\n  placement:"))
+    result = riftberg(tmp_path, "run", "large.yaml", "-o", "out", "-q", "--allow-large", limit=limit)
+    refused(result, "memory", "radius")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("key", "value"), [("radius", "1 mm"), ("thickness", "1e-12")])
+def test_too_much_is_refused_before_any_work(tmp_path: Path, key: str, value: str) -> None:
+    (tmp_path / "bad.yaml").write_text(EXPERIMENT.replace("placement:", f"{key}: {value}\n  placement:"))
+    result = CliRunner().invoke(app, ["run", str(tmp_path / "bad.yaml"), "-o", str(tmp_path / "out"), "-q"])
+    assert result.exit_code == 2
+    assert "this asks for" in result.stderr or "stable" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_limits_can_be_lifted() -> None:
+    with pytest.raises(
+        InputError, match=r"this asks for 2000000 elements, about 5 GB; the most is 1000000.*--allow-large"
+    ):
+        check_elements(2 * MOST_ELEMENTS)
+    with pytest.raises(InputError, match="long steps"):
+        check_work(1e9, 10, 10, where="test")
+    with pytest.raises(InputError, match="days of computing"):
+        check_work(1e6, 10_000, 10_000, where="test")
+    with allow_large():
+        check_elements(2 * MOST_ELEMENTS)
+    with pytest.raises(InputError):
+        check_elements(2 * MOST_ELEMENTS)
+
+
+def cached(folder: Path, **environment: str) -> list[str]:
+    """Call a small kernel in a process of its own; returns its result and the folder of its code."""
+    (folder / "small.py").write_text(KERNEL)
+    kept = {k: v for k, v in os.environ.items() if k not in ("HOME", "RIFTBERG_CACHE", "XDG_CACHE_HOME")}
+    result = subprocess.run(
+        [sys.executable, str(folder / "small.py")], capture_output=True, text=True, env={**kept, **environment},
+        timeout=300, check=False, cwd=folder,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    return result.stdout.split()
+
+
+@pytest.mark.parametrize("fault", ["garbage", "cut", "empty", "bit"])
+def test_a_damaged_cache_is_compiled_anew(tmp_path: Path, fault: str) -> None:
+    cache = tmp_path / "cache"
+    assert cached(tmp_path, RIFTBERG_CACHE=str(cache))[0] == "42.0"
+    files = [path for path in cache.rglob("*") if path.suffix in (".nbi", ".nbc")]
+    assert len(files) >= 2
+    for path in files:
+        data = path.read_bytes()
+        middle = len(data) // 2
+        path.write_bytes(
+            {"garbage": b"garbage" * 50, "cut": data[:middle], "empty": b"",
+             "bit": data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]}[fault]
+        )  # fmt: skip
+    assert cached(tmp_path, RIFTBERG_CACHE=str(cache))[0] == "42.0"
+
+
+@pytest.mark.parametrize("place", ["/proc/riftberg", "/dev/null/cache"])
+def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, place: str) -> None:
+    result, folder = cached(tmp_path, RIFTBERG_CACHE=place)
+    assert result == "42.0"
+    assert "riftberg-kernels-" in folder
+    assert not Path(folder).exists()
+
+
+@pytest.mark.parametrize("home", [None, "/nonexistent", "/dev/null"])
+def test_without_a_home(tmp_path: Path, home: str | None) -> None:
+    given = {} if home is None else {"HOME": home}
+    assert cached(tmp_path, XDG_CACHE_HOME="/dev/null", **given)[0] == "42.0"
+    assert not (tmp_path / "~").exists()
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "berg.yaml").write_text(EXPERIMENT)
+    out = tmp_path / "out"
+    out.mkdir()
+    with (out / LOCK).open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(out), "-q", "--no-map"])
+        assert result.exit_code == 2
+        assert "another run is writing into this folder" in result.stderr
+        assert [path.name for path in out.iterdir()] == [LOCK]
+
+
+def test_a_refused_run_leaves_no_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "a" / "b" / "c"
+    with pytest.raises(ValueError), results_folder(folder):
+        raise ValueError
+    assert list(tmp_path.iterdir()) == []
+    with results_folder(folder):
+        (folder / "result").write_text("x")
+    assert [path.name for path in folder.iterdir()] == ["result"]
+    with pytest.raises(ValueError), results_folder(folder):
+        raise ValueError
+    assert folder.is_dir()
+
+
+def test_places_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "run.nc").mkdir()
+    for folder, words in ((tmp_path / "file", "a file, not a folder"), (tmp_path / "file" / "x", "a file, not a folder"),
+                          (Path("/proc/riftberg"), "cannot be written"), (tmp_path, "run.nc is a folder")):  # fmt: skip
+        with pytest.raises(InputError, match=words):
+            check_folder(folder, ["run.nc"])
+    with pytest.raises(InputError, match="a folder, where a file goes"):
+        check_output(tmp_path)
+    with pytest.raises(InputError, match="the output is one of the inputs"):
+        check_output(tmp_path / "file", inputs=[tmp_path / "file"])
+
+
+def test_a_full_disk_is_found_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(10, 10, 1000))
+    with pytest.raises(InputError, match=r"the results take about 2 MB, and 0\.001 MB are free"):
+        check_folder(tmp_path)
+
+
+def test_a_disk_that_fills_in_the_run_is_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: RunWriter, *arguments: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "berg.yaml").write_text(EXPERIMENT)
+    monkeypatch.setattr(RunWriter, "start", full)
+    result = CliRunner().invoke(
+        app, ["run", str(tmp_path / "berg.yaml"), "-o", str(tmp_path / "out"), "-q", "--no-map"]
+    )
+    assert result.exit_code == 2
+    assert "the disk is full" in result.stderr
+    assert not (tmp_path / "out").exists()
