@@ -182,7 +182,7 @@ class Experiment(Section):
     title: str = key("", "", "heading of the map")
     start: Annotated[datetime, AfterValidator(_in_utc)] = key(..., "", "date and time of the start (UTC)")
     days: float = key(..., "day", "length of the run", gt=0)
-    output_every_hours: float = key(1.0, "h", "interval of the records", ge=0)
+    output_every_hours: float = key(1.0, "h", "interval of the records, at least the long step", gt=0)
     berg: Berg
     forcing: Forcing
     parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")
