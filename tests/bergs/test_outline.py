@@ -177,7 +177,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
 def test_missing_extra_is_named(monkeypatch, tmp_path, package, keys):
     import sys
 
-    (tmp_path / "outline.shp").write_bytes(b"")
+    (tmp_path / "outline.shp").write_bytes(b"x")
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(RiftbergError, match=rf"{package} is not installed .*riftberg\[outline\]"):
         read_features(SHELL if keys else tmp_path / "outline.shp", **keys)
