@@ -1,12 +1,10 @@
-"""How far a run is: a bar on a terminal, lines in a log; and the interrupt that lets a step finish."""
+"""How far a run is: a bar on a terminal, lines in a log."""
 
 from __future__ import annotations
 
-import signal
 import sys
 import time as clock
 from datetime import timedelta
-from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
 from riftberg.cli.failures import say
@@ -92,35 +90,3 @@ class ProgressRecorder:
             f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "
             f"{broken} bond{'s' if broken != 1 else ''} broken"
         )
-
-
-class Interrupt:
-    """Recorder that ends a run between two steps after Ctrl-C or a request to terminate.
-
-    A second Ctrl-C ends it at once. Give it last, so that the other recorders have seen the step.
-    """
-
-    def __init__(self) -> None:
-        self.requested = False
-        self._before: dict[int, Any] = {}
-
-    def start(self, model: Model) -> None:
-        """Take over the signals."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._before[number] = signal.signal(number, self._on_signal)
-
-    def record(self, model: Model) -> None:
-        """End the run if this was asked for."""
-        if self.requested:
-            raise KeyboardInterrupt
-
-    def finish(self, model: Model) -> None:
-        """Hand the signals back."""
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
-            raise KeyboardInterrupt
-        self.requested = True
-        say("Stopping after this step; press Ctrl-C again to stop at once.")

@@ -12,6 +12,7 @@ import typer
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
+from riftberg.interrupts import held
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -226,7 +227,7 @@ class Session:
 
     def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
-        from riftberg.cli.progress import Interrupt, ProgressRecorder
+        from riftberg.cli.progress import ProgressRecorder
         from riftberg.diagnostics.summary import Stopwatch
         from riftberg.runs.run_file import RunWriter
         from riftberg.runs.track import DailyTrack
@@ -244,17 +245,13 @@ class Session:
             self.track,
             self.stopwatch,
             ProgressRecorder(remaining, quiet=quiet),
-            Interrupt(),
         ]
         before = self.model.step_number
         if not quiet:
             say(berg_line(self.model))
         try:
-            self.model.advance(remaining, recorders=recorders)
-        except KeyboardInterrupt as error:
-            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
-            self.report(draw=False)
-            raise typer.Exit(EXIT_INTERRUPTED) from error
+            with held():
+                self._advance(remaining, recorders)
         except RiftbergError as error:
             if self.model.step_number == before and not isinstance(error, RunError):
                 raise  # refused before the first step: there is nothing to save
@@ -262,6 +259,14 @@ class Session:
         except Exception:
             say(f"The run failed at {self._date()}. {self._saved('failed')}")
             raise
+
+    def _advance(self, days: float, recorders: list[Recorder]) -> None:
+        try:
+            self.model.advance(days, recorders=recorders)
+        except (KeyboardInterrupt, SystemExit) as error:
+            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
+            self.report(draw=False)
+            raise typer.Exit(getattr(error, "code", EXIT_INTERRUPTED)) from error
 
     def _date(self) -> str:
         return f"{self.model.date:%Y-%m-%d %H:%M} (day {self.model.time / 86400.0:.2f})"

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_lazily
 from riftberg.products.axes import name_axes, tidy_axes
 from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.product import Product
@@ -104,7 +105,7 @@ def _open(path: str, **options: Any) -> xr.Dataset:
     if not remote:
         check_readable(path)
     try:
-        return xr.open_dataset(path, engine="netcdf4", decode_cf=False, **options)
+        return open_lazily(path, decode_cf=False, **options)
     except (OSError, ValueError) as error:
         remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
         raise ForcingError(f"cannot be opened ({error})", where=path, remedy=remedy) from error

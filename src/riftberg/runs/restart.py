@@ -9,7 +9,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -20,6 +21,7 @@ import numpy as np
 
 from riftberg import __version__
 from riftberg.errors import InputError
+from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
@@ -95,7 +97,7 @@ def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = No
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with netCDF4.Dataset(partial, "w") as file:
+        with open_netcdf(partial, "w") as file:
             _write_header(file, model)
             _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
             _write_table(file, "bond", BOND_VARIABLES, model.bonds)
@@ -193,7 +195,13 @@ def _to_disk(path: Path) -> None:
         os.fsync(handle.fileno())
 
 
-def _open(path: Path) -> netCDF4.Dataset:
+@contextmanager
+def _open(path: Path) -> Iterator[netCDF4.Dataset]:
+    with NETCDF, _opened(path) as file:
+        yield file
+
+
+def _opened(path: Path) -> netCDF4.Dataset:
     try:
         return netCDF4.Dataset(path)
     except OSError as error:

@@ -32,6 +32,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
+from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.runs.background import append_background
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
@@ -125,7 +126,7 @@ class RunWriter:
         # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
         self.path.unlink(missing_ok=True)
         self._names = position_names(model.parameters.earth.latlon)
-        with netCDF4.Dataset(self.path, "w") as file:
+        with open_netcdf(self.path, "w") as file:
             _define(file, model, self._names)
             file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
         self.records, self._held, self._next = 0, [], model.time
@@ -160,7 +161,7 @@ class RunWriter:
         copy = self.path.with_name(f".{self.path.name}.part")
         try:
             shutil.copyfile(self.path, copy)
-            with netCDF4.Dataset(copy, "a") as file:
+            with open_netcdf(copy, "a") as file:
                 file.set_auto_mask(False)
                 self._write(file, model)
             os.replace(copy, self.path)
@@ -235,7 +236,7 @@ def open_run(path: str | Path) -> xr.Dataset:
     if not file.exists():
         raise InputError("no such file", where=str(file), remedy="Name run.nc or the folder that 'riftberg run' made")
     try:
-        dataset = xr.open_dataset(file)
+        dataset = open_lazily(file)
     except (OSError, ValueError) as error:
         raise InputError("not a NetCDF file, or a damaged one", where=str(file), remedy="Name a run.nc") from error
     if "trajectory" not in dataset.dims or dataset.attrs.get("featureType") != "trajectory":

@@ -118,7 +118,6 @@ def _slow_and_fast(partners, count):
     return Partners(none, none, partners.collision), Partners(partners.bonded, partners.same_berg, none)
 
 
-@kernel
 def advance(
     el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
     sizes: Sizes, earlier: Ints, plan: StepPlan, p: KernelParameters,
@@ -143,6 +142,15 @@ def advance(
     -------
     StepReport
     """
+    return StepReport(*_advance(el, bonds, rows, pairs, partners, scratch, sizes, earlier, plan, p))
+
+
+@kernel
+def _advance(
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
+    sizes: Sizes, earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
     law = pair_law(p)
     slow, fast = _slow_and_fast(partners, el.u.size)
     sea_floor_rates(el, scratch, sizes, p)
@@ -152,7 +160,7 @@ def advance(
     if not plan.skip_slow:
         passes = closing_half_kick(el, plan.dt, slow, sizes, law, plan.starting, p)
         if passes < 0:
-            return StepReport(0, passes)
+            return 0, passes
         if plan.break_after:
             broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
         opening_half_kick(el, plan.dt, sizes, p)
@@ -181,7 +189,7 @@ def advance(
         else:
             passes = implicit_kick(el, dt, fast, sizes, law, scratch, p)
             if passes < 0:
-                return StepReport(broken, passes)
+                return broken, passes
         show_velocities(el, scratch.active)
         if p.dem:
             spin_up(el, scratch, dt)
@@ -193,4 +201,4 @@ def advance(
     for e in range(el.u.size):
         if el.static[e] < 0.5:
             el.u_pair[e], el.v_pair[e] = el.u[e], el.v[e]
-    return StepReport(broken, passes)
+    return broken, passes

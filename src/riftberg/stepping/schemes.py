@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from riftberg.errors import RunError
+from riftberg.kernels import plain
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.state import Floats, Ints, copy_state
 from riftberg.stepping import runge_kutta, verlet
@@ -188,7 +189,7 @@ class MultipleStepper:
         el, _ = copy_state(model.elements, model.bonds)
         sizes = interaction_sizes(el, c)
         slow = Partners(self._near.none, self._near.none, self._near.collisions(model, sizes))
-        passes = closing_half_kick(el, dt, slow, sizes, pair_law(c), False, c)
+        passes = closing_half_kick(el, dt, slow, sizes, plain(pair_law)(c), False, c)
         return (el.u_sync, el.v_sync) if passes >= 0 else (model.elements.u_sync, model.elements.v_sync)
 
     def _plan(self, model: Model) -> StepPlan:
