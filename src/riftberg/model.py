@@ -67,6 +67,8 @@ class Model:
         Family tree of the fragments.
     substeps : int
         Sub-steps in a long step.
+    remembered : dict of str to array
+        What recorders must know again to go on exactly; it is saved with the state.
 
     Examples
     --------
@@ -97,6 +99,7 @@ class Model:
         self.time = 0.0
         self.step_number = 0
         self.fragments = FragmentTree()
+        self.remembered: dict[str, Floats] = {}
         self._prepare()
         if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = given.earth
@@ -310,7 +313,7 @@ class Model:
         """Write a restart file from which `resume` goes on bit for bit."""
         from riftberg.runs.restart import save
 
-        return save(self, path, extra={"substeps": self.substeps})
+        return save(self, path, extra={"substeps": self.substeps, **self.remembered})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Model:
@@ -331,6 +334,7 @@ class Model:
         model.parameters, model.forcing, model.start = state.parameters, forcing, state.start
         model.time, model.step_number = state.time, state.step_number
         model.fragments = FragmentTree(state.fragment_rows())
+        model.remembered = {name: value for name, value in state.extra.items() if name != "substeps"}
         model._prepare()
         # A number found anew would depend on the bonds broken since.
         model.substeps = int(state.extra.get("substeps", model.substeps))

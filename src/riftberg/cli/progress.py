@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, lines in a log."""
+"""How far a run is: a bar on a terminal, lines in a log; and the interrupt that lets a step finish."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from riftberg.cli.failures import say
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.interrupts import Hold
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -90,3 +91,23 @@ class ProgressRecorder:
             f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "
             f"{broken} bond{'s' if broken != 1 else ''} broken"
         )
+
+
+class Interrupt:
+    """Recorder that ends a run between two steps after Ctrl-C or a request to terminate.
+
+    Give it last, so that the other recorders have seen the step.
+    """
+
+    def __init__(self, hold: Hold) -> None:
+        self.hold = hold
+
+    def start(self, model: Model) -> None:
+        """Do nothing: the signals are held already."""
+
+    def record(self, model: Model) -> None:
+        """End the run if this was asked for."""
+        self.hold.check()
+
+    def finish(self, model: Model) -> None:
+        """Do nothing."""

@@ -80,7 +80,8 @@ def run(
         return
     model, info = _built(experiment, options, resume)
     _tell(info)
-    session = Session(model, info, output_folder(output, info.name), _as_given(experiment, options))
+    given = [*_as_given(experiment, options), *_recording(options, every, map_, quiet)]
+    session = Session(model, info, output_folder(output, info.name), shlex.join(given), output is not None)
     session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
     session.report(draw=map_)
 
@@ -102,7 +103,8 @@ def _run_both(
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         folders[-1].mkdir(parents=True, exist_ok=True)
-        session = Session(model, info, folders[-1], _as_given(experiment, chosen))
+        given = [*_as_given(experiment, chosen), *_recording(options, every, draw, quiet)]
+        session = Session(model, info, folders[-1], shlex.join(given), placed=True)
         hours = info.output_every_hours if every is None else every
         session.run(options.days if options.days is not None else info.days, hours, quiet)
         session.report(draw=draw)
@@ -121,7 +123,15 @@ def _tell(info: Info) -> None:
         say(f"Notice: {notice}")
 
 
-def _as_given(experiment: str, options: Options) -> str:
+def _recording(options: Options, every: float | None, draw: bool, quiet: bool) -> list[str]:
+    """Return the options of length and output, for going on with a run; into a folder of its own, as the files stand."""
+    words = [] if options.days is None else ["--days", f"{options.days!r}"]
+    if every is not None:
+        words += ["--every", f"{every!r}"]
+    return [*words, *([] if draw else ["--no-map"]), *(["--quiet"] if quiet else [])]
+
+
+def _as_given(experiment: str, options: Options) -> list[str]:
     """Return the experiment with the options that its forcing depends on, for going on with a run."""
     words = [experiment, *(word for part in sorted(options.without) for word in ("--without", part))]
     if options.data is not None:
@@ -130,7 +140,7 @@ def _as_given(experiment: str, options: Options) -> str:
         words += ["--grid", str(options.grid)]
     if options.numerics is not None:
         words += ["--numerics", options.numerics]
-    return shlex.join(words)
+    return words + (["--fetch"] if options.fetch else [])
 
 
 def experiments() -> None:
@@ -187,6 +197,14 @@ def output_folder(given: Path | None, name: str, holds: str = "run.nc") -> Path:
     return folder
 
 
+def _beside(folder: Path) -> Path:
+    """Return a folder beside one, that holds nothing yet: the files of the part that was run stay as they are."""
+    number = 2
+    while (found := folder.with_name(f"{folder.name}-{number}")).exists():
+        number += 1
+    return found
+
+
 def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Model, Info]:
     from riftberg.experiments import build
 
@@ -216,18 +234,21 @@ class Session:
         Where the results go.
     experiment : str
         As it was given on the command line, with the options that a run that goes on needs again.
+    placed : bool
+        The folder was given.
     """
 
     model: Model
     info: Info
     folder: Path
     experiment: str
+    placed: bool = False
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
 
     def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
-        from riftberg.cli.progress import ProgressRecorder
+        from riftberg.cli.progress import Interrupt, ProgressRecorder
         from riftberg.diagnostics.summary import Stopwatch
         from riftberg.runs.run_file import RunWriter
         from riftberg.runs.track import DailyTrack
@@ -250,8 +271,10 @@ class Session:
         if not quiet:
             say(berg_line(self.model))
         try:
-            with held():
-                self._advance(remaining, recorders)
+            with held() as hold:
+                self._advance(remaining, [*recorders, Interrupt(hold)])
+        except typer.Exit:
+            raise
         except RiftbergError as error:
             if self.model.step_number == before and not isinstance(error, RunError):
                 raise  # refused before the first step: there is nothing to save
@@ -274,7 +297,8 @@ class Session:
     def _saved(self, why: str) -> str:
         """Save the state and say how to go on."""
         path = self.model.save(self.folder / f"{why}.restart.nc")
-        return f"Go on with: riftberg run {self.experiment} --resume {path}"
+        place = f" --output {shlex.quote(str(_beside(self.folder)))}" if self.placed else ""
+        return f"Go on with: riftberg run {self.experiment}{place} --resume {shlex.quote(str(path))}"
 
     def report(self, *, draw: bool = True) -> None:
         """Write summary and map, and print the summary."""

@@ -18,6 +18,7 @@ from riftberg.errors import InputError
 from riftberg.kid.classic import missing_bytes
 from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.state import Floats, Ints
+from riftberg.whole_files import replacing
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
@@ -165,7 +166,7 @@ def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], s
     counter : bool
         Write the scalar ``i`` with the number of records.
     """
-    with open_netcdf(path, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+    with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
         dataset.setncatts(
             {
                 "file_format_major_version": np.int32(0),

@@ -6,8 +6,6 @@ for looking at; the forces on the elements are recorded with the elements.
 
 from __future__ import annotations
 
-import os
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,6 +16,7 @@ from riftberg import constants
 from riftberg.errors import RiftbergError, RunError
 from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.state import Floats
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -75,16 +74,11 @@ def append_background(path: str | Path, model: Model) -> bool:
         return False  # a picture without water is better than no run
     if not (np.isfinite(np.array(currents)).any() or np.isfinite(depth).any()):
         return False
-    copy = path.with_name(f".{path.name}.part")
     try:
-        shutil.copyfile(path, copy)
-        with open_netcdf(copy, "a") as file:
+        with replacing(path, copy=True) as copy, open_netcdf(copy, "a") as file:
             _write(file.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
-        os.replace(copy, path)
     except OSError as error:
         raise RunError(f"cannot add the background to {path} ({error}); the run itself is complete") from error
-    finally:
-        copy.unlink(missing_ok=True)
     return True
 
 

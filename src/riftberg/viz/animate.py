@@ -20,6 +20,7 @@ from riftberg.state import Floats, Ints
 from riftberg.viz import style
 from riftberg.viz.panels import Panel, Water, day_text, fragment_colours
 from riftberg.viz.plots import fragment_name, heading, new_figure
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -82,7 +83,7 @@ def write_film(
     records = frame_records(scene, hours, fps)
     writer = _gif_writer(film, records, fps) if gif else _mp4_writer(fps)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with writer.saving(film.figure, str(path), dpi=dpi):
+    with replacing(path, ending=True) as part, writer.saving(film.figure, str(part), dpi=dpi):
         for done, record in enumerate(records, start=1):
             film.draw(int(record))
             writer.grab_frame()

@@ -70,7 +70,7 @@ def draw_map(
     figure = Figure(figsize=(15.5, 8.6), dpi=dpi)
     FigureCanvasAgg(figure)
     _MapFigure(figure, scene, forcing, observed or {}).draw(records, _title(run, title))
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 

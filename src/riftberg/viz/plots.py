@@ -121,7 +121,7 @@ def draw_dates(
     figure.suptitle(
         "\n".join(lines), x=0.3 / figure.get_figwidth(), y=1.0 - 0.1 / height, va="top", ha="left", fontsize=12
     )
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 
@@ -221,7 +221,7 @@ def draw_stress(
         f"largest tensile stress of a bond (kPa){text}; dotted: broken", beyond=beyond, dpi=dpi,
     )  # fmt: skip
     figure.suptitle(heading(run, "stress in the bonds"), x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 
@@ -249,7 +249,7 @@ def draw_damage(
     top = max(0.01, *(float(np.nanmax(values, initial=0.0)) for values in shown.values()))
     figure = _bond_maps(scene, shown, damage_map(), root_scale(top), "damage of a bond; dotted: broken", dpi=dpi)
     figure.suptitle(heading(run, "damage of the bonds"), x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 
@@ -323,7 +323,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     _date_axis(lower, scene)
     figure.subplots_adjust(left=0.08, right=0.97, top=0.89, bottom=0.07, hspace=0.1)
     figure.suptitle(heading(run, "fragments"), x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 

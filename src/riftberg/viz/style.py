@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from riftberg.whole_files import replacing
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
 
 FRAGMENT_COLOURS = ("#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#8C510A")
 """Largest fragment first; colours of Okabe and Ito that are told apart with any colour vision, and from blue water."""
@@ -29,6 +33,12 @@ SMALL_COLOUR = "#666666"
 
 GROUND_COLOUR = "#A50026"
 """Sea floor that the keel touches."""
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure into a file that is whole or not there; the ending of its name says the format."""
+    with replacing(path) as part:
+        figure.savefig(part, format=Path(path).suffix.removeprefix(".") or None)
 
 
 def speed_map(steps: int | None = None) -> Colormap:
