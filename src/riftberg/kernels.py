@@ -31,6 +31,8 @@ from numba import njit
 from numba.core import config
 from platformdirs import user_cache_path
 
+from riftberg.kernel_cache import SharedCache
+
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean")
@@ -103,6 +105,8 @@ def _compiled(function: _F, **options: Any) -> _F:
     config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
         compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        # Ours stands in for numba's cache, whose files two processes could mix up.
+        compiled._cache = SharedCache(function)  # type: ignore[attr-defined]
         return compiled
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]

@@ -16,6 +16,7 @@ from riftberg.products.axes import name_axes, tidy_axes
 from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.product import Product
 from riftberg.products.stated import stated_interval
+from riftberg.shared_settings import SETTINGS, own_filters
 
 CHUNK = "16MiB"
 _UNITS_ATTRIBUTES = ("units", "Units", "Unit", "unit")
@@ -85,7 +86,7 @@ def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     if chunked and find_spec("dask") is not None:
         import dask
 
-        with dask.config.set({"array.chunk-size": CHUNK}):
+        with SETTINGS, dask.config.set({"array.chunk-size": CHUNK}):
             ds.close()
             ds = _open(path, chunks="auto", drop_variables=text)
     else:
@@ -112,7 +113,7 @@ def _open(path: str, **options: Any) -> xr.Dataset:
 
 
 def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
-    with warnings.catch_warnings():
+    with own_filters():
         # A store without consolidated metadata opens more slowly, which is no fault of the reader.
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         try:
@@ -139,7 +140,7 @@ def read(path: str, product: Product) -> xr.Dataset:
         Canonical dataset; only the fields that the file holds.
     """
     raw = _without_false_fill(product.mend(open_raw(path)))
-    with warnings.catch_warnings():
+    with own_filters():
         warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)
         # Packing and calendars are xarray's work; only dates that pandas cannot hold come back as cftime objects.
         warnings.filterwarnings("ignore", message="Unable to decode time axis", category=xr.SerializationWarning)
