@@ -41,6 +41,16 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         figure.savefig(part, format=Path(path).suffix.removeprefix(".") or None)
 
 
+def new_figure(width: float, height: float, dpi: int) -> Figure:
+    """Return a figure that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi)
+    FigureCanvasAgg(figure)
+    return figure
+
+
 def speed_map(steps: int | None = None) -> Colormap:
     """Return the colours of current speed: white to a middle blue, light enough for arrows and ice on top.
 
