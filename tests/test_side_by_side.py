@@ -141,15 +141,17 @@ def field_file(path: Path) -> Path:
 
 
 EXPERIMENT = """
-berg: {kind: rectangle, length: 30 km, width: 12 km, thickness: 200 m, centre: [-37, -56]}
 start: 2020-12-09 13:00
 days: 0.5
+berg:
+  rectangle: {length: 18 km, width: 9 km}
+  placement: [-37, -56]
+  thickness: 200 m
 forcing:
   kind: files
   files: [FIELDS]
   longitude: [-38.5, -35.5]
   latitude: [-57, -55]
-  depth: 400 m
 """
 
 

@@ -78,8 +78,10 @@ def run(
         return
     model, info = _built(experiment, options, resume)
     _tell(info)
-    given = [*_as_given(experiment, options), *_recording(options, every, map_, quiet)]
-    session = Session(model, info, output_folder(output, info.name), shlex.join(given), output is not None)
+    given = [*_as_given(experiment, options), *_recording(options, every)]
+    session = Session(
+        model, info, output_folder(output, info.name), shlex.join(given), output is not None, _shown(map_, quiet)
+    )
     session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
     session.report(draw=map_)
 
@@ -101,8 +103,8 @@ def _run_both(
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         folders[-1].mkdir(parents=True, exist_ok=True)
-        given = [*_as_given(experiment, chosen), *_recording(options, every, draw, quiet)]
-        session = Session(model, info, folders[-1], shlex.join(given), placed=True)
+        given = [*_as_given(experiment, chosen), *_recording(options, every)]
+        session = Session(model, info, folders[-1], shlex.join(given), True, _shown(draw, quiet))
         hours = info.output_every_hours if every is None else every
         session.run(options.days if options.days is not None else info.days, hours, quiet)
         session.report(draw=draw)
@@ -121,12 +123,17 @@ def _tell(info: Info) -> None:
         say(f"Notice: {notice}")
 
 
-def _recording(options: Options, every: float | None, draw: bool, quiet: bool) -> list[str]:
-    """Return the options of length and output, for going on with a run; into a folder of its own, as the files stand."""
+def _recording(options: Options, every: float | None) -> list[str]:
+    """Return the options of length and records, for going on with a run."""
     words = [] if options.days is None else ["--days", f"{options.days!r}"]
     if every is not None:
         words += ["--every", f"{every!r}"]
-    return [*words, *([] if draw else ["--no-map"]), *(["--quiet"] if quiet else [])]
+    return words
+
+
+def _shown(draw: bool, quiet: bool) -> str:
+    """Return the options of what is shown, for going on with a run."""
+    return ("" if draw else " --no-map") + (" --quiet" if quiet else "")
 
 
 def _as_given(experiment: str, options: Options) -> list[str]:
@@ -226,6 +233,8 @@ class Session:
         As it was given on the command line, with the options that a run that goes on needs again.
     placed : bool
         The folder was given.
+    shown : str
+        Options of what is shown, as given.
     """
 
     model: Model
@@ -233,6 +242,7 @@ class Session:
     folder: Path
     experiment: str
     placed: bool = False
+    shown: str = ""
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
 
@@ -288,7 +298,7 @@ class Session:
         """Save the state and say how to go on."""
         path = self.model.save(self.folder / f"{why}.restart.nc")
         place = f" --output {shlex.quote(str(_beside(self.folder)))}" if self.placed else ""
-        return f"Go on with: riftberg run {self.experiment}{place} --resume {shlex.quote(str(path))}"
+        return f"Go on with: riftberg run {self.experiment}{place} --resume {shlex.quote(str(path))}{self.shown}"
 
     def report(self, *, draw: bool = True) -> None:
         """Write summary and map, and print the summary."""
