@@ -85,7 +85,7 @@ def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(tmp_path: Path
 def test_stops_lie_between_records_and_peaks_matter_there(tmp_path: Path) -> None:
     """Without what is remembered, the record after a stop between two records lacks the peak from before the stop."""
     part = fresh(LAWS["breaking"])
-    part.advance(steps=5, recorders=[writer(tmp_path / "part.nc", 2.0)])
+    part.advance(steps=7, recorders=[writer(tmp_path / "part.nc", 2.0)])
     file = part.save(tmp_path / "part.restart.nc")
     peaks = []
     for forget in (False, True):
