@@ -204,8 +204,7 @@ class Cut:
 
     def aground(self, record: int) -> NDArray[np.bool_]:
         """Return which elements are aground at a record."""
-        state = self.run[["thickness", "depth"]].isel(time=record)
-        return np.asarray(state["thickness"].values * (self.p.rho_ice / 1025.0) > state["depth"].values)
+        return np.asarray(self.scene.aground([record])[0])
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 
