@@ -176,9 +176,23 @@ def find_surroundings(el: Elements, sizes: Sizes, around: Surroundings, p: Kerne
     Arrays are taken out of the state before the loop: numba counts references at each access to a field of a named
     tuple, which would cost more than the forces.
     """
-    mass, length, width, thickness, bonds = el.mass, el.length, el.width, el.thickness, el.bond_count
-    depth, ice, lat, sx, sy = el.depth, el.ice_thickness, el.lat, el.slope_x, el.slope_y
-    uo, vo, ua, va, ui, vi = el.uo, el.vo, el.ua, el.va, el.ui, el.vi
+    body, environment = el.body, el.environment
+    mass, length, width, thickness, bonds = body.mass, body.length, body.width, body.thickness, body.bond_count
+    depth, ice, lat, sx, sy = (
+        environment.depth,
+        environment.ice_thickness,
+        el.place.lat,
+        environment.slope_x,
+        environment.slope_y,
+    )
+    uo, vo, ua, va, ui, vi = (
+        environment.uo,
+        environment.vo,
+        environment.ua,
+        environment.va,
+        environment.ui,
+        environment.vi,
+    )
     media, coriolis, ground_area, ground_mass = around.media, around.coriolis, sizes.bond_area, sizes.bond_mass
     for e in range(mass.size):
         area, m = (ground_area[e], ground_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])

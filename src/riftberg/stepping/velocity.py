@@ -113,8 +113,9 @@ def explicit_acceleration(
 @kernel
 def apply_at_velocities(el: Elements, around: Surroundings) -> None:
     """Keep the forces of a moment: those that act at the velocities of the elements, without a step."""
-    for e in range(el.u.size):
-        u, v = el.u[e], el.v[e]
+    motion = el.motion
+    for e in range(motion.u.size):
+        u, v = motion.u[e], motion.v[e]
         drags(e, u, v, around, True, u, v, u, v, u, v)
         keep_applied(e, u, v, u, v, around)
 
