@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.parameters import KernelParameters
+from riftberg.runs.applied import force_variables
 from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, new_elements
 from riftberg.stepping import media
 from riftberg.stepping.media import allocate_surroundings, find_surroundings
@@ -39,7 +40,10 @@ FORCES: Final = tuple(_ROWS)
 
 
 def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[str, Floats]:
-    """Return the external forces on all elements at a record.
+    """Return the external forces on all elements at a record: as applied where the run recorded that, else by the table.
+
+    Applied forces are means between records; at a record it is the mean of those before and after, about which the
+    acceleration by central differences is taken too.
 
     Parameters
     ----------
@@ -54,12 +58,30 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
         For each name of `FORCES` an array of shape (elements, 2): eastward and northward force, N. Sea ice is 0 in
         files that do not record it.
     """
+    if forces_recorded(run):
+        sides = [applied_forces(run, k) for k in (record, record + 1) if 0 < k < run.sizes["time"]]
+        return {name: np.mean([side[name] for side in sides], axis=0) for name in FORCES}
     el = elements_at(run, record, p)
     around = allocate_surroundings(el.mass.size)
     find_surroundings(el, interaction_sizes(el, p), around, p)
     around.acts[:] = True  # the sub-steps' part too
     apply_at_velocities(el, around)
     return {name: el.mass[:, None] * around.applied[:, row] for name, row in _ROWS.items()}
+
+
+def forces_recorded(run: xr.Dataset) -> bool:
+    """Whether a run holds the forces as they were applied (`riftberg.runs.applied`)."""
+    return run.sizes["time"] > 1 and all(v.name in run.variables for v in force_variables())
+
+
+def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
+    """Return the mean forces between the record before and this one, as applied; see `external_forces`."""
+    names = {name: f"force_{media.FORCES[row]}" for name, row in _ROWS.items()}
+    now = run.isel(time=record)
+    return {
+        name: np.stack([now[f"{stored}_{axis}"].values.astype(np.float64) for axis in "xy"], axis=-1)
+        for name, stored in names.items()
+    }
 
 
 def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
