@@ -23,6 +23,13 @@ Period = np.timedelta64 | float | None
 GAP_FACTOR: Final = 2.5
 """Longest gap that is interpolated across, in intervals of the product: one record may be missing, not two."""
 
+DAY_SECONDS: Final = 86400.0
+LONGEST_STEP: Final = 31 * DAY_SECONDS
+"""Longest interval (s) that records by themselves can show: months."""
+
+FEW_RECORDS: Final = 3
+"""Fewer records than these show no interval longer than a day."""
+
 VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
 
 MAY_BE_EMPTY: Final = frozenset({"ice_fraction", "ice_thickness", "ui", "vi"})
@@ -50,12 +57,20 @@ def usual_interval(records: Dates) -> float:
 
 
 def own_interval(ds: xr.Dataset) -> float:
-    """Return the interval (s) of the product: the shortest that files state, records show or means stand for; 0 if unknown."""
+    """Return the interval (s) of the product: the shortest that files state, means stand for or records show; 0 if unknown.
+
+    What records show counts up to ``longest_step`` of the product, and up to a day where there are only two: snapshots
+    far apart of something faster are not its interval.
+    """
     if "interval_seconds" in ds.attrs:
         return float(ds.attrs["interval_seconds"])
     told = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
-    known = [float(value) for value in (*told, usual_interval(ds["time"].values)) if float(value) > 0.0]
-    return min(known, default=0.0)
+    known = [float(value) for value in told if float(value) > 0.0]
+    records = ds["time"].values
+    few = not known and records.size < FEW_RECORDS
+    longest = float(ds.attrs.get("longest_step", DAY_SECONDS if few else LONGEST_STEP))
+    shown = usual_interval(records)
+    return min([*known, *([min(shown, longest)] if shown > 0.0 else [])], default=0.0)
 
 
 def seconds_of(given: Period, default: float) -> float:
