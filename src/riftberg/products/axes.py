@@ -25,7 +25,7 @@ def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     for axis in ("y", "x"):
         if axis in ds.dims and axis in ds.coords:
             ds = _ascending(ds, axis)
-    order = [name for name in ("time", "depth", "lat", "lon", "y", "x", "point") if name in ds.dims]
+    order = [name for name in ("time", "depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
     return ds.transpose(*order, ...)
 
 

@@ -270,14 +270,14 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: D
     """Note where the experiment's box reaches beyond the data."""
     if lon is None or lat is None or found.problems:
         return
-    if "lat" not in ds.dims and "point" not in ds.dims:
+    if "lat" not in ds.dims and "node" not in ds.dims:
         outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
         if outside > 0.0:
             found.problems.append(
                 f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
             )
         return
-    if "point" in ds.dims:
+    if "node" in ds.dims:
         return
     for axis in ("lat", "lon"):
         if ds.sizes[axis] < 2:

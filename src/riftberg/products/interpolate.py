@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.products.axes import goes_round, step_of
-from riftberg.products.cells import curvilinear
+from riftberg.products.cells import curvilinear, scattered
 from riftberg.products.records import Gap, check_ends, gap_error, gap_limit
 from riftberg.products.stencil import MISSING, Stencil
 from riftberg.products.window import cover, longitudes_near, utc, window
@@ -180,6 +180,8 @@ def _stencil(ds: xr.Dataset, target: _Target) -> Stencil:
 
         x, y = to_projection(ds.attrs["crs_wkt"], target.lon, target.lat)
         return Stencil.bilinear(ds["x"].values, ds["y"].values, x, y)
+    if "node" in ds.dims:
+        return scattered(ds["lon"].values, ds["lat"].values, target.lon, target.lat)
     if "lat" not in ds.dims:
         return curvilinear(ds["lon"].values, ds["lat"].values, target.lon, target.lat)
     axis = ds["lon"].values
@@ -266,7 +268,8 @@ def _on_target(
     field: xr.DataArray, stencil: Stencil, plan: _Plan | None, fill_cells: int
 ) -> tuple[Floats, Flags, tuple[str, ...]]:
     """Return values, origins and leading dimensions of one field on the target."""
-    plane = ("y", "x") if "y" in field.dims else ("lat", "lon")
+    field = field.expand_dims("row", axis=-2) if "node" in field.dims else field
+    plane = ("row", "node") if "node" in field.dims else ("y", "x") if "y" in field.dims else ("lat", "lon")
     lead = tuple(str(name) for name in field.dims if name not in plane)
     if plan is None or "time" not in lead:
         values, origin = stencil.wet(field.transpose(*lead, *plane).values, fill_cells)

@@ -36,7 +36,7 @@ def stencil_at(ds: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats, crs: str
         from riftberg.products.projected import to_projection
 
         return Stencil.bilinear(ds["x"].values, ds["y"].values, *to_projection(crs, lon, lat))
-    if "point" in ds.dims:
+    if "node" in ds.dims:
         return None
     if not {"lat", "lon"} <= set(ds.dims):
         return curvilinear(np.asarray(ds["lon"].values), np.asarray(ds["lat"].values), lon, lat)

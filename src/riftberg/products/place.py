@@ -23,7 +23,7 @@ STRAIGHT = 1e-5
 
 
 def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) -> xr.DataArray:
-    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``point``.
+    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``.
 
     Parameters
     ----------
@@ -96,8 +96,8 @@ def _on_axes(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr
 
 
 def _on_points(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
-    field = field.rename({str(north.dims[0]): "point"})
-    return field.assign_coords(lat=("point", north.values, _NORTH), lon=("point", east.values, _EAST))
+    field = field.rename({str(north.dims[0]): "node"})
+    return field.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
 
 
 def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:

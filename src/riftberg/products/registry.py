@@ -199,7 +199,7 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
     """Return what tells grids apart: dimensions, and the values of axes and positions."""
-    dims = [(name, ds.sizes[name]) for name in ("depth", "lat", "lon", "y", "x", "point") if name in ds.dims]
+    dims = [(name, ds.sizes[name]) for name in ("depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
     values = [ds[name].values.tobytes() for name in ("depth", "lat", "lon", "y", "x") if name in ds.coords]
     return (*dims, *values)
 

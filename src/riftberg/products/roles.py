@@ -82,6 +82,13 @@ def role_of_name(name: Hashable) -> Role:
     return next((role for role, pattern in _NAMES if pattern.search(str(name).lower())), "")
 
 
+def _says_where(name: str, variable: xr.Variable) -> bool:
+    """Tell whether a number beside the fields says when or where: a date or a level, not a constant of the model."""
+    if _by_metadata(variable) or holds_dates(variable):
+        return True
+    return "_" not in name and role_of(name, variable) in ("time", "level", "member")
+
+
 def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, bool]]:
     """Yield the coordinates of a field: name, role, and whether the file declares them as such.
 
@@ -95,13 +102,8 @@ def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, 
         if other == str(name) or not set(variable.dims) <= set(field.dims):
             continue
         declared = other in told or other in field.dims
-        if variable.ndim == 0 and not declared and other in ds.data_vars and not _by_metadata(variable):
-            # A number beside the fields (a time step, a constant of the model) is no coordinate by its name alone,
-            # unless it says when or where: a level, a date.
-            if role_of(other, variable) not in ("time", "level", "member") or (
-                "_" in other and not holds_dates(variable)
-            ):
-                continue
+        if variable.ndim == 0 and not declared and other in ds.data_vars and not _says_where(other, variable):
+            continue
         role = role_of(other, variable)
         if role and not (variable.ndim > 1 and role in ("level", "member", "x", "y")):
             yield other, role, declared

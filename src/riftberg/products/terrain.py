@@ -159,7 +159,7 @@ def _interpolated(values: Floats, depth: Floats, floor: Floats, targets: Floats)
         with np.errstate(invalid="ignore", divide="ignore"):
             part = np.clip(np.where(bottom > top, (target - top) / (bottom - top), 0.0), 0.0, 1.0)
         index = [
-            k[(None,) * (lead + 1)] * np.ones(values.shape[:lead] + (1,) + k.shape, np.int64) for k in (lower, upper)
+            k[(None,) * (lead + 1)] * np.ones((*values.shape[:lead], 1, *k.shape), np.int64) for k in (lower, upper)
         ]
         a, b = (np.take_along_axis(values, k, axis=lead)[(slice(None),) * lead + (0,)] for k in index)
         found.append(np.where(floor >= target, (1.0 - part) * a + part * b, np.nan))

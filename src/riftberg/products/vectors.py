@@ -74,7 +74,7 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
     where : str
         File, for messages.
     """
-    if "point" in field.dims:
+    if "node" in field.dims:
         raise ForcingError(
             f"{name} ({standard_name(ds[name]) or 'no standard name'}) lies on scattered points, and the file does not say "
             "that it points east or north", where=where,
@@ -159,7 +159,7 @@ def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, l
 
 def stencil_between(source: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats) -> Stencil:
     """Return where positions (degrees) lie on the grid of a placed field, whatever its kind."""
-    if "point" in source.dims:
+    if "node" in source.dims:
         return scattered(source["lon"].values, source["lat"].values, lon, lat)
     if "lat" in source.dims:
         axis = np.asarray(source["lon"].values, float)
@@ -173,8 +173,8 @@ def stencil_between(source: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats)
 
 def plane_of(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
     """Return the dimensions of place of a placed field."""
-    if "point" in field.dims:
-        return ("point",)
+    if "node" in field.dims:
+        return ("node",)
     return ("lat", "lon") if "lat" in field.dims else ("y", "x")
 
 

@@ -16,9 +16,6 @@ from riftberg.products.records import hold_of
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
 
-LARGEST = 1000
-"""Intervals along an axis that scattered points are put on."""
-
 
 def utc(value: Any) -> np.datetime64:
     """Return a moment as ``datetime64[ns]`` in UTC; text, `datetime` (naive means UTC) and ``datetime64`` are taken."""
@@ -62,7 +59,7 @@ def window(
     box = (west - margin, east + margin, lat[0] - margin, lat[1] + margin)
     if "crs_wkt" in ds.attrs:
         ds = _projected(ds, box)
-    elif "point" in ds.dims:
+    elif "node" in ds.dims:
         ds = _scattered(ds, box)
     elif "y" in ds.dims:
         ds = _curvilinear(ds, box)
@@ -123,37 +120,17 @@ def with_positions(ds: xr.Dataset) -> xr.Dataset:
 
 
 def _scattered(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
-    """Put scattered points of a box on even axes of about their own spacing."""
-    from riftberg.products.cells import REACH, scattered, spacing_of_points
-    from riftberg.products.vectors import regridded
+    """Keep the scattered points of a box and those around it, with longitudes on the branch of the box."""
+    from riftberg.products.cells import REACH, spacing_of_points
 
     west, east, south, north = box
-    lon, lat = (ds["lon"].values - west) % 360.0 + west, ds["lat"].values
-    inside = np.flatnonzero((lon <= east) & (lat >= south) & (lat <= north))
-    if not inside.size:
-        return _not_empty(ds.isel(point=slice(0, 0)), ds, box)
-    step = max(float(np.median(spacing_of_points(lon, lat)[inside])), 1e-4)
-    spare = REACH * step
-    near = np.flatnonzero(
-        (lat >= south - spare)
-        & (lat <= north + spare)
-        & ((lon <= east + 4 * spare) | (lon >= west + 360.0 - 4 * spare))
-    )
-    part, lons, lats = ds.isel(point=near), lon[inside], lat[inside]
-    axes = [
-        np.linspace(low, high, int(np.clip(np.ceil((high - low) / by), 1, LARGEST)) + 1)
-        for low, high, by in (
-            (lons.min(), lons.max(), step / max(np.cos(np.deg2rad(0.5 * (lats.min() + lats.max()))), 0.05)),
-            (lats.min(), lats.max(), step),
-        )
-    ]
-    stencil = scattered(part["lon"].values, part["lat"].values, *np.meshgrid(*axes))
-    coords = {
-        "lat": ("lat", axes[1], {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
-        "lon": ("lon", axes[0], {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
-    }
-    fields = {str(name): regridded(field, stencil, ("lat", "lon"), coords) for name, field in part.data_vars.items()}
-    return xr.Dataset(fields, attrs=ds.attrs)
+    middle = 0.5 * (west + east)
+    lon, lat = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle, ds["lat"].values
+    spacing = REACH * spacing_of_points(lon, lat)
+    beyond = spacing / np.maximum(np.cos(np.deg2rad(lat)), 0.02)
+    near = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
+    part = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))
+    return _not_empty(part.isel(node=np.flatnonzero(near)), ds, box)
 
 
 def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
@@ -215,7 +192,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
 
 
 def _not_empty(part: xr.Dataset, whole: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
-    if all(part.sizes[name] for name in ("lat", "lon", "y", "x", "point") if name in part.dims):
+    if all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
         return part
     west, east, south, north = box
     raise ForcingError(
