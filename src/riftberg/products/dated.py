@@ -139,12 +139,12 @@ def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
         return dates
     for other in ("step", "forecast_period", "leadtime", "lead_time", "forecast_hour"):
         if other in ds.variables and ds[other].ndim == 0:
-            ahead = ds[other].values
+            ahead: Any = ds[other].values
             if ahead.dtype.kind != "m":
                 unit = units_of(ds[other]).lower().strip()
                 seconds = _PERIODS.get(unit, _PERIODS.get(unit.rstrip("s"), 3600.0))
                 ahead = np.timedelta64(round(float(ahead) * seconds), "s")
-            return dates + ahead.astype("timedelta64[ns]")
+            return dates.copy(data=dates.values + ahead.astype("timedelta64[ns]"))
     return dates
 
 

@@ -13,7 +13,7 @@ from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.dated import dated
 from riftberg.products.levels import judged
 from riftberg.products.place import positioned
-from riftberg.products.product import Product
+from riftberg.products.product import DAY_SECONDS, Product
 from riftberg.products.roles import coordinates_of, units_of
 from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
@@ -45,10 +45,18 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     parts = []
     for key, fields in groups.items():
         part = xr.Dataset(fields)
-        attributes = {"crs_wkt": wkt[key], "told": "; ".join(dict.fromkeys(told[key]))}
+        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": "; ".join(dict.fromkeys(told[key]))}
+        if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
+            attributes["longest_step"] = DAY_SECONDS
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
         parts.append(part.assign_attrs({name: value for name, value in attributes.items() if value}))
     return parts
+
+
+def _instants(ds: xr.Dataset, name: str) -> bool:
+    """Tell whether a file says that its values are instants, or come by the hour."""
+    headings = " ".join(str(ds.attrs.get(key, "")) for key in ("title", "id", "product", "summary")).lower()
+    return "time: point" in str(ds[name].attrs.get("cell_methods", "")) or "hourly" in headings
 
 
 def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str, str, str]]:

@@ -85,7 +85,7 @@ class Product:
         Returns the variable of each quantity in a decoded file, and a remark (empty if none), instead of ``sources``.
     longest_step : float
         Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
-        Without it months, or a day where there are only two records.
+        Without it months, or a week where there are only two records.
     notes : tuple of str
         Signs, stamps and quirks that a user should know, in plain words.
     """

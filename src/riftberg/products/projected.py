@@ -85,16 +85,13 @@ def crs_of_mapping(mapping: xr.Variable) -> Any:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    readings = (
-        lambda a: cast(Any, CRS).from_cf(a),
-        *(
-            lambda a, key=key: CRS.from_user_input(a[key])
-            for key in ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text")
-        ),
-    )
-    for reading in readings:
+    attributes = _plain(mapping.attrs)
+    texts = [
+        attributes[key] for key in ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text") if key in attributes
+    ]
+    for reading, given in ((cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)):
         try:
-            return reading(_plain(mapping.attrs))
+            return reading(given)
         except (CRSError, KeyError, ValueError, TypeError, AttributeError):
             continue
     return None

@@ -221,7 +221,9 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }
-    kept = {key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds", "told", "doubt") if key in ds.attrs}
+    kept = {
+        key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds", "longest_step", "told", "doubt") if key in ds.attrs
+    }
     ds = ds.copy(deep=False)
     ds.attrs = {**attributes, **kept}
     return ds

@@ -28,7 +28,10 @@ LONGEST_STEP: Final = 31 * DAY_SECONDS
 """Longest interval (s) that records by themselves can show: months."""
 
 FEW_RECORDS: Final = 3
-"""Fewer records than these show no interval longer than a day."""
+"""Fewer records than these show little of their interval."""
+
+LONGEST_OF_FEW: Final = 7 * DAY_SECONDS
+"""Fewer records than `FEW_RECORDS` show no interval longer than this."""
 
 VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
 
@@ -59,8 +62,8 @@ def usual_interval(records: Dates) -> float:
 def own_interval(ds: xr.Dataset) -> float:
     """Return the interval (s) of the product: the shortest that files state, means stand for or records show; 0 if unknown.
 
-    What records show counts up to ``longest_step`` of the product, and up to a day where there are only two: snapshots
-    far apart of something faster are not its interval.
+    What records show counts up to ``longest_step`` of the product, and up to a week where there are only two. Records
+    farther apart are snapshots of something faster, whose interval is taken as a day.
     """
     if "interval_seconds" in ds.attrs:
         return float(ds.attrs["interval_seconds"])
@@ -68,9 +71,10 @@ def own_interval(ds: xr.Dataset) -> float:
     known = [float(value) for value in told if float(value) > 0.0]
     records = ds["time"].values
     few = not known and records.size < FEW_RECORDS
-    longest = float(ds.attrs.get("longest_step", DAY_SECONDS if few else LONGEST_STEP))
+    longest = float(ds.attrs.get("longest_step", LONGEST_OF_FEW if few else LONGEST_STEP))
     shown = usual_interval(records)
-    return min([*known, *([min(shown, longest)] if shown > 0.0 else [])], default=0.0)
+    shown = shown if shown <= longest else DAY_SECONDS
+    return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 
 def seconds_of(given: Period, default: float) -> float:

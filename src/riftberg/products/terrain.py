@@ -86,13 +86,11 @@ def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: An
     h = h if plane_of(h) == plane_of(field) and _same_points(h, field) else moved(h, field)
     depth = _depth_of(s, stretch, critical, kind, np.asarray(h.values, float))
     order = np.argsort(-s)
-    targets = np.array([d for d in DEPTHS if d <= np.nanmax(h.values)] or [0.0], float)
+    targets = np.array([d for d in DEPTHS if d <= np.nanmax(h.values)] or [0], float)
     plane = plane_of(field)
 
     def apply(values: Floats) -> Floats:
-        return _interpolated(
-            values[..., order, *([slice(None)] * len(plane))], depth[order], np.asarray(h.values), targets
-        )
+        return _interpolated(np.take(values, order, axis=-1 - len(plane)), depth[order], np.asarray(h.values), targets)
 
     core = [LEVEL, *plane]
     lazy = field.chunk({dim: -1 for dim in core}) if field.chunks is not None else field
