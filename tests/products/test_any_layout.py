@@ -20,7 +20,9 @@ from hypothesis import strategies as st
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.products import open_product
 from riftberg.products.doctor import doctor
+from riftberg.products.interpolate import to_grid
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)
@@ -221,7 +223,6 @@ FAULTS = {
     "latitude_of_lat": replace(PLAIN, positions="named"),
     "lat_of_y": replace(PLAIN, positions="1d", names=("y", "x")),
     "positions_of_any_name_in_2d": replace(PLAIN, positions="2d", names=("j", "i")),
-    "positions_of_any_name_in_a_turned_grid": replace(PLAIN, positions="2d", names=("j", "i"), turned=30.0),
     "wind_at_850_hpa": replace(PLAIN, kind="ua", level="level:1:850:hPa"),
     "wind_at_scalar_plev": replace(PLAIN, kind="ua", level="plev:scalar:85000:Pa"),
     "wind_at_100_m": replace(PLAIN, kind="ua", level="height:scalar:100:m"),
@@ -236,8 +237,6 @@ FAULTS = {
     "longitudes_that_jump_at_greenwich": replace(PLAIN, centre=0.25, branch="east"),
     "three_members": replace(PLAIN, member="three"),
     "one_member": replace(PLAIN, member="one"),
-    "components_along_a_turned_grid": replace(PLAIN, positions="2d", names=("j", "i"), turned=25.0, along=True),
-    "wind_along_a_turned_grid": replace(PLAIN, kind="ua", positions="2d", names=("j", "i"), turned=-40.0, along=True),
     "components_along_plain_axes": replace(PLAIN, along=True),
 }
 
@@ -245,6 +244,24 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_field_reaches_the_berg_or_is_refused(fault: str, tmp_path: Path) -> None:
     reaches_or_is_refused(tmp_path, FAULTS[fault])
+
+
+TURNED = {
+    "positions_of_any_name_in_a_turned_grid": replace(PLAIN, positions="2d", names=("j", "i"), turned=30.0),
+    "components_along_a_turned_grid": replace(PLAIN, positions="2d", names=("j", "i"), turned=25.0, along=True),
+    "wind_along_a_turned_grid": replace(PLAIN, kind="ua", positions="2d", names=("j", "i"), turned=-40.0, along=True),
+}
+
+
+@pytest.mark.parametrize("layout", TURNED)
+def test_vectors_on_turned_grids_point_east_and_north(layout: str, tmp_path: Path) -> None:
+    """Components along the rows of a turned grid were taken as eastward."""
+    told = TURNED[layout]
+    e = elements(told.centre)
+    lon, lat = e.lon.reshape(3, 3), e.lat.reshape(3, 3)
+    found = to_grid(open_product(written(tmp_path, told)).isel(time=[0]), lon, lat)
+    for name, values in zip((told.kind, {"uo": "vo", "ua": "va"}[told.kind]), truth(told.kind, lon, lat, told.centre)):
+        np.testing.assert_allclose(found[name][0], values, atol=0.02 if told.kind == "ua" else 2e-3)
 
 
 LAYOUTS = st.builds(

@@ -173,15 +173,15 @@ def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
 
 def empty_by_field(ds: xr.Dataset) -> dict[str, NDArray[np.bool_]]:
     """Return the records without values of each field with time, sea ice excepted; of a vector with either component."""
-    found = {
+    empty = {
         str(name): empty_records(field)
         for name, field in ds.data_vars.items()
         if "time" in field.dims and str(name) not in MAY_BE_EMPTY
     }
     for east, north in VECTORS:
-        if east in found and north in found:
-            found[east] = found[north] = found[east] | found[north]
-    return found
+        if east in empty and north in empty:
+            empty[east] = empty[north] = empty[east] | empty[north]
+    return empty
 
 
 def without_empty(ds: xr.Dataset) -> list[xr.Dataset]:
