@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError, RunError
 from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.one_writer import OneWriter
+from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
@@ -94,6 +95,9 @@ class RunWriter:
     background : bool, optional
         Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
 
+    forces : bool, optional
+        Write the mean force of each medium on each element since the record before (`riftberg.runs.applied`).
+
     Examples
     --------
     >>> model.advance(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
@@ -108,11 +112,14 @@ class RunWriter:
         seed: int | None = None,
         flush_seconds: float = 1.0,
         background: bool = True,
+        forces: bool = False,
     ) -> None:
         self.path = Path(path)
         self.interval = 3600.0 * every_hours
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
+        self.forces = forces
+        self._applied: AppliedForces | None = None
         self.records = 0
         self._held: list[_Record] = []
         self._last_flush = self._pause = 0.0
@@ -130,14 +137,19 @@ class RunWriter:
         # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
         with replacing(self.path) as part, open_netcdf(part, "w") as file:
             _define(file, model, self._names)
+            if self.forces:
+                _define_histories(file, force_variables(), self._names)
             file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
         self.records, self._held = 0, []
+        self._applied = AppliedForces(model) if self.forces else None
         self._take_up(model)
         self._flush(model)
 
     def record(self, model: Model) -> None:
         """Hold a record where one is due, and write what has been held for long enough."""
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
+        if self._applied is not None:
+            self._applied.add(model)
         due = model.time >= self._next - _ROUND
         self._remember(model)
         if due:
@@ -158,11 +170,13 @@ class RunWriter:
             self._taken.give_back()
 
     def _take(self, model: Model) -> None:
-        self._held.append(_Record(model, self._peak))
+        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means()))
         self._latest = model.time
 
     def _schedule(self, model: Model) -> None:
         """Begin the interval up to the next record."""
+        if self._applied is not None:
+            self._applied.begin()
         self._peak = model.bonds.normal_stress.copy()
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
@@ -171,6 +185,8 @@ class RunWriter:
         kept: dict[str, Floats] | None = getattr(model, "remembered", None)
         if kept is not None:
             kept[self._key("peak_stress")] = self._peak.copy()
+            for name, value in self._applied.kept.items() if self._applied is not None else ():
+                kept[self._key(name)] = value
             kept[self._key("times")] = np.array([model.time, self._next])
 
     def _key(self, name: str) -> str:
@@ -188,6 +204,8 @@ class RunWriter:
         goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
         if goes_on:
             self._peak, self._next = np.array(peak), float(due)
+            if self._applied is not None and self._key("impulse") in kept:
+                self._applied.go_on(kept[self._key("impulse")], kept[self._key("seconds")])
         else:
             self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
         self._remember(model)
@@ -221,6 +239,8 @@ class RunWriter:
         for name in [v.name for v in element_history()]:
             stored = file[self._names.get(name, name)]
             stored[:, block] = np.stack([r.elements[name] for r in self._held], axis=1)
+        for name in self._held[0].forces:
+            file[name][:, block] = np.stack([r.forces[name] for r in self._held], axis=1)
         for name in bond_history(model):
             file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
         file["time"][block] = [r.time for r in self._held]
@@ -235,12 +255,13 @@ def _peak_so_far(model: Model) -> Floats:
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: Model, peak: Floats) -> None:
+    def __init__(self, model: Model, peak: Floats, forces: dict[str, Floats]) -> None:
         self.time = float(model.time)
         self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
+        self.forces = forces
 
 
 def element_history() -> list[Variable]:
@@ -384,12 +405,17 @@ def _define_elements(file: netCDF4.Dataset, model: Model, names: dict[str, str])
         file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
     )
     number[:] = model.elements.id
-    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
     registry = {v.name: v for v in ELEMENT_VARIABLES}
     for name in SHAPE:
         stored = _create(file, name, "f8", ("trajectory",), **_described(registry[name], names))
         stored[:] = getattr(model.elements, name)
-    for v in element_history():
+    _define_histories(file, element_history(), names)
+
+
+def _define_histories(file: netCDF4.Dataset, variables: Iterable[Variable], names: dict[str, str]) -> None:
+    """Create variables of the elements that every record holds."""
+    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
+    for v in variables:
         coordinates = "" if v.name in ("lon", "lat") else where
         _create(
             file,
