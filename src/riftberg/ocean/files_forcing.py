@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_fields import NAMES, FieldMaker, Mesh, belongs, even_mesh, own_mesh
 from riftberg.ocean.files_levels import LevelColumns, has_levels, without_levels
@@ -20,6 +19,7 @@ from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.own_grids import FILLS, OwnGrids, Part
+from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.canonical import QUANTITIES
@@ -53,7 +53,7 @@ class Run(NamedTuple):
     @property
     def drafts(self) -> Floats:
         """Drafts of the elements, m."""
-        return np.asarray(self.thickness * self.ice_density / RHO_SEAWATER)
+        return np.asarray(draft_of(self.thickness, self.ice_density))
 
     def seconds(self, moments: Sequence[datetime]) -> list[float]:
         """Times since the start."""
