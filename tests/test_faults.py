@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import resource
 import shutil
@@ -16,9 +15,10 @@ import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.cli.output import LOCK, check_folder, check_output, results_folder
+from riftberg.cli.output import check_folder, check_output, results_folder
 from riftberg.errors import InputError
 from riftberg.limits import MOST_ELEMENTS, allow_large, check_elements, check_work
+from riftberg.one_writer import OneWriter
 from riftberg.runs.run_file import RunWriter
 
 EXPERIMENT = """\
@@ -152,12 +152,13 @@ def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
     (tmp_path / "berg.yaml").write_text(EXPERIMENT)
     out = tmp_path / "out"
     out.mkdir()
-    with (out / LOCK).open("w") as other:
-        fcntl.flock(other, fcntl.LOCK_EX)
-        result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(out), "-q", "--no-map"])
-        assert result.exit_code == 2
-        assert "another run is writing into this folder" in result.stderr
-        assert [path.name for path in out.iterdir()] == [LOCK]
+    other = OneWriter(out / "run.nc")
+    other.take()
+    result = CliRunner().invoke(app, ["run", str(tmp_path / "berg.yaml"), "-o", str(out), "-q", "--no-map"])
+    assert result.exit_code == 2
+    assert "another run" in result.stderr
+    assert [path.name for path in out.iterdir()] == [other.mark.name]
+    other.give_back()
 
 
 def test_a_refused_run_leaves_no_folder(tmp_path: Path) -> None:

@@ -7,6 +7,10 @@ Decisions, with their reasons
 * The cache of numba looks only at the file of the outer function, so a change in a law called by a stepper would go
   unnoticed. The cache folder therefore carries a digest of *all* sources of the package that hold kernels, of numba's
   version and of Python's.
+* No kernel that Python calls returns a named tuple. To make one, compiled code must run Python code, and where a signal
+  waits (Ctrl-C) that code raises instead, which numba does not expect: the process dies of a segmentation fault. Plain
+  tuples, numbers and arrays are made without Python code. A named tuple is put together by the Python function around
+  the kernel; compiled code may hand named tuples to compiled code as it likes.
 * LLVM gives up vectorising a loop that reads and writes some twenty arrays, because it would have to prove or test
   that none overlap; the threshold of that run-time test is raised.
 """
@@ -20,7 +24,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,6 +34,8 @@ import numba
 from numba import njit
 from numba.core import config
 from platformdirs import user_cache_path
+
+from riftberg.kernel_cache import SharedCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -109,46 +115,20 @@ def stage(function: _F) -> _F:
     return _compiled(function, inline="always")
 
 
+def plain(function: _F) -> _F:
+    """Return the Python function that a kernel was compiled from, for a kernel that returns a named tuple."""
+    python: _F = function.py_func  # type: ignore[attr-defined]
+    return python
+
+
 def _compiled(function: _F, **options: Any) -> _F:
     before = config.CACHE_DIR  # type: ignore[attr-defined]
     # numba reads the setting at decoration only; other packages must not inherit ours.
     config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
         compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
-        _keep_safely(compiled)
+        # Ours stands in for numba's cache, whose files two processes could mix up.
+        compiled._cache = SharedCache(function)  # type: ignore[attr-defined]
         return compiled
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
-
-
-def _keep_safely(compiled: Any) -> None:
-    """Let a damaged file of machine code be compiled anew, and an unwritable one be done without.
-
-    Files carry a checksum behind their content: a flipped bit in machine code would else be run.
-    """
-    kept = compiled._cache._cache_file
-    plain_dump, plain_load = kept._dump, kept._load_data
-
-    def dump(content: Any) -> bytes:
-        data: bytes = plain_dump(content)
-        return data + hashlib.sha256(data).digest()
-
-    def load(name: str) -> Any:
-        data = Path(kept._data_path(name)).read_bytes()
-        if hashlib.sha256(data[:-_DIGEST]).digest() != data[-_DIGEST:]:
-            raise ValueError(f"{name} is damaged")
-        return plain_load(name)
-
-    @contextlib.contextmanager
-    def guarded() -> Iterator[None]:
-        try:
-            yield
-        except Exception:  # whatever a damaged file makes of the reader: the function is compiled anew
-            with contextlib.suppress(Exception):
-                kept.flush()
-
-    kept._dump, kept._load_data = dump, load
-    compiled._cache._guard_against_spurious_io_errors = guarded
-
-
-_DIGEST = hashlib.sha256().digest_size

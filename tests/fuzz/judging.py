@@ -24,8 +24,8 @@ REFUSED, ACCEPTED, HARMLESS, TRACEBACK, HANG, VAGUE, REMAINS = (
     "left something behind",
 )  # fmt: skip
 BAD = (ACCEPTED, TRACEBACK, HANG, VAGUE, REMAINS)
-SECONDS = 60.0
-"""Time after which a command counts as hanging; compiling is done before."""
+SECONDS = 240.0
+"""Time after which a command counts as hanging; a scheme that is met for the first time compiles for a minute."""
 
 MEGABYTES = 1500.0
 """Memory by which the process may grow for one kind."""

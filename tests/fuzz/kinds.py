@@ -962,7 +962,7 @@ def options() -> Iterator[Kind]:
                     f"option of {command}",
                     f"{option} {value[:30]!r}",
                     make,
-                    (*words, "good.yaml", "wind"),
+                    (*words, "good.yaml", "wind", "substeps", "time_step", "parameters"),
                     not _optional(command, option, value),
                 )
 

@@ -94,7 +94,7 @@ def test_bonds_without_their_mirror_are_refused(
 ) -> None:
     elements, _ = berg
     path = write_nc(tmp_path / "b.nc", records(elements, pairs))
-    with pytest.raises(BergError, match="mirror|twice|itself"):
+    with pytest.raises(BergError, match=r"mirror|twice|itself"):
         read_bonds(path, elements, PLANE)
 
 

@@ -15,6 +15,7 @@ from riftberg.bergs.feature import needed
 from riftberg.errors import BergError
 from riftberg.input_files import check_file, reading
 from riftberg.limits import MOST_VALUES, refuse_large
+from riftberg.shared_settings import own_filters
 from riftberg.state import Floats
 
 SUFFIXES = (".tif", ".tiff", ".gtiff")
@@ -43,7 +44,7 @@ def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, 
     """
     rasterio = needed("rasterio", "GeoTIFF files need it", "geotiff")
     check_file(path, remedy="Name a GeoTIFF", kind=BergError)
-    with reading(path, "not a GeoTIFF, or a damaged one", "Write the grid again", BergError), warnings.catch_warnings():
+    with reading(path, "not a GeoTIFF, or a damaged one", "Write the grid again", BergError), own_filters():
         warnings.simplefilter("ignore")
         with rasterio.open(path, driver="GTiff") as file:
             band = _band(file, variable, str(path))

@@ -19,6 +19,7 @@ from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.input_files import check_file, is_folder, reading
 from riftberg.limits import MOST_VALUES, refuse_large
+from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
 
 _LON = ("lon", "longitude", "nav_lon", "x")
@@ -193,7 +194,7 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
             raise BergError("file not found", where=where, remedy="Check the path")
         if path.suffix.lower() in SUFFIXES:
             return _tiff(path, variable, date)
-        with reading(where, "not a grid", "Give NetCDF or GeoTIFF", BergError), xr.open_dataset(path) as opened:
+        with reading(where, "not a grid", "Give NetCDF or GeoTIFF", BergError), open_lazily(path) as opened:
             chosen = [variable] if variable in opened.data_vars else list(opened.data_vars)
             size = sum(opened[name].size for name in chosen)
             refuse_large(

@@ -47,17 +47,17 @@ def mapped(source: Any, elements: Elements, bonds: Bonds) -> Floats:
             where=raster.name,
             remedy="Extend the map or fill its gaps",
         )
-    _check_strengths(values, places)
+    _check_strengths(values, places, raster.name)
     return values
 
 
-def _check_strengths(strengths: Floats, places: list[str]) -> None:
+def _check_strengths(strengths: Floats, places: list[str], name: str = "strength") -> None:
     bad = ~(np.isfinite(strengths) & (strengths > 0.0))
     if bad.any():
         k = int(np.argmax(bad))
         raise BergError(
             f"strength {strengths[k]:g} ({bad.sum()} of {len(bad)} values are not positive numbers)",
-            where=f"strength, {places[k]}",
+            where=f"{name}, {places[k]}",
             remedy="Give positive factors, 1 where a bond is as strong as the parameters say",
         )
 

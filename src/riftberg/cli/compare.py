@@ -54,6 +54,10 @@ def names_of(runs: Sequence[Path]) -> list[str]:
 
 def folder_of(run: Path) -> Path:
     """Return the folder of a run, which may be named by its run file."""
+    if not is_folder(run) and run.suffix == ".nc" and run.name != "run.nc":
+        raise InputError(
+            "not the run.nc of a run", where=str(run), remedy="Name folders that 'riftberg run' made, with summary.json"
+        )
     return run if is_folder(run) or run.suffix != ".nc" else run.parent
 
 

@@ -1,25 +1,21 @@
 """Where results go: found out before any work whether they can, and cleared away again where there are none.
 
 A run may take hours; that its file cannot be written is to be said first. A folder that was made for a run that was
-refused is removed, and two runs never write into one folder at a time.
+refused is removed. (Two runs into one file are kept apart by `riftberg.one_writer`.)
 """
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
 from riftberg.errors import InputError
 from riftberg.input_files import shown
 from riftberg.limits import human
-
-LOCK: Final = ".riftberg.lock"
-"""Held by the run that writes into a folder."""
 
 LEAST_SPACE: Final = 2e6
 """Bytes that must be free at least."""
@@ -86,7 +82,7 @@ def check_output(path: Path, *, option: str = "--output", inputs: Iterable[Path 
 def results_folder(
     folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE
 ) -> Iterator[Path]:
-    """Make a folder and hold it for this run; remove what was made where an error leaves it empty.
+    """Make a folder; remove what was made where an error leaves it empty.
 
     Parameters
     ----------
@@ -97,38 +93,9 @@ def results_folder(
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        with ExitStack() as stack:
-            _hold(folder, stack, option)
-            yield folder
+        yield folder
     except BaseException:
         for parent in made:
             with suppress(OSError):  # one with something in it stays
                 parent.rmdir()
         raise
-
-
-def _hold(folder: Path, stack: ExitStack, option: str) -> None:
-    """Lock a folder until the stack closes; a process that dies lets go of it."""
-    try:
-        import fcntl
-    except ImportError:  # a system without such locks
-        return
-    path = folder / LOCK
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(descriptor)
-        raise InputError(
-            "another run is writing into this folder",
-            where=f"{option} {shown(folder)}",
-            remedy="Name another one, or wait until that run has ended",
-        ) from error
-    except OSError:  # a disk of the network without locks
-        pass
-    stack.callback(_let_go, path, descriptor)
-
-
-def _let_go(path: Path, descriptor: int) -> None:
-    path.unlink(missing_ok=True)
-    os.close(descriptor)

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from riftberg.whole_files import write_text
+
 
 @dataclass(frozen=True)
 class Load:
@@ -115,7 +117,8 @@ class Breakup:
     which it was afloat: how well the recomputed forces explain the recorded acceleration. ``highest`` is the largest
     tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
     below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
-    ``hours_since_start`` tells when the first bond failed.
+    ``hours_since_start`` tells when the first bond failed; ``floor_recorded`` that the force of the sea floor is the one
+    that was applied, not the one that balances.
     """
 
     fragment: int
@@ -137,6 +140,7 @@ class Breakup:
     hours_since_start: float
     peak: float | None
     history: list[Load]
+    floor_recorded: bool = False
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)
 
@@ -163,5 +167,5 @@ class Reasons:
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
         path = Path(path)
-        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
         return path

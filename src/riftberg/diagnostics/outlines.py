@@ -22,6 +22,7 @@ from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
 from riftberg.input_files import reading
 from riftberg.limits import MOST_VALUES, refuse_large
+from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
 
 NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
@@ -144,7 +145,7 @@ def outlines_of_grid(path: Path, date: str | None = None, variable: str | None =
     InputError
         If the values are no mask, if there is no ice, or no date.
     """
-    with reading(path, "cannot be read", "Name a NetCDF file"), xr.open_dataset(path) as opened:
+    with reading(path, "cannot be read", "Name a NetCDF file"), open_lazily(path) as opened:
         refuse_large(
             sum(values.size for values in opened.data_vars.values()), MOST_VALUES, "values", size=8.0, where=str(path),
             remedy="Cut the file to the berg and its dates", kind=InputError,
@@ -200,7 +201,11 @@ def _dated_pieces(mask: xr.DataArray, attributes: Mapping[str, Any], path: Path,
     for field, time in zip(fields, times, strict=True):
         stated = {"time": time[:10] if midnight else time} if time else {**attributes, **mask.attrs}
         when, day_only = find_date(stated, [path.stem], where=where, stated=date)
-        for name, ring in pieces_of(read_raster(field.drop_vars("time", errors="ignore")), mask.attrs, where):
+        try:
+            raster = read_raster(field.drop_vars("time", errors="ignore"))
+        except BergError as error:
+            raise InputError(error.what, where=where, remedy=error.remedy) from error
+        for name, ring in pieces_of(raster, mask.attrs, where):
             yield Outline(name, when, day_only, ring)
 
 

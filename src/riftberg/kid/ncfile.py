@@ -18,7 +18,9 @@ from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading
 from riftberg.kid.classic import missing_bytes
 from riftberg.limits import refuse_large
+from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.state import Floats, Ints
+from riftberg.whole_files import replacing
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
@@ -36,7 +38,7 @@ class Column(NamedTuple):
 def opened_dataset(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a NetCDF file for reading; errors of the library become `InputError` with the file's name."""
     check_file(path, remedy="Put it there, or correct the path in the namelist")
-    with reading(path, "cannot be read", _AGAIN):
+    with NETCDF, reading(path, "cannot be read", _AGAIN):
         if missing := missing_bytes(path):
             raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
         dataset = netCDF4.Dataset(str(path))
@@ -198,7 +200,7 @@ def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], s
     counter : bool
         Write the scalar ``i`` with the number of records.
     """
-    with netCDF4.Dataset(str(path), "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+    with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
         dataset.setncatts(
             {
                 "file_format_major_version": np.int32(0),

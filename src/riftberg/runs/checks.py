@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading, shown, value_shown
 from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
+from riftberg.netcdf_lock import open_lazily
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
@@ -66,7 +67,7 @@ def open_checked(file: Path) -> xr.Dataset:
     """
     check_file(file, remedy=RUN_REMEDY)
     with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
-        dataset = xr.open_dataset(file, engine="netcdf4", decode_times=False)
+        dataset = open_lazily(file, engine="netcdf4", decode_times=False)
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)

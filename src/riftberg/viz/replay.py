@@ -26,6 +26,7 @@ from riftberg.state import Floats, Ints
 from riftberg.version import __version__
 from riftberg.viz.packing import pack
 from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
+from riftberg.whole_files import write_text
 
 LARGEST: Final = 10e6
 """Size of the page (bytes) above which records are left out."""
@@ -72,7 +73,7 @@ def write_replay(
     page = page.replace("__DATA__", data.replace("<", "\\u003c"), 1)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    write_text(path, page)
     return path
 
 
@@ -200,9 +201,7 @@ class ReplayContent:
         return pack(self.scene.tension()[self.records].max(axis=1, initial=0.0), "uint16")
 
     def _aground(self) -> dict[str, Any]:
-        ratio = self.scene.parameters.ice.density / 1025.0
-        touching = self._table("thickness") * ratio > self._table("depth")
-        return pack(touching.sum(axis=1), "uint16", step=1.0)
+        return pack(self.scene.aground(self.records.tolist()).sum(axis=1), "uint16", step=1.0)
 
     def _bonds(self) -> dict[str, Any]:
         """Return the bonds that break: their ends, and when (s since the first record shown)."""
