@@ -111,12 +111,12 @@ def kind_of(axis: xr.DataArray) -> Kind:
 def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> None:
     """Refuse a wind whose own description names another height or a pressure, and a current far below the surface."""
     if quantity in CURRENTS:
-        told = re.search(
+        deep = re.search(
             r"\bat (?:a depth of )?(\d+(?:\.\d+)?) ?(?:m|met(?:re|er)s?)\b(?! ?/)",
             str(field.attrs.get("long_name", "")),
         )
-        if told and float(told[1]) > SURFACE:
-            raise _too_deep(name, f"{told[1]} m (its description reads {field.attrs['long_name']!r})", where)
+        if deep and float(deep[1]) > SURFACE:
+            raise _too_deep(name, f"{deep[1]} m (its description reads {field.attrs['long_name']!r})", where)
     if quantity not in WINDS:
         return
     words = " ".join(str(field.attrs.get(k, "")) for k in ("long_name", "level_desc", "var_desc", "GRIB_name"))
