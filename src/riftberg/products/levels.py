@@ -96,7 +96,7 @@ def kind_of(axis: xr.DataArray) -> Kind:
         return "sigma"
     if units in ("1", "level", "levels", "layer", "count") or metadata == "model_level_number":
         return "number"
-    metres = units in ("m", "meter", "meters", "metre", "metres", "km", "cm")
+    metres = units in ("m", "meter", "meters", "metre", "metres", "km", "cm", "centimeter", "centimeters")
     if metadata in ("height", "altitude", "height_above_mean_sea_level") or (
         name.startswith(("height", "alt")) and metadata != "depth"
     ):
@@ -113,7 +113,14 @@ def kind_of(axis: xr.DataArray) -> Kind:
 
 
 def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> None:
-    """Refuse a wind whose own description names another height or a pressure."""
+    """Refuse a wind whose own description names another height or a pressure, and a current far below the surface."""
+    if quantity in CURRENTS:
+        deep = re.search(
+            r"\bat (?:a depth of )?(\d+(?:\.\d+)?) ?(?:m|met(?:re|er)s?)\b(?! ?/)",
+            str(field.attrs.get("long_name", "")),
+        )
+        if deep and float(deep[1]) > SURFACE:
+            raise _too_deep(name, f"{deep[1]} m (its description reads {field.attrs['long_name']!r})", where)
     if quantity not in WINDS:
         return
     words = " ".join(str(field.attrs.get(k, "")) for k in ("long_name", "level_desc", "var_desc", "GRIB_name"))
@@ -179,7 +186,15 @@ def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> l
 
 
 def _metres(units: str) -> float:
-    return {"km": 1000.0, "cm": 0.01}.get(units.strip().lower(), 1.0)
+    named = {
+        "km": 1000.0,
+        "kilometer": 1000.0,
+        "kilometers": 1000.0,
+        "cm": 0.01,
+        "centimeter": 0.01,
+        "centimeters": 0.01,
+    }
+    return named.get(units.strip().lower(), 1.0)
 
 
 def _too_deep(name: str, place: str, where: str) -> ForcingError:

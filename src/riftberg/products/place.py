@@ -230,14 +230,16 @@ def _projected(
     ready = "crs_wkt" in ds.attrs
     mapping = mapping_of(ds, name)
     crs = ds.attrs["crs_wkt"] if ready else crs_of_mapping(mapping) if mapping is not None else None
-    if crs is None:
+    units = {kind: units_of(ds[axes[dim]]).strip().lower() for dim, kind in roles.items()}
+    degrees = all(unit.startswith("deg") for unit in units.values())
+    if crs is None or not (ready or _serves(crs, units, degrees)):
         return None
     x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
-    factor = {kind: METRES.get(units_of(ds[axes[dim]]).lower(), 0.0) for kind, dim in (("x", x_dim), ("y", y_dim))}
+    factor = {kind: METRES.get(unit, 0.0) for kind, unit in units.items()}
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
-    if not all(factor.values()) or not getattr(crs, "is_projected", True):  # rotated pole: axes are degrees
+    if degrees:  # of a rotated pole
         lon, lat = to_degrees(crs, *np.meshgrid(x, y))
         return bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
     x, y = x * factor["x"], y * factor["y"]
@@ -248,6 +250,18 @@ def _projected(
         if position is not None:
             placed = placed.assign_coords({kind: (("y", "x"), ds[position].transpose(y_dim, x_dim).values, attributes)})
     return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
+
+
+def _serves(crs: Any, units: dict[str, str], degrees: bool) -> bool:
+    """Tell whether axes of these units are those of a projection: lengths on a map, degrees on a rotated pole.
+
+    Bare counts of rows and columns beside a grid mapping are neither.
+    """
+    from riftberg.products.projected import METRES
+
+    if degrees:
+        return bool(getattr(crs, "is_derived", False)) and not crs.is_projected
+    return bool(crs.is_projected) and all(unit and unit in METRES for unit in units.values())
 
 
 def _check_against(

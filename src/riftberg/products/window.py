@@ -180,7 +180,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
     middle = 0.5 * (west + east)
     lat = ds["lat"].values
     lon = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle
-    if np.ptp(lat, axis=1).max() > 1e-3 or np.ptp(lon, axis=0).max() > 1e-3:
+    if not (np.ptp(lat, axis=1).max() <= 1e-3 and np.ptp(lon, axis=0).max() <= 1e-3):  # also where positions are NaN
         return ds.assign_coords(lon=(ds["lon"].dims, lon, ds["lon"].attrs))
     order = np.unique(np.round(lon.mean(axis=0), 5), return_index=True)[1]
     ds = ds.isel(x=order).drop_vars(["lat", "lon"]).rename(y="lat", x="lon")
