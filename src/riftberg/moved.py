@@ -51,6 +51,7 @@ NAMES: Final = {
     "bergs.regions.Ice": "bergs.regions.IceMask",
     "diagnostics.compare.Day": "diagnostics.compare.RunDay",
     "diagnostics.compare.Told": "diagnostics.compare.ComparedRun",
+    "diagnostics.compare.dated": "diagnostics.compare.with_hours",
     "diagnostics.compare.read_told": "diagnostics.compare.read_compared",
     "diagnostics.observed.Observed": "diagnostics.observed.Observations",
     "diagnostics.overlap.overlap": "diagnostics.overlap.intersection_over_union",
