@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import errno
 import functools
-import sys
 from collections.abc import Callable
 from typing import Final, ParamSpec, TypeVar
 
 import typer
 
 from riftberg.errors import RiftbergError
+from riftberg.interrupts import say as say
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -25,11 +25,6 @@ _FULL: Final = {
     errno.EROFS: "the place is read-only",
     errno.EMFILE: "too many files are open (ulimit -n)",
 }
-
-
-def say(text: str) -> None:
-    """Write to the terminal beside the results."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def reported(command: Callable[P, R]) -> Callable[P, R]:

@@ -312,7 +312,14 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     check_span(experiment.start, days, where="--days" if options.days else str(path))
     forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
     notices = tuple(getattr(forcing, "notices", ()))
-    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours, notices=notices)
+    info = Info(
+        experiment.name,
+        experiment.title,
+        days,
+        experiment.output_every_hours,
+        notices=notices,
+        output_forces=experiment.output_forces,
+    )
     return Model(berg, forcing, parameters, experiment.start), info
 
 
