@@ -67,6 +67,7 @@ NAMES: Final = {
     "kid.ncfile.opened": "kid.ncfile.opened_dataset",
     "kid.ncfile.unpack": "kid.ncfile.true_values",
     "parameter_groups.Bonds": "parameter_groups.BondParameters",
+    "physics.drag.draft_of": "physics.floating.draft_of",
     "parameters.Bonds": "parameters.BondParameters",
     "plane.Plane": "plane.ConformalPlane",
     "runs.background.bilinear": "runs.background.on_even_grid",
