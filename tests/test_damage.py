@@ -18,9 +18,9 @@ from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import reference_numerics
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.runs.model import Model
 from riftberg.runs.restart import FORMAT
 from riftberg.runs.run_file import open_run
 from test_resume import PHYSICS, bergs, differing, gridded

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.runs.model import Model
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 STEPS = 7

@@ -47,6 +47,7 @@ MODULES: Final = {
 
 NAMES: Final = {
     "experiments.Entry": "experiments.registry.BuiltIn",
+    "model.Model": "runs.model.Model",
     "experiments.schema.NamedFiles": "ocean.files_schema.NamedFiles",
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""

@@ -13,7 +13,7 @@ pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
-from riftberg.model import Model
+from riftberg.runs.model import Model
 
 EXPERIMENT = """\
 start: 2020-12-09 12:00

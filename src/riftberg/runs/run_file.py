@@ -2,10 +2,15 @@
 
 Layout
 ------
-The elements of a run are the same from start to end and share their times, so every variable of an element is a plain
-table ``(trajectory, time)`` with one time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
+The elements of a run share their times, so every variable of an element is a plain table ``(trajectory, time)`` with one
+time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
 Bonds have their own dimension: what never changes ``(bond)``, stresses ``(bond, time)``. The family tree of the
 fragments lies along ``fragment``.
+
+Elements that are born in the run get trajectories behind those of the start, in order of birth, without values before
+their birth; those that are removed have none after their end. Then, and only then, the variables have a fill value.
+``length``, ``width`` and ``mass`` are tables ``(trajectory)`` unless they change in the run. ``first`` and ``second`` of
+a bond are rows of the file.
 
 Safety
 ------
@@ -33,18 +38,19 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
 from riftberg.runs.background import append_background
+from riftberg.runs.layout import Layout, placed
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
-from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Variable
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
 """Variables kept in double precision at every record; the others are stored in single precision."""
 
 SHAPE: Final = ("length", "width", "mass")
-"""Variables of the elements written once, at the start."""
+"""Variables of the elements written once, and at every record of a run in which they change."""
 
 BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
 """Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state.
@@ -69,6 +75,10 @@ FRAGMENT_VARIABLES: Final = (
 )
 """Family tree of the fragments, each written as ``fragment_<name>``."""
 
+MISSING: Final = -1
+"""Value of whole numbers where an element is not there."""
+
+_REGISTRY: Final = {v.name: v for v in ELEMENT_VARIABLES}
 _VALUES_PER_CHUNK = 2048
 _PATIENCE = 20.0  # records are held at least this many times as long as writing takes
 _ROUND = 1e-6  # s; a record is due although the sum of steps misses its time by round-off
@@ -117,31 +127,39 @@ class RunWriter:
         self._next = 0.0
         self._latest = float("nan")
         self._peak: Floats = np.zeros(0)
+        self._peak_ids: Ints = np.zeros(0, np.int64)
+        self._layout = Layout()
         self._names: dict[str, str] = {}
+        self._attributes: dict[str, Any] = {}
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Create the file and hold the first record."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
         self.path.unlink(missing_ok=True)
         self._names = position_names(model.parameters.earth.latlon)
+        self._layout = Layout()
+        self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
+        self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
         with netCDF4.Dataset(self.path, "w") as file:
-            _define(file, model, self._names)
-            file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
+            self._define(file, model)
         self.records, self._held, self._next = 0, [], model.time
-        self._peak = model.bonds.normal_stress.copy()
+        self._start_peak(model)
         self._take(model)
         self._flush(model)
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Hold a record where one is due, and write what has been held for long enough."""
+        if not np.array_equal(self._peak_ids, model.bonds.id):
+            self._peak = placed(self._peak_ids, self._peak, model.bonds.id, -np.inf)
+            self._peak_ids = model.bonds.id.copy()
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         if model.time >= self._next - _ROUND:
             self._take(model)
             if clock.monotonic() - self._last_flush >= self._pause:
                 self._flush(model)
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Write what is held, and the last state even where no record was due."""
         if model.time > self._latest + _ROUND:
             self._take(model)
@@ -149,17 +167,29 @@ class RunWriter:
         if self.background:
             append_background(self.path, model)
 
-    def _take(self, model: Model) -> None:
+    def _take(self, model: BareModel) -> None:
+        self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
         self._held.append(_Record(model, self._peak))
-        self._peak = model.bonds.normal_stress.copy()
+        self._start_peak(model)
         self._latest = model.time
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
-    def _flush(self, model: Model) -> None:
+    def _start_peak(self, model: BareModel) -> None:
+        self._peak, self._peak_ids = model.bonds.normal_stress.copy(), model.bonds.id.copy()
+
+    def _define(self, file: netCDF4.Dataset, model: BareModel) -> None:
+        _define(file, model, self._names, self._layout)
+        file.setncatts(self._attributes)
+        self._layout.written()
+
+    def _flush(self, model: BareModel) -> None:
         before = clock.monotonic()
         copy = self.path.with_name(f".{self.path.name}.part")
         try:
-            shutil.copyfile(self.path, copy)
+            if self._layout.outgrown:
+                self._lay_out_anew(copy, model)
+            else:
+                shutil.copyfile(self.path, copy)
             with netCDF4.Dataset(copy, "a") as file:
                 file.set_auto_mask(False)
                 self._write(file, model)
@@ -177,26 +207,47 @@ class RunWriter:
         # Files of gigabytes take longer to copy; then records are held longer, so that writing stays a small part.
         self._pause = max(self.flush_seconds, _PATIENCE * (self._last_flush - before)) if self.flush_seconds else 0.0
 
-    def _write(self, file: netCDF4.Dataset, model: Model) -> None:
-        _write_latest(file, model, self._names)
+    def _lay_out_anew(self, path: Path, model: BareModel) -> None:
+        """Write the file as it was, with room for what has come since."""
+        with netCDF4.Dataset(self.path) as old, netCDF4.Dataset(path, "w") as file:
+            old.set_auto_mask(False)
+            file.set_auto_mask(False)
+            self._define(file, model)
+            block = slice(0, old.dimensions["time"].size)
+            file["time"][block] = old["time"][:]
+            there = np.isfinite(old[self._names.get("lon", "lon")][:])
+            for name, variable in old.variables.items():
+                rows = slice(0, variable.shape[0] if variable.ndim else 0)
+                if variable.dimensions[1:] == ("time",):
+                    file[name][rows, block] = variable[:]
+                elif name in self._layout.moving:
+                    file[name][: there.shape[0], block] = np.where(there, variable[:][:, None], np.nan)
+
+    def _write(self, file: netCDF4.Dataset, model: BareModel) -> None:
+        _write_latest(file, model, self._names, self._layout)
         if self._held:
             self._write_records(file, model, slice(self.records, self.records + len(self._held)))
 
-    def _write_records(self, file: netCDF4.Dataset, model: Model, block: slice) -> None:
-        for name in [v.name for v in element_history()]:
-            stored = file[self._names.get(name, name)]
-            stored[:, block] = np.stack([r.elements[name] for r in self._held], axis=1)
+    def _write_records(self, file: netCDF4.Dataset, model: BareModel, block: slice) -> None:
+        layout = self._layout
+        for v in [*element_history(), *(_REGISTRY[name] for name in layout.moving)]:
+            missing = MISSING if v.dtype == "i8" else np.nan
+            columns = [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in self._held]
+            file[self._names.get(v.name, v.name)][:, block] = np.stack(columns, axis=1)
         for name in bond_history(model):
-            file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
+            columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
+            file[name][:, block] = np.stack(columns, axis=1)
         file["time"][block] = [r.time for r in self._held]
 
 
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: Model, peak: Floats) -> None:
+    def __init__(self, model: BareModel, peak: Floats) -> None:
         self.time = float(model.time)
-        self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
+        self.ids, self.bond_ids = model.elements.id.copy(), model.bonds.id.copy()
+        names = [*(v.name for v in element_history()), *SHAPE]
+        self.elements = {name: getattr(model.elements, name).copy() for name in names}
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
@@ -207,7 +258,7 @@ def element_history() -> list[Variable]:
     return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
 
 
-def bond_history(model: Model) -> tuple[str, ...]:
+def bond_history(model: BareModel) -> tuple[str, ...]:
     """Return the variables of the bonds that every record of this run holds."""
     return (*BOND_HISTORY, "damage") if model.parameters.damage.enabled else BOND_HISTORY
 
@@ -277,25 +328,25 @@ def memory_run(output: str | Path | None, every_hours: float) -> Iterator[_RunWi
         yield _RunWithDataset(path, every_hours, in_memory=output is None)
 
 
-def _define(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
     """Create dimensions and variables, and write what never changes."""
     file.setncatts({"Conventions": "CF-1.11", "featureType": "trajectory"})
-    file.createDimension("trajectory", len(model.elements.id))
+    file.createDimension("trajectory", len(layout.ids))
     file.createDimension("time", None)
-    file.createDimension("bond", len(model.bonds.first))
+    file.createDimension("bond", len(layout.bond_ids))
     file.createDimension("fragment", None)
     _define_time(file, model)
-    _define_elements(file, model, names)
-    _define_bonds(file, model)
+    _define_elements(file, layout, names)
+    _define_bonds(file, model, layout)
     _define_fragments(file, model, names)
 
 
-def _since(model: Model) -> str:
+def _since(model: BareModel) -> str:
     return f"seconds since {model.start.strftime('%Y-%m-%d %H:%M:%S').rjust(19, '0')}"
 
 
 def _create(
-    file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], **attributes: Any
+    file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], gaps: bool = False, /, **attributes: Any
 ) -> netCDF4.Variable[Any]:
     packed = "time" in dims and len(dims) == 2
     chunks = None
@@ -304,12 +355,13 @@ def _create(
         chunks = (rows, int(np.clip(_VALUES_PER_CHUNK // rows, 1, 512)))
     # Light compression only: a run must not wait for its file.
     options: dict[str, Any] = {"compression": "zlib", "complevel": 1, "shuffle": True} if packed else {}
-    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=False, **options)
+    missing = (MISSING if kind == "i4" else np.nan) if gaps and packed else False
+    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, **options)
     variable.setncatts({key: value for key, value in attributes.items() if value != ""})
     return variable
 
 
-def _define_time(file: netCDF4.Dataset, model: Model) -> None:
+def _define_time(file: netCDF4.Dataset, model: BareModel) -> None:
     _create(
         file,
         "time",
@@ -338,16 +390,18 @@ def _stored_kind(v: Variable) -> str:
     return "f8" if v.name in DOUBLE else "f4"
 
 
-def _define_elements(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str]) -> None:
     number = _create(
         file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
     )
-    number[:] = model.elements.id
+    number[:] = layout.ids
     where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
-    registry = {v.name: v for v in ELEMENT_VARIABLES}
     for name in SHAPE:
-        stored = _create(file, name, "f8", ("trajectory",), **_described(registry[name], names))
-        stored[:] = getattr(model.elements, name)
+        described = _described(_REGISTRY[name], names)
+        if name in layout.moving:
+            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=where)
+        else:
+            _create(file, name, "f8", ("trajectory",), **described)[:] = layout.shape[name]
     for v in element_history():
         coordinates = "" if v.name in ("lon", "lat") else where
         _create(
@@ -355,12 +409,13 @@ def _define_elements(file: netCDF4.Dataset, model: Model, names: dict[str, str])
             names.get(v.name, v.name),
             _stored_kind(v),
             ("trajectory", "time"),
+            layout.gaps,
             **_described(v, names),
             coordinates=coordinates,
         )
 
 
-def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
+def _define_bonds(file: netCDF4.Dataset, model: BareModel, layout: Layout) -> None:
     registry = {v.name: v for v in BOND_VARIABLES}
     for name in BOND_LATEST:
         v = registry[name]
@@ -377,10 +432,10 @@ def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
         attributes = _described(registry[name], {})
         if name == "peak_stress":
             attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
-        _create(file, name, "f4", ("bond", "time"), **attributes)
+        _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
 
 
-def _define_fragments(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _define_fragments(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]) -> None:
     for v in FRAGMENT_VARIABLES:
         attributes = {**_described(v, names), "long_name": v.long_name}
         attributes.pop("axis", None)
@@ -391,10 +446,11 @@ def _define_fragments(file: netCDF4.Dataset, model: Model, names: dict[str, str]
         _create(file, name, "i4" if v.dtype == "i8" else "f8", ("fragment",), **attributes)
 
 
-def _write_latest(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
     """Write the present state of the bonds and the family tree, over the earlier ones."""
+    layout.refresh(model.elements, model.bonds, BOND_LATEST)
     for name in BOND_LATEST:
-        file[name][:] = getattr(model.bonds, name)
+        file[name][:] = layout.latest[name]
     rows = fragment_rows(model)
     for v in FRAGMENT_VARIABLES if rows else ():
         column = f"fragment_{names.get(v.name, v.name)}"

@@ -43,7 +43,9 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
         area = body.length[e] * body.width[e]
         radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
         if p.constant_size:
-            bond_area[e] = p.constant_length * p.constant_width
+            # Not yet known where a state is looked at before a model has taken it.
+            known = body.bond_area[e] > 0.0
+            bond_area[e] = body.bond_area[e] if known else p.constant_length * p.constant_width
             bond_mass[e] = bond_area[e] * body.thickness[e] * p.rho_ice
         else:
             bond_area[e] = area
