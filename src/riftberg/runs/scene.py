@@ -119,13 +119,13 @@ class Scene:
             stress = self.run["peak_stress"].transpose("time", "bond").values
         else:
             held, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
-        return np.where(held, np.maximum(stress, 0.0), 0.0)
+        return np.where(held & np.isfinite(stress), np.maximum(stress, 0.0), 0.0)
 
     def bond_damage(self) -> Floats | None:
         """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
         if "damage" not in self.run:
             return None
-        damage: Floats = self.run["damage"].transpose("time", "bond").values
+        damage: Floats = np.nan_to_num(self.run["damage"].transpose("time", "bond").values)
         return np.where(self.unbroken, damage, 0.0)
 
     def lowest_strength(self) -> Floats | None:
@@ -167,7 +167,7 @@ class Scene:
 
     def rotation(self, record: int) -> Floats:
         """Return the angles the elements have turned (rad)."""
-        return self.run["rotation"].isel(time=record).values.astype(np.float64)
+        return np.nan_to_num(self.run["rotation"].isel(time=record).values.astype(np.float64))
 
     def polygons(self, record: int) -> Floats:
         """Return the corners of all elements at a record, shape (elements, corners, 2)."""
