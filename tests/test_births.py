@@ -85,7 +85,9 @@ def test_a_run_with_births_and_deaths_goes_on_bit_for_bit(tmp_path: Path, scheme
         whole.step()
         seen |= set(whole.elements.id.tolist())
         assert len(set(whole.elements.id.tolist())) == whole.elements.size
-    assert max(seen) == whole.population.next_element - 1 > 15 > len(set(whole.elements.id.tolist()) & set(range(1, 16)))
+    assert (
+        max(seen) == whole.population.next_element - 1 > 15 > len(set(whole.elements.id.tolist()) & set(range(1, 16)))
+    )
     for file in files:
         resumed = Model.resume(file, ocean())
         resumed.after_step.append(come_and_go)  # type: ignore[arg-type]
@@ -326,7 +328,8 @@ def test_bonds_name_rows_of_the_file(recorded: tuple) -> None:
         apart = np.where(there[:, first] & there[:, second], np.abs(x[:, first] - x[:, second]), 0.0).max(axis=0)
         assert (apart < 2.0 * SIDE).all()
         gone = ~(there[-1, first] & there[-1, second])
-        assert gone.any() and (run["status"].values[gone] == 2).all()
+        assert gone.any()
+        assert (run["status"].values[gone] == 2).all()
 
 
 def test_a_scene_shows_only_those_that_are_there(recorded: tuple) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,13 @@ def test_new_elements_come_last_and_their_bonds_with_them():
     assert ids.tolist() == [5, 6, 7]
     assert population.elements.id.tolist() == [1, 2, 3, 4, 5, 6, 7]
     bonds = population.bonds
-    assert list(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)]
+    assert list(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == [
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (4, 5),
+        (5, 6),
+    ]
     assert bonds.id.tolist() == [1, 2, 3, 4, 5]
 
 
@@ -105,7 +113,7 @@ def test_random_births_and_deaths_leave_every_other_element_as_it_was(seed):
             new.lon[:] = rng.random(new.size)
             ids = population.append(new, bonds)
             known |= {int(i): float(x) for i, x in zip(ids, new.lon, strict=True)}
-            joined |= {(int(a), int(b)) for a, b in zip(ids[:-1], ids[1:], strict=True)}
+            joined |= {(int(a), int(b)) for a, b in itertools.pairwise(ids)}
         now = population.elements
         assert {int(i): float(x) for i, x in zip(now.id, now.lon, strict=True)} == known
         ends = now.id[population.bonds.first].tolist(), now.id[population.bonds.second].tolist()
@@ -147,6 +155,7 @@ def test_a_part_that_is_cut_out_and_put_back_changes_only_its_rows():
     assert list(zip(between.first.tolist(), between.second.tolist(), strict=True)) == [(0, 1), (2, 3)]
     part.lon[:], between.damage[:] = -5.0, 0.5
     put_back(elements, bonds, rows, bond_rows, part, between)
-    assert (elements.lon[rows] == -5.0).all() and (elements.lon[[0, 3]] != -5.0).all()
+    assert (elements.lon[rows] == -5.0).all()
+    assert (elements.lon[[0, 3]] != -5.0).all()
     assert bonds.damage.tolist() == [0.0, 0.5, 0.0, 0.0, 0.5]
     assert bonds.first.tolist() == [0, 1, 2, 3, 4]

@@ -6,11 +6,11 @@ import numpy as np
 
 from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
+from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.interactions import Partners
 from riftberg.stepping.multiple import StepPlan, StepReport, kick_slowly, take_substeps
-from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.schemes import without
 from riftberg.stepping.sizes import interaction_sizes
 from riftberg.stepping.substep import allocate_scratch, pairs_from_list

@@ -7,7 +7,7 @@ import numpy as np
 from riftberg.kernels import kernel, stage
 from riftberg.physics.fracture import exceeds
 from riftberg.state import Bonds, Elements, Ints
-from riftberg.stepping.neighbours import adjacency
+from riftberg.state.neighbours import adjacency
 
 
 @kernel

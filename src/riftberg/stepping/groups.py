@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
-from riftberg.stepping.neighbours import PairList
+from riftberg.state.neighbours import PairList
+from riftberg.stepping.conglomerates import connected_parts
 
 
 def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: KernelParameters) -> Ints:
@@ -37,9 +36,8 @@ def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: Kernel
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
     owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[near]
-    meet = coo_array((np.ones(owner.size), (berg[owner], berg[collisions.partner[near]])), (numbers.size, numbers.size))
-    group: Ints = connected_components(meet, directed=False)[1][berg].astype(np.int64)
-    return group
+    one, other = berg[owner], berg[collisions.partner[near]]
+    return connected_parts(numbers.size, one, other, np.zeros(one.size, np.int64))[berg]
 
 
 @kernel

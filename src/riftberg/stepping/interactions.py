@@ -10,7 +10,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
-from riftberg.stepping.neighbours import PairList
+from riftberg.state.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 
 BONDED, SAME_BERG_CONTACT, COLLISION, PLAIN_CONTACT, PLAIN_BOND = 0, 1, 2, 3, 4

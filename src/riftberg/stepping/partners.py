@@ -6,7 +6,7 @@ import numpy as np
 
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
+from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
 from riftberg.stepping.sizes import Sizes
 
 

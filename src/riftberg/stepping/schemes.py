@@ -10,6 +10,7 @@ from riftberg.errors import RunError
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import ANY, SAME_BERG, no_pairs
 from riftberg.stepping import runge_kutta, verlet
 from riftberg.stepping.batches import Batch
 from riftberg.stepping.breaking import allocate_pairs
@@ -18,7 +19,6 @@ from riftberg.stepping.groups import meeting_groups
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
-from riftberg.stepping.neighbours import ANY, SAME_BERG, no_pairs
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
