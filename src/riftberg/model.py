@@ -19,7 +19,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved
-from riftberg.stepping.births import changed_rows, complete_state, surround_newborn
+from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
@@ -122,6 +122,7 @@ class BareModel(RunState):
         assign_substeps(self, self.elements.body.substeps == 0)
         self._look()
         self._stepper: Stepper = make_stepper(self)
+        self._stepped = self.elements.body.id.copy()
         if self._visited:
             # The same values as in the file, unless the run failed because its forcing was at fault.
             self._stepper.surround(self)
@@ -179,6 +180,22 @@ class BareModel(RunState):
         """Take elements out, with their bonds; for use between two steps or in `after_step`."""
         self.population.remove(ids)
 
+    def applied_forces(self) -> Floats:
+        """Return the mean forces (N) on the elements over the last long step, as they were applied.
+
+        The drag of the sea floor in the sub-steps and the implicit solves are included. Zero before the first step, for
+        elements that never move and for those born since.
+
+        Returns
+        -------
+        array, shape (elements, forces, 2)
+            East and north, for each name of `riftberg.stepping.media.FORCES`.
+        """
+        applied = self._stepper.applied
+        if not np.array_equal(self._stepped, self.elements.body.id):
+            applied = by_identifier(self._stepped, applied, self.elements.body.id)
+        return self.elements.body.mass[:, None, None] * applied
+
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.
 
@@ -194,6 +211,7 @@ class BareModel(RunState):
         try:
             if self.elements.size:
                 self._stepper.step(self)
+                self._stepped = self.elements.body.id.copy()
                 self._check_finite()
             else:
                 self.time += self.parameters.stepping.time_step

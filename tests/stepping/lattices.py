@@ -10,8 +10,9 @@ from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, fin
 from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.interactions import Partners
+from riftberg.stepping.media import allocate_surroundings
 from riftberg.stepping.multiple import StepPlan, StepReport, kick_slowly, take_substeps
-from riftberg.stepping.schemes import without
+from riftberg.stepping.partners import without
 from riftberg.stepping.sizes import interaction_sizes
 from riftberg.stepping.substep import allocate_scratch, pairs_from_list
 
@@ -153,7 +154,9 @@ def touching_pairs(el, bonds, p):
     return pairs
 
 
-def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None):
+def long_step(
+    el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None, around=None
+):
     """Take one long step by the kernels of `riftberg.stepping.multiple`; changes the state in place."""
     n = el.mass.size
     plan = StepPlan(
@@ -169,7 +172,8 @@ def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, ma
     )
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
-    slow = kick_slowly(el, bonds, partners._replace(bonded=none, same_berg=none), sizes, plan, p)
+    around = allocate_surroundings(n) if around is None else around
+    slow = kick_slowly(el, bonds, partners._replace(bonded=none, same_berg=none), sizes, around, plan, p)
     if slow.passes < 0:
         return slow
     fast = take_substeps(
@@ -180,6 +184,7 @@ def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, ma
         partners._replace(collision=none),
         allocate_scratch(n),
         sizes,
+        around,
         np.arange(n) if rank is None else rank,
         plan,
         p,

@@ -153,7 +153,7 @@ def _paragraph(b: Breakup) -> str:
     if b.closure is not None:
         afloat = " when it was last afloat" if load.aground else ""
         text.append(f"The forces explain the recorded motion{afloat} to {100.0 * b.closure:.1f} % of their sum.")
-    if load.aground:
+    if load.aground and not b.floor_recorded:
         text.append(FLOOR)
     for part, fate in b.controls.items():
         text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
@@ -184,7 +184,8 @@ def _cause_words(b: Breakup, strength: float) -> str:
     if shares[leading] <= 0.0:
         return ""
     begin = "What loads the cut:" if b.sudden and not b.decisive.aground else "It broke because"
-    return f"{begin} {CAUSES[leading]} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
+    cause = CAUSES.get(leading, f"{leading} acts on its parts differently")
+    return f"{begin} {cause} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
 
 
 def _fate_words(fate: str) -> str:

@@ -37,6 +37,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
+from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.layout import Layout, placed
 from riftberg.runs.provenance import run_attributes
@@ -102,6 +103,9 @@ class RunWriter:
     background : bool, optional
         Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
 
+    forces : bool, optional
+        Write the mean force of each medium on each element since the record before (`riftberg.runs.applied`).
+
     Examples
     --------
     >>> model.advance(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
@@ -116,11 +120,14 @@ class RunWriter:
         seed: int | None = None,
         flush_seconds: float = 1.0,
         background: bool = True,
+        forces: bool = False,
     ) -> None:
         self.path = Path(path)
         self.interval = 3600.0 * every_hours
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
+        self.forces = forces
+        self._applied: AppliedForces | None = None
         self.records = 0
         self._held: list[_Record] = []
         self._last_flush = self._pause = 0.0
@@ -145,6 +152,7 @@ class RunWriter:
             self._define(file, model)
         self.records, self._held, self._next = 0, [], model.time
         self._start_peak(model)
+        self._applied = AppliedForces(model) if self.forces else None
         self._take(model)
         self._flush(model)
 
@@ -154,6 +162,8 @@ class RunWriter:
             self._peak = placed(self._peak_ids, self._peak, model.bonds.id, -np.inf)
             self._peak_ids = model.bonds.id.copy()
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
+        if self._applied is not None:
+            self._applied.add(model)
         if model.time >= self._next - _ROUND:
             self._take(model)
             if clock.monotonic() - self._last_flush >= self._pause:
@@ -169,7 +179,7 @@ class RunWriter:
 
     def _take(self, model: BareModel) -> None:
         self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
-        self._held.append(_Record(model, self._peak))
+        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.take(model)))
         self._start_peak(model)
         self._latest = model.time
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
@@ -179,6 +189,8 @@ class RunWriter:
 
     def _define(self, file: netCDF4.Dataset, model: BareModel) -> None:
         _define(file, model, self._names, self._layout)
+        if self.forces:
+            _define_histories(file, force_variables(), self._names, self._layout)
         file.setncatts(self._attributes)
         self._layout.written()
 
@@ -234,6 +246,9 @@ class RunWriter:
             missing = MISSING if v.dtype == "i8" else np.nan
             columns = [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in self._held]
             file[self._names.get(v.name, v.name)][:, block] = np.stack(columns, axis=1)
+        for name in self._held[0].forces:
+            columns = [placed(r.ids, r.forces[name], layout.ids, np.nan) for r in self._held]
+            file[name][:, block] = np.stack(columns, axis=1)
         for name in bond_history(model):
             columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
             file[name][:, block] = np.stack(columns, axis=1)
@@ -243,7 +258,7 @@ class RunWriter:
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: BareModel, peak: Floats) -> None:
+    def __init__(self, model: BareModel, peak: Floats, forces: dict[str, Floats]) -> None:
         self.time = float(model.time)
         self.ids, self.bond_ids = model.elements.id.copy(), model.bonds.id.copy()
         names = [*(v.name for v in element_history()), *SHAPE]
@@ -251,6 +266,7 @@ class _Record:
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
+        self.forces = forces
 
 
 def element_history() -> list[Variable]:
@@ -395,14 +411,25 @@ def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str
         file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
     )
     number[:] = layout.ids
-    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
     for name in SHAPE:
         described = _described(_REGISTRY[name], names)
         if name in layout.moving:
-            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=where)
+            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
         else:
             _create(file, name, "f8", ("trajectory",), **described)[:] = layout.shape[name]
-    for v in element_history():
+    _define_histories(file, element_history(), names, layout)
+
+
+def _where(names: dict[str, str]) -> str:
+    return f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
+
+
+def _define_histories(
+    file: netCDF4.Dataset, variables: Iterable[Variable], names: dict[str, str], layout: Layout
+) -> None:
+    """Create variables of the elements that every record holds."""
+    where = _where(names)
+    for v in variables:
         coordinates = "" if v.name in ("lon", "lat") else where
         _create(
             file,

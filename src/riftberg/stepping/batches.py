@@ -11,6 +11,7 @@ from riftberg.state import Bonds, Elements, Ints
 from riftberg.state.population import cut_out, put_back
 from riftberg.stepping.bond_rows import BondRows, allocate_rows
 from riftberg.stepping.breaking import ContactPairs, allocate_pairs
+from riftberg.stepping.media import Surroundings
 from riftberg.stepping.partners import Neighbourhood
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.substep import Scratch, allocate_scratch
@@ -47,10 +48,19 @@ class Batch:
         else:
             self.elements, self.bonds, self._bond_rows = cut_out(run.elements, run.bonds, self.rows)
 
-    def give(self, run: RunState) -> None:
-        """Give the state back to the run."""
+    def surroundings(self, of_all: Surroundings) -> Surroundings:
+        """Return what acts on its elements."""
+        if self.rows is None:
+            return of_all
+        return Surroundings(
+            **{name: values if name == "acts" else values[self.rows] for name, values in of_all._asdict().items()}
+        )
+
+    def give(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
+        """Give the state, and the forces that were applied, back to the run."""
         if self.rows is not None:
             put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds)
+            of_all.applied[self.rows] = around.applied
 
     def of_all(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of its elements."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts
+from riftberg.stepping.media import aground
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,7 @@ class FragmentTree:
         number = self._inherited(part, mass, elements.berg)
         newborn = np.flatnonzero(number == 0)
         cuts = _Cuts(part, elements, bonds)
-        aground = (draft_of(1.0, p.rho_ice) * elements.body.thickness > elements.environment.depth) & (
-            p.ground_coefficient > 0.0
-        )
+        touching = aground(elements.body.thickness, elements.environment.depth, p)
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))
@@ -107,7 +105,7 @@ class FragmentTree:
             parent = int(elements.body.berg[rows[0]])
             row = Fragment(
                 len(self.rows) + 1, parent if parent in known else 0, time, *_measures(rows, elements, p.period),
-                int(cuts.count[k]), bool(aground[rows].any() or cuts.grounded[k] > 0),
+                int(cuts.count[k]), bool(touching[rows].any() or cuts.grounded[k] > 0),
             )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)

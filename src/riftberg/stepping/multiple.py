@@ -12,17 +12,20 @@ from riftberg.stepping.breaking import ContactPairs
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
-from riftberg.stepping.long_kick import closing_half_kick, opening_half_kick, sea_floor_rates
+from riftberg.stepping.long_kick import begin_substeps, closing_half_kick, end_substeps, opening_half_kick
+from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
     Scratch,
     dem_accelerations,
     drift,
     drift_near_pole,
+    floor_rates,
     kick,
     show_velocities,
     spin_up,
     spring_accelerations,
+    sum_stopped,
 )
 
 POLAR_LATITUDE = 88.0
@@ -111,10 +114,21 @@ def _drift_and_show(el, scratch, dt, near_pole, p):
         drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
 
 
+@stage
+def _kick(el, scratch, dt, floor_acts, implicit_ground):
+    """Update the velocities, and keep what the sea floor did to them where it acts."""
+    if floor_acts and not implicit_ground:
+        sum_stopped(el, scratch)
+    kick(el, scratch, dt, implicit_ground)
+    if floor_acts and implicit_ground:
+        sum_stopped(el, scratch)
+
+
 @kernel
 def kick_slowly(
-    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, plan: StepPlan, p: KernelParameters
-) -> StepReport:
+    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    p: KernelParameters,
+) -> StepReport:  # fmt: skip
     """Apply the slow forces at the start of a long step: both half kicks, and fracture after the step before.
 
     Parameters
@@ -124,6 +138,8 @@ def kick_slowly(
     partners : Partners
         Collisions between bergs.
     sizes : Sizes
+    around : Surroundings
+        Filled from the environment that the elements carry; afterwards it holds the forces that were applied.
     plan : StepPlan
     p : KernelParameters
 
@@ -131,9 +147,10 @@ def kick_slowly(
     -------
     StepReport
     """
+    find_surroundings(el, sizes, around, p)
     if plan.skip_slow:
         return StepReport(0, 1)
-    passes = closing_half_kick(el, plan.dt, partners, sizes, pair_law(p), plan.starting, p)
+    passes = closing_half_kick(el, plan.dt, around, partners, sizes, pair_law(p), plan.starting, p)
     if passes < 0:
         return StepReport(0, passes)
     broken = 0
@@ -146,7 +163,7 @@ def kick_slowly(
 @kernel
 def take_substeps(
     el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
-    sizes: Sizes, earlier: Ints, plan: StepPlan, p: KernelParameters,
+    sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
     """Take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
 
@@ -159,6 +176,8 @@ def take_substeps(
     fast : Partners
         With spring bonds, bonded pairs and contacts inside a berg.
     sizes : Sizes
+    around : Surroundings
+        As `kick_slowly` filled it; the sea floor may act here.
     earlier : array of int
         Rank of the elements in the order of processing (quirks Q10, Q11).
     plan : StepPlan
@@ -170,7 +189,7 @@ def take_substeps(
     """
     shown, motion, body = el.shown, el.motion, el.body
     law = pair_law(p)
-    sea_floor_rates(el, scratch, sizes, p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
     near_pole = p.latlon and el.place.lat.max() > POLAR_LATITUDE
     passes = 1
     broken = 0
@@ -189,15 +208,17 @@ def take_substeps(
             )
         elif explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
+        if floor_varies:
+            floor_rates(el, scratch)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
             if p.dem:
                 _start_rotation(el, scratch, plan.dt / plan.substeps)
             continue
         if explicit:
-            kick(el, scratch, dt, p.ground_implicit)
+            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
-            passes = implicit_kick(el, dt, fast, sizes, law, scratch, p)
+            passes = implicit_kick(el, dt, around, fast, sizes, law, scratch, p)
             if passes < 0:
                 return StepReport(broken, passes)
         show_velocities(el, scratch.active)
@@ -207,6 +228,8 @@ def take_substeps(
             _remember_fast(el)
     if p.iterate:
         _remember_fast(el)
+    if floor_acts:
+        end_substeps(around, scratch, plan.substeps)
     store_rows(rows, count, bonds)
     for e in range(motion.u.size):
         if body.static[e] < 0.5:

@@ -18,6 +18,7 @@ from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, 
 from riftberg.stepping.groups import meeting_groups
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
+from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
 from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.run_state import RunState
@@ -37,13 +38,17 @@ class Stepper(Protocol):
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Return the velocity (m s-1) at the time of the positions, after a step; the state stays as it is."""
 
+    @property
+    def applied(self) -> Floats:
+        """Mean accelerations (m s-2) over the last long step, shape (elements, forces, 2)."""
+
 
 def make_stepper(run: RunState) -> Stepper:
     """Return the stepper of the scheme that the parameters name."""
     scheme = run.parameters.stepping.scheme
     if scheme == "mts":
         return MultipleStepper(run)
-    return VerletStepper() if scheme == "verlet" else RungeKuttaStepper()
+    return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 
 
 def settle(run: RunState) -> None:
@@ -86,6 +91,7 @@ class MultipleStepper:
     def __init__(self, run: RunState) -> None:
         c = run.constants
         self._near = Neighbourhood()
+        self._around = allocate_surroundings(run.elements.size)
         self._all: Batch | None = None
         self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
@@ -103,17 +109,19 @@ class MultipleStepper:
             self._gather_pairs(batch, run.parameters.stepping.time_step, c)
         inner = [self._inner_partners(batch, batch.of_all(slow.group), run) for batch in batches]
         plan = self._plan(run)
-        report = kick_slowly(el, bonds, slow, sizes, plan, c)
+        if self._around.coriolis.size != el.size:
+            self._around = allocate_surroundings(el.size)
+        report = kick_slowly(el, bonds, slow, sizes, self._around, plan, c)
         self._check_settled(report, run)
         broken = report.broken
         for batch, fast in zip(batches, inner, strict=True):
             batch.take(run)
-            some = batch.elements
+            some, room, around = batch.elements, batch.room, batch.surroundings(self._around)
             report = take_substeps(
-                some, batch.bonds, *batch.room[:2], fast, batch.room.scratch, interaction_sizes(some, c),
-                np.asarray(batch.of_all(earlier)), plan._replace(substeps=int(some.body.substeps[0])), c,
+                some, batch.bonds, room.rows, room.pairs, fast, room.scratch, interaction_sizes(some, c), around,
+                batch.of_all(earlier), plan._replace(substeps=int(some.body.substeps[0])), c,
             )  # fmt: skip
-            batch.give(run)
+            batch.give(run, around, self._around)
             self._check_settled(report, run)
             broken += report.broken
         settle(run)
@@ -141,8 +149,15 @@ class MultipleStepper:
         c, dt = run.constants, run.parameters.stepping.time_step
         el = run.elements.copy()
         sizes = interaction_sizes(el, c)
-        passes = closing_half_kick(el, dt, self._collisions(run, sizes), sizes, pair_law(c), False, c)
+        around = allocate_surroundings(el.size)
+        find_surroundings(el, sizes, around, c)
+        passes = closing_half_kick(el, dt, around, self._collisions(run, sizes), sizes, pair_law(c), False, c)
         return (el.u_sync, el.v_sync) if passes >= 0 else (run.elements.u_sync, run.elements.v_sync)
+
+    @property
+    def applied(self) -> Floats:
+        """See `Stepper.applied`."""
+        return self._around.applied
 
     def _collisions(self, run: RunState, sizes: Sizes) -> Partners:
         """Partners of the slow kicks: elements of other bergs."""
@@ -241,9 +256,15 @@ def _uniform(run: RunState) -> bool:
 class SingleStepper:
     """What the single-step schemes share: partners by the rules of spec 5.1."""
 
-    def __init__(self) -> None:
+    def __init__(self, run: RunState) -> None:
         self._near = Neighbourhood()
         self._version = -1
+        self._around = allocate_surroundings(run.elements.size)
+
+    @property
+    def applied(self) -> Floats:
+        """See `Stepper.applied`."""
+        return self._around.applied
 
     def surround(self, run: RunState) -> None:
         """Do nothing: these schemes sample within the step."""
@@ -275,12 +296,10 @@ class VerletStepper(SingleStepper):
         el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
         if run.step_number == 0 and c.grid_position_round_trip and run.forcing.grid is not None:
             round_trip(el, run.forcing.grid.arrays)
-        sizes = interaction_sizes(el, c)
         run.forcing.sample(el, run.time)
-        verlet.update_velocities(el, self._partners(run, sizes), sizes, dt, c)
-        imposed = run.parameters.stepping.fixed_velocity
-        if imposed is not None:
-            verlet.impose_velocity(el, *imposed)
+        if self._around.coriolis.size != el.size:
+            self._around = allocate_surroundings(el.size)
+        self._update_velocities(run, el, self._around)
         verlet.update_positions(el, dt, c)
         settle(run)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
@@ -288,23 +307,38 @@ class VerletStepper(SingleStepper):
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Take the velocity that the next step begins with, on a copy of the elements."""
-        c, dt = run.constants, run.parameters.stepping.time_step
         el = run.elements.copy()
-        sizes = interaction_sizes(el, c)
         run.forcing.sample(el, run.time)
-        verlet.update_velocities(el, self._partners(run, sizes), sizes, dt, c)
+        self._update_velocities(run, el, allocate_surroundings(el.size))
+        return el.u, el.v
+
+    def _update_velocities(self, run: RunState, el: Elements, around: Surroundings) -> None:
+        """Update the velocities of ``el``, or impose those that are given: then no force has acted."""
+        c, dt = run.constants, run.parameters.stepping.time_step
+        sizes = interaction_sizes(el, c)
+        verlet.update_velocities(el, self._partners(run, sizes), sizes, around, dt, c)
         imposed = run.parameters.stepping.fixed_velocity
         if imposed is not None:
             verlet.impose_velocity(el, *imposed)
-        return el.u, el.v
+            around.applied[:] = 0.0
 
 
 class RungeKuttaStepper(SingleStepper):
     """Fourth-order Runge-Kutta (spec 6.3)."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._stages = runge_kutta.allocate_stages(0)
+    def __init__(self, run: RunState) -> None:
+        super().__init__(run)
+        self._make_room(run.elements.size)
+
+    def _make_room(self, count: int) -> None:
+        self._stages = runge_kutta.allocate_stages(count)
+        self._around = allocate_surroundings(count)
+        self._applied = np.zeros_like(self._around.applied)
+
+    @property
+    def applied(self) -> Floats:
+        """See `Stepper.applied`."""
+        return self._applied
 
     def step(self, run: RunState) -> None:
         """Advance by one step; stages go from the cell at the start of the step."""
@@ -315,8 +349,9 @@ class RungeKuttaStepper(SingleStepper):
         cells = el.cell_i.copy(), el.cell_j.copy(), el.xi.copy(), el.eta.copy()
         shown = el.lon_pair.copy(), el.lat_pair.copy()
         if self._stages.x0.size != el.size:
-            self._stages = runge_kutta.allocate_stages(el.size)
+            self._make_room(el.size)
         runge_kutta.begin(el, self._stages)
+        self._applied[:] = 0.0
         for stage in range(4):
             if stage > 0:
                 runge_kutta.go_to_stage(el, self._stages, stage, runge_kutta.AHEAD[stage], dt, c)
@@ -324,8 +359,9 @@ class RungeKuttaStepper(SingleStepper):
             ahead = 0.0 if run.parameters.compatibility.forcing_lag else runge_kutta.AHEAD[stage] * dt
             run.forcing.sample(el, run.time + ahead)
             runge_kutta.evaluate(
-                el, self._stages, stage, runge_kutta.FRACTION[stage], partners, sizes, dt, mean_speeds, c
+                el, self._stages, stage, runge_kutta.FRACTION[stage], partners, sizes, self._around, dt, mean_speeds, c
             )
+            self._applied += runge_kutta.WEIGHT[stage] * self._around.applied
         runge_kutta.finish(el, self._stages, dt, c)
         self._settle_stage(run, cells, shown)
         settle(run)

@@ -34,7 +34,7 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
 
 @kernel
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
-    """Compute the sizes of all elements."""
+    """Compute the sizes of all elements; a constant size of 0 is one that is not given."""
     body = elements.body
     count = body.mass.size
     radius, bond_radius = np.empty(count), np.empty(count)
@@ -42,10 +42,10 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     for e in range(count):
         area = body.length[e] * body.width[e]
         radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
-        if p.constant_size:
-            # Not yet known where a state is looked at before a model has taken it.
-            known = body.bond_area[e] > 0.0
-            bond_area[e] = body.bond_area[e] if known else p.constant_length * p.constant_width
+        # Not yet known where a state is looked at before a model has taken it.
+        constant = body.bond_area[e] if body.bond_area[e] > 0.0 else p.constant_length * p.constant_width
+        if p.constant_size and constant > 0.0:
+            bond_area[e] = constant
             bond_mass[e] = bond_area[e] * body.thickness[e] * p.rho_ice
         else:
             bond_area[e] = area

@@ -289,10 +289,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.0))
     _areas(upper, scene)
     _peak_stress(middle, scene)
-    touching = scene.run["thickness"] * (scene.parameters.ice.density / 1025.0) > scene.run["depth"]
-    lower.fill_between(
-        scene.times, touching.sum("trajectory").values, step="post", color=style.GROUND_COLOUR, alpha=0.6
-    )
+    lower.fill_between(scene.times, scene.aground().sum(axis=1), step="post", color=style.GROUND_COLOUR, alpha=0.6)
     lower.set_ylabel("elements\naground", fontsize=9)
     lower.yaxis.get_major_locator().set_params(integer=True)
     for ax in (upper, middle, lower):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS: Final = dict(
-    zip(FORCES, ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#A50026", "#999999"), strict=True)
+    zip(FORCES, cycle(("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#A50026", "#999999")), strict=False)
 )
 """One colour for each force in all panels."""
 
