@@ -15,6 +15,7 @@ from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
+from riftberg.interrupts import Hold, held
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
@@ -76,6 +77,8 @@ class BareModel(RunState):
         counted, fragments numbered, newly born placed, sub-steps chosen anew) is done after the last of them. A process
         that fails takes the whole step back. A run that is resumed goes on bit for bit if a process takes what it needs
         from the model (state, ``time``, ``step_number``) and keeps nothing itself.
+    remembered : dict of str to array
+        What recorders must know again to go on exactly; it is saved with the state.
     """
 
     def __init__(
@@ -115,6 +118,7 @@ class BareModel(RunState):
             step_number,
         )  # fmt: skip
         self.after_step: list[Process] = []
+        self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
         check_state(self.elements, self.bonds)
         check_strengths(self.bonds, parameters)
@@ -151,16 +155,18 @@ class BareModel(RunState):
             return self.elements.u.copy(), self.elements.v.copy()
         return self._stepper.synchronised(self)
 
-    def append(self, elements: Elements, bonds: Bonds | None = None) -> Ints:
+    def append(self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0) -> Ints:
         """Add elements, with bonds between them; for use between two steps or in `after_step`.
 
         Parameters
         ----------
         elements : Elements
             The newly born, as `riftberg.state.new_elements` or an `Iceberg` gives them: position, velocity ``u`` and
-            ``v``, mass and sizes are read. One with a number in ``berg`` belongs to that fragment.
+            ``v``, mass and sizes are read.
         bonds : Bonds, optional
             Bonds between them; their ends are rows of ``elements``.
+        parent : int, optional
+            Number of the fragment that they come from.
 
         Returns
         -------
@@ -171,6 +177,7 @@ class BareModel(RunState):
         ids = self.population.append(elements, bonds)
         new = slice(rows, None)
         now = self.elements
+        now.body.berg[new] = parent
         for shown, own in (("lon_pair", "lon"), ("lat_pair", "lat"), ("u_pair", "u"), ("v_pair", "v")):
             getattr(now, shown)[new] = getattr(now, own)[new]
         now.motion.u_sync[new], now.motion.v_sync[new] = now.motion.u[new], now.motion.v[new]
@@ -199,11 +206,17 @@ class BareModel(RunState):
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.
 
+        Ctrl-C does not tear it apart: it comes into force after the step.
+
         Raises
         ------
         RunError
             If the contact iteration does not settle, or a position is no longer a number.
         """
+        with held():
+            self._step()
+
+    def _step(self) -> None:
         if self.step_number == 0 and not self._visited:
             self._first_visit()
         self._follow_changes()
@@ -272,7 +285,11 @@ class BareModel(RunState):
     def advance(
         self, days: float | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
     ) -> None:
-        """Run for some days, calling the recorders; see `run`."""
+        """Run for some days, calling the recorders; see `run`.
+
+        Ctrl-C and requests to terminate take effect between two steps, after the recorders have finished. A recorder may
+        have a method ``interrupted(model)``, which is called then.
+        """
         count = self._number_of_steps(days, steps)
         dt = self.parameters.stepping.time_step
         if self.forcing.grid is not None and self.step_number == 0:
@@ -281,12 +298,25 @@ class BareModel(RunState):
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()
+        with held() as hold:
+            try:
+                self._record_steps(count, recorders, hold)
+                hold.check()
+            except (KeyboardInterrupt, SystemExit):
+                for recorder in recorders:
+                    getattr(recorder, "interrupted", _nothing)(self)
+                raise
+
+    def _record_steps(self, count: int, recorders: Sequence[Recorder], hold: Hold) -> None:
+        """Take steps until they are done or a signal waits."""
         started: list[Recorder] = []
         try:
             for recorder in recorders:
                 recorder.start(self)
                 started.append(recorder)
             for _ in range(count):
+                if hold.requested:
+                    return
                 self.step()
                 for recorder in recorders:
                     recorder.record(self)
@@ -321,6 +351,10 @@ class BareModel(RunState):
                 p.describe(),
             ]
         )
+
+
+def _nothing(model: BareModel) -> None:
+    """Stand for a method that a recorder does not have."""
 
 
 def _sizes_of(elements: Elements) -> tuple[Floats, ...]:

@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
-from riftberg.diagnostics.dates import minute
+from riftberg.diagnostics.dates import minute_text
 from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
@@ -133,14 +133,13 @@ def _paragraph(b: Breakup) -> str:
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
     text = [
-        f"{minute(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
+        f"{minute_text(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
         f"{where}.",
-        f"{b.bonds} bonds failed from {minute(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
+        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
-        f"Across the cut of {load.cut_km:.1f} km the load at {minute(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
-        + _share_words(b.causes)
-        + ".",
+        f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
+        f"{load.nominal / 1e3:.1f} kPa: " + _share_words(b.causes) + ".",
     ]
     if b.sudden:
         text.append(_sudden_words(b))

@@ -9,10 +9,14 @@ from typing import Self
 import xarray as xr
 
 from riftberg.errors import RiftbergError, RunError
+from riftberg.interrupts import held, say
 from riftberg.model import BareModel, Recorder
 from riftberg.ocean.forcing import Forcing
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
+
+OWN_EXTRAS = ("substeps", "next_element", "next_bond")
+"""What a restart file holds beside the state that no recorder has left there."""
 
 
 class Model(BareModel):
@@ -89,11 +93,17 @@ class Model(BareModel):
         RunError
             If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
             where. Without ``output`` the model itself is left at that state.
+        KeyboardInterrupt
+            After Ctrl-C, at the end of the step in hand; the run file is complete up to there, and the state is saved as
+            above. So it is with the SystemExit after a request to terminate.
         """
         before = self.step_number
-        with memory_run(output, every_hours) as writer:
+        with held(), memory_run(output, every_hours) as writer:
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer])
+            except (KeyboardInterrupt, SystemExit):
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, 'interrupted')}")
+                raise
             except RiftbergError as error:
                 if self.step_number == before and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
@@ -102,17 +112,18 @@ class Model(BareModel):
                 ) from error
             return writer.dataset()
 
-    def _rescued(self, output: str | Path | None) -> str:
+    def _rescued(self, output: str | Path | None, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
         path = Path(output)
-        return f"Go on with Model.resume({str(self.save(path.with_name(f'{path.stem}.failed.restart.nc')))!r}, forcing)"
+        saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
+        return f"Go on with Model.resume({str(saved)!r}, forcing)"
 
     def save(self, path: str | Path) -> Path:
         """Write a restart file from which `resume` goes on bit for bit."""
         coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
-        return save(self, path, extra=coming)
+        return save(self, path, extra={**coming, **self.remembered})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Self:
@@ -126,7 +137,9 @@ class Model(BareModel):
             The same forcing as before. Processes (``after_step``) are attached anew.
         """
         state = load_state(path)
-        return cls.going_on(
+        model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
             state.fragment_rows(),
         )  # fmt: skip
+        model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
+        return model

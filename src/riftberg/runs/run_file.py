@@ -23,7 +23,6 @@ last record, or the last second of a run that makes many records in a second. An
 from __future__ import annotations
 
 import os
-import shutil
 import time as clock
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -37,12 +36,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
+from riftberg.netcdf_lock import open_lazily, open_netcdf
+from riftberg.one_writer import OneWriter
 from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.layout import Layout, placed
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
@@ -138,22 +140,22 @@ class RunWriter:
         self._layout = Layout()
         self._names: dict[str, str] = {}
         self._attributes: dict[str, Any] = {}
+        self._taken = OneWriter(self.path)
 
     def start(self, model: BareModel) -> None:
         """Create the file and hold the first record."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
-        self.path.unlink(missing_ok=True)
+        os.makedirs(self.path.parent, exist_ok=True)
+        self._taken.take()
         self._names = position_names(model.parameters.earth.latlon)
         self._layout = Layout()
         self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
         self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
-        with netCDF4.Dataset(self.path, "w") as file:
+        # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
+        with replacing(self.path) as part, open_netcdf(part, "w") as file:
             self._define(file, model)
-        self.records, self._held, self._next = 0, [], model.time
-        self._start_peak(model)
+        self.records, self._held = 0, []
         self._applied = AppliedForces(model) if self.forces else None
-        self._take(model)
+        self._take_up(model)
         self._flush(model)
 
     def record(self, model: BareModel) -> None:
@@ -164,28 +166,36 @@ class RunWriter:
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         if self._applied is not None:
             self._applied.add(model)
-        if model.time >= self._next - _ROUND:
+        due = model.time >= self._next - _ROUND
+        self._remember(model)
+        if due:
             self._take(model)
+            self._schedule(model)
             if clock.monotonic() - self._last_flush >= self._pause:
                 self._flush(model)
 
     def finish(self, model: BareModel) -> None:
         """Write what is held, and the last state even where no record was due."""
-        if model.time > self._latest + _ROUND:
-            self._take(model)
-        self._flush(model)
-        if self.background:
-            append_background(self.path, model)
+        try:
+            if model.time > self._latest + _ROUND:
+                self._take(model)
+            self._flush(model)
+            if self.background:
+                append_background(self.path, model)
+        finally:
+            self._taken.give_back()
 
     def _take(self, model: BareModel) -> None:
         self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
-        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.take(model)))
-        self._start_peak(model)
+        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means(model)))
         self._latest = model.time
-        self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
-    def _start_peak(self, model: BareModel) -> None:
+    def _schedule(self, model: BareModel) -> None:
+        """Begin the interval up to the next record."""
+        if self._applied is not None:
+            self._applied.begin()
         self._peak, self._peak_ids = model.bonds.normal_stress.copy(), model.bonds.id.copy()
+        self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
     def _define(self, file: netCDF4.Dataset, model: BareModel) -> None:
         _define(file, model, self._names, self._layout)
@@ -194,34 +204,62 @@ class RunWriter:
         file.setncatts(self._attributes)
         self._layout.written()
 
+    def _remember(self, model: BareModel) -> None:
+        """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
+        kept: dict[str, Floats] | None = getattr(model, "remembered", None)
+        if kept is not None:
+            kept[self._key("peak_stress")] = self._peak.copy()
+            for name, value in self._applied.kept.items() if self._applied is not None else ():
+                kept[self._key(name)] = value
+            kept[self._key("times")] = np.array([model.time, self._next])
+
+    def _key(self, name: str) -> str:
+        return f"record_{name}_every_{self.interval:g}_s"
+
+    def _due_from(self, time: float) -> float:
+        """Return when the first record is due, with those of a run from the start."""
+        return time if self.interval <= 0.0 else self.interval * np.ceil((time - _ROUND) / self.interval)
+
+    def _take_up(self, model: BareModel) -> None:
+        """Take the first record; one that goes on is that of the run that never stopped, and so are the ones after it."""
+        kept: dict[str, Floats] = getattr(model, "remembered", {})
+        now, due = kept.get(self._key("times"), (np.nan, np.nan))
+        peak = kept.get(self._key("peak_stress"), np.zeros(0))
+        goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
+        if goes_on:
+            self._peak, self._next = np.array(peak), float(due)
+            if self._applied is not None and self._key("impulse") in kept:
+                self._applied.go_on(kept[self._key("impulse")], kept[self._key("seconds")])
+        else:
+            self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
+        self._peak_ids = model.bonds.id.copy()
+        self._remember(model)
+        self._take(model)
+        if model.time >= self._next - _ROUND:
+            self._schedule(model)
+
     def _flush(self, model: BareModel) -> None:
         before = clock.monotonic()
-        copy = self.path.with_name(f".{self.path.name}.part")
         try:
             if self._layout.outgrown:
-                self._lay_out_anew(copy, model)
-            else:
-                shutil.copyfile(self.path, copy)
-            with netCDF4.Dataset(copy, "a") as file:
+                self._lay_out_anew(model)
+            with replacing(self.path, copy=True) as copy, open_netcdf(copy, "a") as file:
                 file.set_auto_mask(False)
                 self._write(file, model)
-            os.replace(copy, self.path)
         except OSError as error:
             raise RunError(
                 f"cannot write {self.path} ({error}); its last {len(self._held)} records are missing. "
                 "Is the disk full, or was the file removed?"
             ) from error
-        finally:
-            copy.unlink(missing_ok=True)
         self.records += len(self._held)
         self._held = []
         self._last_flush = clock.monotonic()
         # Files of gigabytes take longer to copy; then records are held longer, so that writing stays a small part.
         self._pause = max(self.flush_seconds, _PATIENCE * (self._last_flush - before)) if self.flush_seconds else 0.0
 
-    def _lay_out_anew(self, path: Path, model: BareModel) -> None:
+    def _lay_out_anew(self, model: BareModel) -> None:
         """Write the file as it was, with room for what has come since."""
-        with netCDF4.Dataset(self.path) as old, netCDF4.Dataset(path, "w") as file:
+        with replacing(self.path) as part, open_netcdf(self.path) as old, open_netcdf(part, "w") as file:
             old.set_auto_mask(False)
             file.set_auto_mask(False)
             self._define(file, model)
@@ -253,6 +291,12 @@ class RunWriter:
             columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
             file[name][:, block] = np.stack(columns, axis=1)
         file["time"][block] = [r.time for r in self._held]
+
+
+def _peak_so_far(model: BareModel) -> Floats:
+    """Return what is known of the largest stress where nothing was recorded before: that of the last long step."""
+    stress: Floats = model.bonds.normal_stress.copy()
+    return stress if model.step_number == 0 else np.maximum(stress, model.bonds.peak_stress)
 
 
 class _Record:
@@ -302,7 +346,7 @@ def open_run(path: str | Path) -> xr.Dataset:
     if not file.exists():
         raise InputError("no such file", where=str(file), remedy="Name run.nc or the folder that 'riftberg run' made")
     try:
-        dataset = xr.open_dataset(file)
+        dataset = open_lazily(file)
     except (OSError, ValueError) as error:
         raise InputError("not a NetCDF file, or a damaged one", where=str(file), remedy="Name a run.nc") from error
     if "trajectory" not in dataset.dims or dataset.attrs.get("featureType") != "trajectory":

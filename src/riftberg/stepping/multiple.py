@@ -124,7 +124,6 @@ def _kick(el, scratch, dt, floor_acts, implicit_ground):
         sum_stopped(el, scratch)
 
 
-@kernel
 def kick_slowly(
     el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
     p: KernelParameters,
@@ -147,20 +146,28 @@ def kick_slowly(
     -------
     StepReport
     """
+    return StepReport(*_kick_slowly(el, bonds, partners, sizes, around, plan, p))
+
+
+@kernel
+def _kick_slowly(
+    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
     find_surroundings(el, sizes, around, p)
     if plan.skip_slow:
-        return StepReport(0, 1)
+        return 0, 1
     passes = closing_half_kick(el, plan.dt, around, partners, sizes, pair_law(p), plan.starting, p)
     if passes < 0:
-        return StepReport(0, passes)
+        return 0, passes
     broken = 0
     if plan.break_after:
         broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
     opening_half_kick(el, plan.dt, sizes, p)
-    return StepReport(broken, passes)
+    return broken, passes
 
 
-@kernel
 def take_substeps(
     el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
     sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
@@ -187,6 +194,15 @@ def take_substeps(
     -------
     StepReport
     """
+    return StepReport(*_take_substeps(el, bonds, rows, pairs, fast, scratch, sizes, around, earlier, plan, p))
+
+
+@kernel
+def _take_substeps(
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
+    sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
     shown, motion, body = el.shown, el.motion, el.body
     law = pair_law(p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
@@ -220,7 +236,7 @@ def take_substeps(
         else:
             passes = implicit_kick(el, dt, around, fast, sizes, law, scratch, p)
             if passes < 0:
-                return StepReport(broken, passes)
+                return broken, passes
         show_velocities(el, scratch.active)
         if p.dem:
             spin_up(el, scratch, dt)
@@ -234,4 +250,4 @@ def take_substeps(
     for e in range(motion.u.size):
         if body.static[e] < 0.5:
             shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
-    return StepReport(broken, passes)
+    return broken, passes

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from riftberg.errors import RunError
+from riftberg.kernels import plain
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
@@ -151,7 +152,7 @@ class MultipleStepper:
         sizes = interaction_sizes(el, c)
         around = allocate_surroundings(el.size)
         find_surroundings(el, sizes, around, c)
-        passes = closing_half_kick(el, dt, around, self._collisions(run, sizes), sizes, pair_law(c), False, c)
+        passes = closing_half_kick(el, dt, around, self._collisions(run, sizes), sizes, plain(pair_law)(c), False, c)
         return (el.u_sync, el.v_sync) if passes >= 0 else (run.elements.u_sync, run.elements.v_sync)
 
     @property

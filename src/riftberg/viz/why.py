@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.diagnostics.breakup import Breakup, Reasons
-from riftberg.diagnostics.dates import minute
+from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.forces import FORCES
-from riftberg.viz.style import new_figure
+from riftberg.viz.style import new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +54,7 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
     figure.subplots_adjust(
         left=0.06, right=0.985, top=1.0 - 1.15 / height, bottom=0.62 / height, wspace=0.36, hspace=0.42
     )
-    figure.savefig(path)
+    save_figure(figure, path)
     return Path(path)
 
 
@@ -87,7 +87,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     ax.legend(
         fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.2, frameon=False, handlelength=1.4
     )
-    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute(b.decisive.time)}", fontsize=9)
+    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute_text(b.decisive.time)}", fontsize=9)
     ax.set_ylabel(f"fragment {b.fragment}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
     ax.set_xlabel("east", fontsize=9)
     ax.tick_params(labelsize=7)
@@ -107,7 +107,7 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
     ax.axhline(0.0, color="#BBBBBB", lw=0.6)
     ax.legend(fontsize=7, loc="best", ncols=2, framealpha=0.85)
     ax.set_title(f"nominal stress of the cut of {b.decisive.cut_km:.0f} km (kPa), by force", fontsize=9)
-    ax.set_xlabel(f"hours before {minute(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 
@@ -118,7 +118,7 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
         end = _hours(bond.time, b.time)
         hours = [*(end + h for h in bond.hours), end]
         stress = [*(s / 1e3 for s in bond.peak or bond.tension), bond.strength / 1e3]
-        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute(bond.time)[5:]}")
+        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute_text(bond.time)[5:]}")
         if bond.peak:
             ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
         ax.plot(end, bond.strength / 1e3, "x", color="#A50026", ms=7, mew=1.8)
@@ -130,7 +130,7 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     if b.first_bonds[0].peak:
         ax.set_ylabel("largest between records", fontsize=8)
     ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
-    ax.set_xlabel(f"hours before {minute(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 
