@@ -134,7 +134,7 @@ def load_state(path: str | Path) -> RestartState:
         return RestartState(
             elements=_read_elements(file, path),
             bonds=_read_bonds(file, path),
-            parameters=Parameters.model_validate_json(file.getncattr("parameters_json")),
+            parameters=_read_parameters(file),
             start=datetime.fromisoformat(file.getncattr("start")),
             time=float(file["time"][...]),
             step_number=int(file["step_number"][...]),
@@ -259,6 +259,14 @@ def _fill_arrays(
                     remedy=f"The file was written by Riftberg {getattr(file, 'riftberg_version', '?')}; use that",
                 )
             getattr(arrays, v.name)[:] = file[name][:]
+
+
+def _read_parameters(file: netCDF4.Dataset) -> Parameters:
+    parameters = Parameters.model_validate_json(file.getncattr("parameters_json"))
+    if file.riftberg_restart_format < 3 and parameters.compatibility.zero_start:
+        # Before layout 3 these were no switches, and runs with the reference's numerics had its rules.
+        return parameters.changed(compatibility={"rest_length_from_sizes": True, "bergs_coupled": True})
+    return parameters
 
 
 def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:
