@@ -65,6 +65,7 @@ class Model(BareModel):
         recorders: Sequence[Recorder] = (),
         output: str | Path | None = None,
         every_hours: float = 1.0,
+        forces: bool = False,
     ) -> xr.Dataset:
         """Run for some days and return the trajectory.
 
@@ -80,6 +81,8 @@ class Model(BareModel):
             Run file to write; kept in memory only if left out.
         every_hours : float
             Interval of the records in the run file.
+        forces : bool, optional
+            Record the mean force of each medium on each element too.
 
         Returns
         -------
@@ -98,7 +101,7 @@ class Model(BareModel):
             above. So it is with the SystemExit after a request to terminate.
         """
         before = self.step_number
-        with held(), memory_run(output, every_hours) as writer:
+        with held(), memory_run(output, every_hours, forces) as writer:
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer])
             except (KeyboardInterrupt, SystemExit):
