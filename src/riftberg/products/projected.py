@@ -74,6 +74,12 @@ def to_projection(crs: Any, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
     return np.asarray(x, float), np.asarray(y, float)
 
 
+def from_projection(crs: Any, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return longitudes and latitudes (degrees) of projected positions (m)."""
+    lon, lat = _transformer(crs).transform(x, y, direction="INVERSE")
+    return np.asarray(lon, float), np.asarray(lat, float)
+
+
 def _check_positions(ds: xr.Dataset, crs: Any) -> None:
     """Compare a sample of the file's positions with the projection; half a cell is the most that they may differ."""
     lat, lon = ds["lat"], ds["lon"]
