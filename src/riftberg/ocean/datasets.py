@@ -6,9 +6,11 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from typing import Final, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
@@ -22,7 +24,7 @@ from riftberg.ocean.at_elements import (
 )
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
-from riftberg.ocean.mesh import Mesh, NodeMesh, Places
+from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.state import Elements, Floats, Ints
 
@@ -60,6 +62,26 @@ class Part(NamedTuple):
         """Name of the product."""
         attributes = self.records.ds.attrs
         return str(attributes.get("product") or attributes.get("source", "data"))
+
+
+def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
+    """Return a canonical dataset on its own points and at its own times.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset.
+    start : datetime
+        Date of time 0 (UTC).
+    keel : float, optional
+        Deepest draft (m); levels below it are not read.
+    """
+    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), served(records))
+
+
+def served(records: ProductRecords) -> tuple[str, ...]:
+    """Return the fields (keys of `FILLS`) that records hold."""
+    return tuple(name for name in FILLS if name in records.names)
 
 
 class DatasetForcing:

@@ -15,10 +15,10 @@ import xarray as xr
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.netcdf_lock import NETCDF_LOCK
-from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part
+from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, part_of, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.mesh import AxesMesh, mesh_of
+from riftberg.ocean.mesh import AxesMesh
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.products import records
 from riftberg.products.axes import step_of
@@ -94,7 +94,7 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> DatasetFor
     _check_pairs(datasets)
     datasets = [_not_too_fine(surface_of_others(ds, currents=given.currents == "draft")) for ds in datasets]
     if given.spacing is None:
-        parts, grid = [_own_part(ds, run) for ds in datasets], None
+        parts, grid = [part_of(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
     else:
         model_grid = ModelGrid.of(given, datasets, run)
         parts, grid = [model_grid.part(ds, run) for ds in datasets], model_grid.grid
@@ -130,17 +130,6 @@ def _not_too_fine(ds: xr.Dataset) -> xr.Dataset:
         return ds
     coarse: xr.Dataset = ds.fillna(0.0).coarsen(lat=count, lon=count, boundary="trim").mean(keep_attrs=True)
     return coarse
-
-
-def _own_part(ds: xr.Dataset, run: Run) -> Part:
-    """Return a product on its own points, at its own times."""
-    fields = ProductRecords(ds, run.start, keel=float(run.drafts.max()))
-    return Part(mesh_of(ds), fields, served(fields))
-
-
-def served(fields: ProductRecords) -> tuple[str, ...]:
-    """Return the fields (keys of `FILLS`) of a product."""
-    return tuple(name for name in FILLS if name in fields.names)
 
 
 class ModelGrid(NamedTuple):

@@ -89,7 +89,7 @@ def mesh_of(ds: xr.Dataset) -> Mesh:
     Raises
     ------
     ForcingError
-        If its dimensions are none of (lat, lon), (y, x) with positions or a projection, and (node).
+        If its dimensions are none of (lat, lon), (y, x) with positions or a projection, and (point).
     """
     if {"lat", "lon"} <= set(ds.dims):
         return AxesMesh(_axis(ds, "lon"), _axis(ds, "lat"))
@@ -102,7 +102,7 @@ def mesh_of(ds: xr.Dataset) -> Mesh:
         return ProjectedMesh(x, y, positions, lambda lon, lat: to_projection(crs, lon, lat))
     if {"y", "x"} <= set(ds.dims) and {"lat", "lon"} <= set(ds.coords):
         return CurvilinearMesh(_axis(ds.transpose("y", "x", ...), "lon"), _axis(ds.transpose("y", "x", ...), "lat"))
-    if "node" in ds.dims and {"lat", "lon"} <= set(ds.coords):
+    if "point" in ds.dims and {"lat", "lon"} <= set(ds.coords):
         return NodeMesh(_axis(ds, "lon"), _axis(ds, "lat"))
     raise ForcingError(
         f"its points cannot be placed on the globe (dimensions {', '.join(map(str, ds.dims))})",
@@ -125,11 +125,10 @@ class AxesMesh:
     """
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
-        self._lat = lat
-        # An axis whose last point is the first once more needs nothing beyond it.
-        self._round = goes_round(lon) and lon[-1] - lon[0] < 360.0 - 1e-9
-        self._lon = np.append(lon, lon[0] + 360.0) if self._round else lon
-        self.points = Points(*np.meshgrid(lon, lat), lon.size if self._round else 0)
+        repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
+        around = lon.size - repeated if goes_round(lon) else 0
+        self._lat, self._lon = lat, np.append(lon, lon[0] + 360.0) if around == lon.size else lon
+        self.points = Points(*np.meshgrid(lon, lat), around)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
