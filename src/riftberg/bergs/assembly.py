@@ -10,6 +10,7 @@ import xarray as xr
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import element_area
+from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
@@ -19,59 +20,38 @@ OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 
 
-def make_elements(
-    lon: Floats,
-    lat: Floats,
-    *,
-    radius: Any,
-    packing: Packing,
-    thickness: Any,
-    density: float,
-    velocity: tuple[Any, Any] = (0.0, 0.0),
-    spin: float = 0.0,
-    static: Any = False,
-    latlon: bool = True,
-) -> Elements:
+def make_elements(lon: Floats, lat: Floats, material: Material, *, static: Any = False) -> Elements:
     """Return elements at positions, with all that follows from radius, thickness and density.
 
     Parameters
     ----------
     lon, lat : ndarray
-        Positions, degrees (m if not ``latlon``).
-    radius, thickness : float or ndarray
-        Radius of the inscribed circle and ice thickness, m.
-    packing : {"square", "hexagonal"}
-        Packing, which gives the area of an element.
-    density : float
-        Ice density, kg m-3.
-    velocity : tuple
-        Eastward and northward velocity, m s-1.
-    spin : float
-        Angular velocity, rad s-1, counter-clockwise.
+        Positions, degrees (m if not ``material.latlon``).
+    material : Material
+        What the elements are made of.
     static : bool or ndarray
         Elements that never move.
-    latlon : bool
-        Whether positions are degrees.
     """
+    radius, density, velocity = material.radius, material.density, material.velocity
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(numbers(thickness, len(lon), "thickness"), lon.shape)
-    _check(lon, lat, radius, thickness, density, latlon)
+    thickness = np.broadcast_to(numbers(material.thickness, len(lon), "thickness"), lon.shape)
+    _check_elements(lon, lat, radius, thickness, density, material.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
     for name in ("u", "u_sync", "u_pair"):
         getattr(elements, name)[:] = velocity[0]
     for name in ("v", "v_sync", "v_pair"):
         getattr(elements, name)[:] = velocity[1]
-    elements.spin[:] = spin
+    elements.spin[:] = material.spin
     elements.static[:] = np.asarray(static, dtype=np.float64)
     elements.thickness[:] = thickness
-    area = np.asarray([element_area(float(r), packing) for r in np.atleast_1d(radius)])
+    area = np.asarray([element_area(float(r), material.packing) for r in np.atleast_1d(radius)])
     elements.length[:] = elements.width[:] = np.sqrt(area)
     elements.mass[:] = thickness * density * area
     return elements
 
 
-def _check(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
+def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
     if len(lon) == 0:
         raise BergError("no elements", remedy="Give at least one position")
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
@@ -99,7 +79,7 @@ def _check(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: fl
 def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None:
     """Raise `BergError` if two elements stand closer than their radii allow."""
     near = form_bonds(elements, BondRule(packing=packing), metric)
-    radius = radius_of(elements, packing)
+    radius = inscribed_radius(elements, packing)
     ratio = near.bond_length / (radius[near.first] + radius[near.second])
     if len(ratio) == 0 or ratio.min() >= 1.0 - OVERLAP_ALLOWED:
         return
@@ -113,7 +93,7 @@ def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None
     )
 
 
-def radius_of(elements: Elements, packing: Packing) -> Floats:
+def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
     """Radius (m) of the inscribed circle of bonded elements (spec 1.4)."""
     return np.sqrt(elements.body.length * elements.body.width / element_area(1.0, packing))
 
@@ -121,19 +101,19 @@ def radius_of(elements: Elements, packing: Packing) -> Floats:
 def numbers(values: Any, size: int, what: str) -> Floats:
     """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
     try:
-        given = np.asarray(values, dtype=np.float64)
+        array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BergError(
             f"{what} {values!r} is no number"[:200], remedy=f"Give one number, {size} numbers, or a map"
         ) from error
-    if given.size == 1:
-        return given.reshape(())
-    if given.shape != (size,):
+    if array.size == 1:
+        return array.reshape(())
+    if array.shape != (size,):
         raise BergError(
-            f"{what} of shape {given.shape}",
+            f"{what} of shape {array.shape}",
             remedy=f"Give one number, {size} numbers (one each), or a map with longitude and latitude",
         )
-    return given
+    return array
 
 
 def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:

@@ -16,13 +16,13 @@ import numpy as np
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.kernels import kernel
 from riftberg.ocean.mesh import Places, Points, beside
-from riftberg.products.stencil import rings
+from riftberg.products.stencil import offsets_by_distance
 from riftberg.state import Floats, Ints
 
 REACH: Final = 2
 """Points inland that the nearest known value is used."""
 
-RINGS: Final = np.array(rings(REACH), dtype=np.int64)
+RINGS: Final = np.array(offsets_by_distance(REACH), dtype=np.int64)
 """Rows and columns to a point near by, the nearest first."""
 
 NO_RINGS: Final = RINGS[:0]

@@ -19,7 +19,7 @@ from riftberg.errors import ForcingError
 from riftberg.kernels import kernel
 from riftberg.ocean.geometry import inverse_bilinear
 from riftberg.products.axes import goes_round
-from riftberg.products.stencil import between
+from riftberg.products.stencil import brackets
 from riftberg.state import Floats, Ints
 
 POLAR = 85.0
@@ -134,7 +134,7 @@ class AxesMesh:
         """Return the places of positions."""
         middle = 0.5 * (self._lon[0] + self._lon[-1])
         near = lon - 360.0 * np.floor((lon - middle + 180.0) / 360.0)
-        return _placed(between(self._lon, near), between(self._lat, lat), self.points.columns)
+        return _placed(brackets(self._lon, near), brackets(self._lat, lat), self.points.columns)
 
 
 class ProjectedMesh:
@@ -163,7 +163,7 @@ class ProjectedMesh:
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
         x, y = self._project(lon, lat)
-        return _placed(between(self._x, x), between(self._y, y), 0)
+        return _placed(brackets(self._x, x), brackets(self._y, y), 0)
 
 
 def _placed(columns: tuple[Ints, Floats], rows: tuple[Ints, Floats], around: int) -> Places:
