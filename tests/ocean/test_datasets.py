@@ -168,8 +168,8 @@ def test_scattered_points_serve_what_is_nearest_to_them() -> None:
     rng = np.random.default_rng(2)
     lon, lat = rng.uniform(-42.0, -34.0, 4000), rng.uniform(-60.0, -54.0, 4000)
     level = 0.2 + 0.01 * (lon + 38.0) - 0.03 * (lat + 57.0)
-    coords = {"lon": ("point", lon), "lat": ("point", lat)}
-    ds = xr.Dataset({n: ("point", k + level) for k, n in enumerate(("uo", "vo", "ssh"))}, coords=coords)
+    coords = {"lon": ("node", lon), "lat": ("node", lat)}
+    ds = xr.Dataset({n: ("node", k + level) for k, n in enumerate(("uo", "vo", "ssh"))}, coords=coords)
     x, y = scattered(-41.0, -35.0, -59.0, -55.0)
     e = at(x, y)
     forcing_of(ds).sample(e, 0.0)

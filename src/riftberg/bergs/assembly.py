@@ -12,6 +12,7 @@ from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import element_area
 from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster
+from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
@@ -62,9 +63,10 @@ def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, de
         )
     if not (np.asarray(radius) > 0).all():
         raise BergError(f"radius {np.min(radius)} m", remedy="Give a positive radius in metres")
-    if not 0 < density < 1025:
+    if not 0 < density < RHO_SEAWATER:
         raise BergError(
-            f"ice density {density} kg m-3", remedy="Ice floats: give a density between 0 and 1025, usually 850 to 917"
+            f"ice density {density} kg m-3",
+            remedy=f"Ice floats: give a density between 0 and {RHO_SEAWATER:g}, usually 850 to 917",
         )
     bad = ~(thickness > 0) | ~np.isfinite(thickness)
     if bad.any():

@@ -12,7 +12,6 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import (
     NO_RINGS,
@@ -26,6 +25,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
+from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
 
 FILLS: Final = {
@@ -119,7 +119,7 @@ class DatasetForcing:
         notices: Sequence[str] = (),
     ) -> None:
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
-        self.coastal_drift, self.draft, self._share = float(coastal_drift), float(draft), ice_density / RHO_SEAWATER
+        self.coastal_drift, self.draft, self._density = float(coastal_drift), float(draft), float(ice_density)
         served = [name for part in self.parts for name in part.serves]
         for name in served:
             if served.count(name) > 1:
@@ -157,7 +157,7 @@ class DatasetForcing:
             else:
                 fill_slopes(moment, places, part.mesh.points, e.lon, e.lat, e.slope_x, e.slope_y)
             return
-        draft = self._share * e.thickness if name == "uo" and part.records.has_levels else None
+        draft = draft_of(e.body.thickness, self._density) if name == "uo" and part.records.has_levels else None
         components = (name, VECTORS[name]) if name in VECTORS else (name,)
         for component, variable in zip(components, FILLS[name], strict=False):
             getattr(e, variable)[:] = np.nan_to_num(_values(part, component, places, time, draft))
@@ -224,7 +224,7 @@ class DatasetForcing:
 
     def _check_keels(self, part: Part, elements: Elements) -> None:
         row = int(elements.thickness.argmax())
-        draft, deepest = self._share * float(elements.thickness[row]), float(part.records.limits[-1])
+        draft, deepest = draft_of(float(elements.thickness[row]), self._density), float(part.records.limits[-1])
         if draft > deepest * (1.0 + 1e-9):
             raise ForcingError(
                 f"element {elements.id[row]} has a draft of {draft:.0f} m, the levels of the currents end at "

@@ -89,20 +89,20 @@ def mesh_of(ds: xr.Dataset) -> Mesh:
     Raises
     ------
     ForcingError
-        If its dimensions are none of (lat, lon), (y, x) with positions or a projection, and (point).
+        If its dimensions are none of (lat, lon), (y, x) with positions or a projection, and (node).
     """
     if {"lat", "lon"} <= set(ds.dims):
         return AxesMesh(_axis(ds, "lon"), _axis(ds, "lat"))
     if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
-        from riftberg.products.projected import from_projection, to_projection
+        from riftberg.products.projected import to_degrees, to_projection
 
         crs = ds.attrs["crs_wkt"]
         x, y = _axis(ds, "x"), _axis(ds, "y")
-        positions = from_projection(crs, *np.meshgrid(x, y))
+        positions = to_degrees(crs, *np.meshgrid(x, y))
         return ProjectedMesh(x, y, positions, lambda lon, lat: to_projection(crs, lon, lat))
     if {"y", "x"} <= set(ds.dims) and {"lat", "lon"} <= set(ds.coords):
         return CurvilinearMesh(_axis(ds.transpose("y", "x", ...), "lon"), _axis(ds.transpose("y", "x", ...), "lat"))
-    if "point" in ds.dims and {"lat", "lon"} <= set(ds.coords):
+    if "node" in ds.dims and {"lat", "lon"} <= set(ds.coords):
         return NodeMesh(_axis(ds, "lon"), _axis(ds, "lat"))
     raise ForcingError(
         f"its points cannot be placed on the globe (dimensions {', '.join(map(str, ds.dims))})",

@@ -31,7 +31,7 @@ MOST_RECORDS: Final = 48
 KEPT_BLOCKS: Final = 2
 """Blocks in memory: two neighbouring records may lie in two of them."""
 
-PLANES: Final = (("lat", "lon"), ("y", "x"), ("point",))
+PLANES: Final = (("lat", "lon"), ("y", "x"), ("node",))
 """Horizontal dimensions of a canonical dataset."""
 
 TIME_TOLERANCE: Final = 1e-6
