@@ -264,7 +264,7 @@ def beside(lon: float, lat: float, lon0: float, lat0: float) -> tuple[float, flo
     ``(dlon cos(lat0), dlat)``; beyond `POLAR`, where meridians meet, in the plane that touches the sphere there.
     """
     turn = lon - lon0
-    turn -= 360.0 * math.floor((turn + 180.0) / 360.0)
+    turn -= 360.0 * np.floor((turn + 180.0) / 360.0)
     y, y0 = lat * DEGREE, lat0 * DEGREE
     if abs(lat0) < POLAR:
         return turn * DEGREE * math.cos(y0), y - y0
