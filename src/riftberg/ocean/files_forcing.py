@@ -13,7 +13,6 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import NETCDF_LOCK
 from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, part_of, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
@@ -81,9 +80,8 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> DatasetFor
     ForcingError
         If a pattern matches nothing, or currents are missing, or the files do not cover place and time.
     """
-    with NETCDF_LOCK:
-        opened = open_named(_paths(given.entries, folder))
-        datasets = [part for ds in serving_only(opened, given) for part in _near(ds, given, run)]
+    opened = open_named(_paths(given.entries, folder))
+    datasets = [part for ds in serving_only(opened, given) for part in _near(ds, given, run)]
     if not any("uo" in ds for ds in datasets):
         found = sorted({str(name) for ds in opened for name in ds.data_vars})
         raise ForcingError(

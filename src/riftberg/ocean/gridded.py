@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import NETCDF_LOCK
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.interpolation import (
@@ -26,6 +25,7 @@ from riftberg.ocean.interpolation import (
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
 from riftberg.ocean.search import locate_points
 from riftberg.ocean.tides import add_tidal_drift
+from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
@@ -302,6 +302,7 @@ class _Records:
         self._prepared: dict[int, tuple[Floats, Floats, tuple[int, int]]] = {}
         self._kept: dict[int, tuple[Fields, tuple[str, int, int] | None]] = {}
         self._load: Callable[[int], Fields] | None = None
+        self._turn = Turn()
         self.count = -1
         if callable(records):
             self._load = records
@@ -344,7 +345,7 @@ class _Records:
         known = self._kept.get(k)
         if known is not None:
             return known
-        with NETCDF_LOCK:  # another thread may have loaded it meanwhile
+        with self._turn:  # another thread may have loaded it meanwhile
             return self._kept.get(k) or self._loaded(k)
 
     def _loaded(self, k: int) -> tuple[Fields, tuple[str, int, int] | None]:

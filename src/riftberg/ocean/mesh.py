@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -99,7 +99,7 @@ def mesh_of(ds: xr.Dataset) -> Mesh:
         crs = ds.attrs["crs_wkt"]
         x, y = _axis(ds, "x"), _axis(ds, "y")
         positions = to_degrees(crs, *np.meshgrid(x, y))
-        return ProjectedMesh(x, y, positions, lambda lon, lat: to_projection(crs, lon, lat))
+        return ProjectedMesh(x, y, positions, partial(to_projection, crs))
     if {"y", "x"} <= set(ds.dims) and {"lat", "lon"} <= set(ds.coords):
         return CurvilinearMesh(_axis(ds.transpose("y", "x", ...), "lon"), _axis(ds.transpose("y", "x", ...), "lat"))
     if "node" in ds.dims and {"lat", "lon"} <= set(ds.coords):

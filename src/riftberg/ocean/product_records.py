@@ -12,9 +12,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import NETCDF_LOCK
 from riftberg.ocean.at_elements import SURFACE, Moment
 from riftberg.ocean.loading import wind_from_stress
+from riftberg.ocean.turn import Turn
 from riftberg.places import latitude, longitude
 from riftberg.products.canonical import QUANTITIES
 from riftberg.products.keel import layer_limits
@@ -98,6 +98,7 @@ class ProductRecords:
         size = sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
         self._length = int(np.clip(BLOCK_BYTES / (8 * max(size, 1)), 1, MOST_RECORDS))
         self._blocks: dict[int, Block] = {}
+        self._turn = Turn()
 
     @property
     def cover(self) -> tuple[float, float]:
@@ -181,7 +182,7 @@ class ProductRecords:
         first = number // self._length * self._length
         block = self._blocks.get(first)
         if block is None:
-            with NETCDF_LOCK:  # another thread may have read it meanwhile
+            with self._turn:  # another thread may have read it meanwhile
                 block = self._blocks.get(first) or self._read(first)
         # A field without time beside others has one record.
         return {name: values[number - first if len(values) > 1 else 0] for name, values in block.items()}
