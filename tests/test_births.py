@@ -201,8 +201,8 @@ def test_melting_sides_do_not_strain_the_bonds() -> None:
         body.width[:] *= 0.98
         body.mass[:] *= 0.98**2
         model.advance(steps=2)
-        strains[rule] = float(np.abs(model.bonds.normal_stress).max())
-    assert strains[False] < 1.0 < 1e4 < strains[True]
+        strains[rule] = float(np.abs(model.bonds.bond_length / SIDE - 1.0).max())
+    assert strains[False] < 1e-9 < 0.015 < strains[True]
 
 
 def test_rest_lengths_travel_in_restarts(tmp_path: Path) -> None:
@@ -234,7 +234,8 @@ def test_a_berg_far_away_changes_nothing(scheme: str, far: str) -> None:
         together.step()
         n, b = alone.elements.size, alone.bonds.first.size
         for name, array in alone.elements.arrays().items():
-            np.testing.assert_array_equal(getattr(together.elements, name)[:n], array, err_msg=name)
+            if name != "berg":  # fragments are numbered through the whole run
+                np.testing.assert_array_equal(getattr(together.elements, name)[:n], array, err_msg=name)
         for name, array in alone.bonds.arrays().items():
             np.testing.assert_array_equal(getattr(together.bonds, name)[:b], array, err_msg=name)
     if scheme == "mts" and far == "stiff":
