@@ -64,6 +64,7 @@ class KernelParameters(NamedTuple):
     rotational_drag: bool
     max_sides: int
     ground_coefficient: float
+    ground_quadratic: float
     ground_ramp: float
     ground_on_substeps: bool
     ground_implicit: bool
@@ -151,6 +152,12 @@ class Parameters(Group):
                 "fracture acts in the sub-steps of scheme 'mts' only: set stepping.scheme = 'mts' "
                 "or fracture.enabled = false (spec 7, quirk Q25)"
             )
+        g = self.grounding
+        if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
+            raise ValueError(
+                "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
+                "they are of the linear law"
+            )
         if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
                 "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
@@ -174,6 +181,7 @@ class Parameters(Group):
         p, c = self, self.compatibility
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme == "mts"
+        quadratic = p.grounding.law == "quadratic"
         return KernelParameters(
             multiple_steps=multiple,
             rho_ice=p.ice.density,
@@ -182,7 +190,8 @@ class Parameters(Group):
             radius_based=p.drag.radius_based,
             rotational_drag=p.drag.rotational,
             max_sides=6 if hexagonal else 4,
-            ground_coefficient=p.grounding.coefficient,
+            ground_coefficient=0.0 if quadratic else p.grounding.coefficient,
+            ground_quadratic=p.grounding.quadratic_coefficient if quadratic else 0.0,
             ground_ramp=p.grounding.ramp_height,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
             ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,

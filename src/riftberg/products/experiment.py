@@ -96,7 +96,7 @@ def _mend(ds: xr.Dataset) -> xr.Dataset:
     return _dated(_positioned(ds))
 
 
-def _masked(ds: xr.Dataset) -> xr.Dataset:
+def _without_zeros(ds: xr.Dataset) -> xr.Dataset:
     """Turn the zeros that stand for land into NaN: both currents exactly zero in an unpacked field.
 
     Packed files are left alone: there a zero may be slack water rounded to the packing step.
@@ -111,7 +111,7 @@ def _masked(ds: xr.Dataset) -> xr.Dataset:
 def _finish(ds: xr.Dataset) -> xr.Dataset:
     from riftberg.products.bathymetry import depth_from_elevation
 
-    return depth_from_elevation(_masked(ds))
+    return depth_from_elevation(_without_zeros(ds))
 
 
 def _sources(east: str, north: str) -> tuple[Source, ...]:
