@@ -264,6 +264,11 @@ def test_vectors_on_turned_grids_point_east_and_north(layout: str, tmp_path: Pat
         np.testing.assert_allclose(found[name][0], values, atol=0.02 if told.kind == "ua" else 2e-3)
 
 
+@pytest.mark.parametrize("layout", TURNED)
+def test_fields_on_turned_grids_reach_the_berg_of_a_run(layout: str, tmp_path: Path) -> None:
+    reaches_or_is_refused(tmp_path, TURNED[layout])
+
+
 LAYOUTS = st.builds(
     Layout,
     kind=st.sampled_from(["uo", "uo", "ua"]),
