@@ -267,3 +267,25 @@ def test_a_field_with_a_dimension_of_unknown_meaning_is_refused() -> None:
     ds = on_axes(np.arange(-44.0, -30.0, 0.5), np.arange(-60.0, -50.0, 0.5))
     with pytest.raises(ForcingError, match=r"uo has the dimensions \(member, time, lat, lon\)"):
         forcing_of(ds.expand_dims(member=3))
+
+
+def test_datasets_of_ones_own_serve_as_they_are() -> None:
+    """Units and names by CF: cm/s, a descending axis of 0..360 degrees, and a floor without time."""
+    ds = on_axes(np.arange(316.0, 330.0, 0.25), np.arange(-60.0, -50.0, 0.25))[["uo", "vo"]]
+    own = (100.0 * ds).rename(uo="east", vo="north", lat="Y", lon="X").isel(Y=slice(None, None, -1))
+    for name, way in (("east", "eastward"), ("north", "northward")):
+        own[name].attrs = {"units": "cm s-1", "standard_name": f"{way}_sea_water_velocity"}
+    own["X"].attrs, own["Y"].attrs = {"units": "degrees_east"}, {"units": "degrees_north"}
+    floor = xr.full_like(own["east"].isel(time=0, drop=True), 0.3).rename("floor")
+    floor.attrs = {"units": "km", "standard_name": "sea_floor_depth_below_geoid"}
+    lon, lat = scattered(-43.0, -32.0, -59.0, -51.0)
+    e = at(lon, lat)
+    forcing = DatasetForcing.from_xarray([own, floor.to_dataset()], START)
+    forcing.check(e, 0.0, 86400.0)
+    forcing.sample(e, 9000.0)
+    told = ds.interp(lon=("n", lon + 360.0), lat=("n", lat)).interp(time=np.datetime64("2020-12-09T15:30", "ns"))
+    np.testing.assert_allclose(e.uo, told["uo"], rtol=1e-10)
+    np.testing.assert_allclose(e.vo, told["vo"], rtol=1e-10)
+    np.testing.assert_allclose(e.depth, 300.0)
+    with pytest.raises(ForcingError, match="uo comes from two products"):
+        DatasetForcing.from_xarray([own, own.isel(X=slice(1, None))], START)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -26,6 +26,7 @@ from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.physics.floating import draft_of
+from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 
 FILLS: Final = {
@@ -126,6 +127,35 @@ class DatasetForcing:
                 raise ForcingError(f"{name} comes from two products", where="forcing", remedy="Name one of them")
         filled = {variable for name in served for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
+
+    @classmethod
+    def from_xarray(
+        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime, **options: Any
+    ) -> DatasetForcing:
+        """Return the forcing that datasets in memory, or opened by xarray, give.
+
+        Parameters
+        ----------
+        datasets : xarray.Dataset or sequence of them
+            Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
+            its own grid and at its own times.
+        start : datetime.datetime
+            Date of the model's time 0 (UTC); give the same to `riftberg.Model`.
+        **options
+            As for the class.
+
+        Raises
+        ------
+        ForcingError
+            If a dataset does not say what it holds and where, or two give the same field.
+
+        Examples
+        --------
+        >>> forcing = DatasetForcing.from_xarray([currents, sea_level], start)          # doctest: +SKIP
+        >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
+        """
+        given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        return cls([part_of(ds, start) for ds in in_memory(given)], **options)
 
     @property
     def title(self) -> str:

@@ -18,7 +18,7 @@ from riftberg.ocean.turn import Turn
 from riftberg.places import latitude, longitude
 from riftberg.products.canonical import QUANTITIES
 from riftberg.products.keel import layer_limits
-from riftberg.products.records import MAY_BE_EMPTY, Gap, gap_error, gap_limit, hold_of, minute, named
+from riftberg.products.records import MAY_BE_EMPTY, Gap, gap_error, gap_limit, hold_of, minute, named, values_of
 from riftberg.products.window import utc
 from riftberg.state import Floats
 
@@ -233,7 +233,7 @@ def _as_block(field: xr.DataArray) -> Floats:
     """Return values in the order (time, level, row, column); axes that a field lacks have length 1."""
     plane = plane_of(field)
     lead = [name for name in ("time", "depth") if name in field.dims]
-    values = np.asarray(field.transpose(*lead, *plane).values, np.float64)
+    values = np.asarray(values_of(field.transpose(*lead, *plane)), np.float64)
     shape = [field.sizes.get(name, 1) for name in ("time", "depth")]
     rows = [1] if len(plane) == 1 else []
     return np.ascontiguousarray(values.reshape(*shape, *rows, *(field.sizes[name] for name in plane)))
