@@ -20,9 +20,7 @@ from typing import Any, Final
 MODULES: Final = {
     "diagnostics.fragments": "stepping.fragments",
     "diagnostics.track": "runs.track",
-    "experiments.files_fields": "ocean.files_fields",
     "experiments.files_forcing": "ocean.files_forcing",
-    "experiments.files_levels": "ocean.files_levels",
     "io": "runs",
     "io.background": "runs.background",
     "io.kid": "kid",
@@ -39,6 +37,7 @@ MODULES: Final = {
     "ocean.parts": "fetching.parts",
     "ocean.products": "products",
     "ocean.services": "fetching.services",
+    "stepping.neighbours": "state.neighbours",
     "viz.plane": "plane",
     "viz.scene": "runs.scene",
     "viz.shapes": "runs.shapes",
@@ -47,6 +46,8 @@ MODULES: Final = {
 
 NAMES: Final = {
     "bergs.assembly.radius_of": "bergs.assembly.inscribed_radius",
+    "bergs.iceberg.Body": "bergs.options.Material",
+    "bergs.placement.Plane": "bergs.placement.FillingPlane",
     "bergs.placement.TangentPlane": "plane.EqualAreaPlane",
     "bergs.regions.Ice": "bergs.regions.IceMask",
     "diagnostics.compare.Day": "diagnostics.compare.RunDay",
@@ -58,6 +59,7 @@ NAMES: Final = {
     "diagnostics.score.Day": "diagnostics.score.ScoredDay",
     "experiments.Entry": "experiments.registry.BuiltIn",
     "experiments.a68a_observed.Observed": "experiments.a68a_observed.ObservedDay",
+    "model.Model": "runs.model.Model",
     "experiments.schema.NamedFiles": "ocean.files_schema.NamedFiles",
     "experiments.schema.Outline": "experiments.schema.OutlineFile",
     "fetching.download.opened": "fetching.download.opened_part",

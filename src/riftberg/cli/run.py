@@ -21,7 +21,8 @@ from riftberg.limits import allow_large
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
-    from riftberg.model import Model, Recorder
+    from riftberg.model import Recorder
+    from riftberg.runs.model import Model
     from riftberg.runs.track import DailyTrack
 
 Name = Annotated[str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")]
@@ -106,7 +107,7 @@ def _run(
     model, info = _built(experiment, options, resume)
     info = replace(info, output_forces=info.output_forces or forces)
     _tell(info)
-    given = [*_as_given(experiment, options), *_recording(options, every)]
+    given = [*_as_given(experiment, options), *_recording(options, every, forces)]
     session = Session(
         model, info, output_folder(output, info.name), shlex.join(given), output is not None, _shown(map_, quiet)
     )
@@ -138,7 +139,7 @@ def _run_both(
             _tell(info)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
-        given = [*_as_given(experiment, chosen), *_recording(options, every)]
+        given = [*_as_given(experiment, chosen), *_recording(options, every, forces)]
         session = Session(model, info, folders[-1], shlex.join(given), True, _shown(draw, quiet))
         hours = info.output_every_hours if every is None else every
         session.run_and_report(options.days if options.days is not None else info.days, hours, quiet, draw)
@@ -157,11 +158,13 @@ def _tell(info: Info) -> None:
         say(f"Notice: {notice}")
 
 
-def _recording(options: Options, every: float | None) -> list[str]:
+def _recording(options: Options, every: float | None, forces: bool) -> list[str]:
     """Return the options of length and records, for going on with a run."""
     words = [] if options.days is None else ["--days", f"{options.days!r}"]
     if every is not None:
         words += ["--every", f"{every!r}"]
+    if forces:
+        words.append("--forces")
     return words
 
 
@@ -244,8 +247,8 @@ def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Mode
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
         )
-    from riftberg.model import Model
     from riftberg.runs.checks import check_same_run
+    from riftberg.runs.model import Model
     from riftberg.runs.restart import load_state
 
     check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc)")

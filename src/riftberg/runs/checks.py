@@ -45,6 +45,9 @@ OPTIONAL: Final[Mapping[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """Variables that older files may lack; where they are there, they have these dimensions."""
 
+_SHAPE: Final = ("length", "width", "mass")
+"""Variables that change with time only in runs whose elements wear or grow."""
+
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
 _POSITIVE: Final = ("length", "width", "mass", "thickness")
 _FINITE: Final = ("rotation", "u_sync", "v_sync", "spin", *_POSITIVE)
@@ -100,7 +103,8 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
         if name not in run.variables:
             raise _error(f"variable {name} is missing", file)
         found = run[name]
-        if set(found.dims) != set(dims) or len(found.dims) != len(dims):
+        moving = name in _SHAPE and set(found.dims) == {"trajectory", "time"}
+        if not moving and (set(found.dims) != set(dims) or len(found.dims) != len(dims)):
             raise _error(f"dimensions {found.dims} instead of {dims}", file, f"variable {name}")
         if found.dtype.kind not in "iuf":
             raise _error(f"numbers are needed, not values of type {found.dtype}", file, f"variable {name}")
@@ -186,7 +190,7 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
         _check_finite(run, name, file, 90.0 if name == "lat" else 1e4 if name == "lon" else 1e12)
     for name in _FINITE:
         _check_finite(run, name, file, _LARGEST, positive=name in _POSITIVE)
-    if int(run["berg"].min()) < 1:
+    if not (run["berg"].min() >= 1):
         raise _error("numbers of fragments begin with 1", file, "variable berg")
     check_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
     check_status(run["status"].values, file, "variable status")
@@ -197,9 +201,10 @@ def _check_finite(run: xr.Dataset, name: str, file: Path, most: float, *, positi
     """Refuse NaN, infinite and impossible values; names element and record."""
     values = run[name].values
     good = np.isfinite(values) & (np.abs(values) <= most)
+    good |= _absent(run, name, values.shape)
     demand = "a finite number"
     if positive:
-        good, demand = good & (values > 0.0), "a number above 0"
+        good, demand = good & ~(values <= 0.0), "a number above 0"
     elif most < _LARGEST:
         demand = f"a number from {-most:g} to {most:g}"
     if good.all():
@@ -210,6 +215,14 @@ def _check_finite(run: xr.Dataset, name: str, file: Path, most: float, *, positi
         for dim, k in zip(run[name].dims, index, strict=True)
     )
     raise _error(f"{name} is {values[index]:g}, not {demand}", file, f"variable {name}, {place}")
+
+
+def _absent(run: xr.Dataset, name: str, shape: tuple[int, ...]) -> Any:
+    """Return where elements are not there, in runs in which they come and go: such records hold no fragment either."""
+    berg = run["berg"]
+    if berg.dtype.kind != "f" or set(run[name].dims) != set(berg.dims):
+        return np.zeros(shape, dtype=bool)
+    return np.isnan(berg.transpose(*run[name].dims).values)
 
 
 def check_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
@@ -330,6 +343,7 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
             values: Floats = getattr(arrays, name)
             # Values around an element may be missing where its forcing failed: they are looked up anew.
             bad = np.abs(values) >= _LARGEST if name in _SURROUNDINGS else ~(np.abs(values) < _LARGEST)
+            bad &= ~(np.isnan(values) & (name == "rest_length"))  # not yet known
             bad |= (values <= 0.0) if name in _POSITIVE or name == "bond_length" else False
             if bad.any():
                 k = int(np.argmax(bad))
