@@ -17,6 +17,7 @@ from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.multiple import StepPlan, advance
 from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
+from riftberg.stepping.quasi_static import QuasiStaticStepper
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 from riftberg.stepping.substep import allocate_scratch, pairs_from_list
 
@@ -42,6 +43,8 @@ def make_stepper(model: Model) -> Stepper:
     scheme = model.parameters.stepping.scheme
     if scheme == "mts":
         return MultipleStepper(model)
+    if scheme == "quasi_static":
+        return QuasiStaticStepper(model)
     return VerletStepper(model) if scheme == "verlet" else RungeKuttaStepper(model)
 
 
