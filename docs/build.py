@@ -307,7 +307,7 @@ def products_page() -> str:
 PAGES: dict[str, tuple[Callable[[], str], str]] = {
     "parameters.md": (parameters_page, "src/riftberg/parameter_groups.py"),
     "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
-    "variables.md": (variables_page, "src/riftberg/state/__init__.py and runs/run_file.py"),
+    "variables.md": (variables_page, "src/riftberg/state/variables.py and runs/run_file.py"),
     "namelist.md": (namelist_page, "src/riftberg/kid/entry_table.py"),
     "summary.md": (summary_page, "src/riftberg/diagnostics/summary.py and speed.py"),
     "commands.md": (commands_page, "src/riftberg/cli and experiments"),

@@ -43,10 +43,9 @@ def test_runs_side_by_side_equal_runs_in_turn(threads: int) -> None:
     with ThreadPoolExecutor(threads) as pool:
         together = list(pool.map(moved, range(4)))
     for (elements, bonds), (other_elements, other_bonds) in zip(alone, together, strict=True):
-        for name, a, b in zip(elements._fields, elements, other_elements, strict=True):
-            np.testing.assert_array_equal(a, b, err_msg=name)
-        for name, a, b in zip(bonds._fields, bonds, other_bonds, strict=True):
-            np.testing.assert_array_equal(a, b, err_msg=name)
+        for mine, theirs in ((elements, other_elements), (bonds, other_bonds)):
+            for name, a in mine.arrays().items():
+                np.testing.assert_array_equal(a, getattr(theirs, name), err_msg=name)
 
 
 def test_numba_thread_setting_changes_nothing() -> None:

@@ -16,7 +16,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from riftberg import moved
+from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
@@ -51,6 +52,8 @@ __all__ = [
     "draw_map",
     "open_run",
 ]
+
+moved.install()
 
 
 def __getattr__(name: str) -> Any:

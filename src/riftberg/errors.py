@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class RiftbergError(Exception):
     """Base of all errors that Riftberg raises on purpose."""
@@ -40,3 +43,9 @@ class NamelistError(InputError):
 
 class RunError(RiftbergError):
     """A run failed after its start; the message says where the state was saved."""
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """Return a question that names the most similar choice, or nothing where none is similar."""
+    found = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)
+    return f"Did you mean {found[0]!r}? " if found else ""

@@ -167,8 +167,9 @@ class Model:
     def _go_back(self, time: float, rows: list[Fragment], elements: Elements, bonds: Bonds) -> None:
         """Return to the state before a step that failed, so that it can be saved."""
         self.time, self.fragments.rows = time, rows
-        for now, then in zip((*self.elements, *self.bonds), (*elements, *bonds), strict=True):
-            now[:] = then
+        for now, then in ((self.elements, elements), (self.bonds, bonds)):
+            for name, array in now.arrays().items():
+                array[:] = getattr(then, name)
 
     def _first_visit(self) -> None:
         """Place the elements on the grid, number the bergs and take the first environment."""

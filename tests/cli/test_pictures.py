@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
-from riftberg.experiments import Entry, Info, Options
+from riftberg.experiments import BuiltIn, Info, Options
 from riftberg.runs.run_file import RunWriter
 
 RING = [[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95], [-39.1, -55.05]]
@@ -161,7 +161,7 @@ def registry(monkeypatch: pytest.MonkeyPatch) -> list[Options]:
         asked.append(options)
         return FakeModel(break_time=math.inf if "shoal" in options.without else 86_400.0), Info("fake")
 
-    monkeypatch.setattr("riftberg.experiments.find", lambda name: Entry(name, "fake:build", "", ("shoal", "shear")))
+    monkeypatch.setattr("riftberg.experiments.find", lambda name: BuiltIn(name, "fake:build", "", ("shoal", "shear")))
     monkeypatch.setattr("riftberg.experiments.build", build)
     return asked
 

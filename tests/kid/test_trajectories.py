@@ -46,7 +46,7 @@ def namelist(tmp_path: Path, **icebergs: Any) -> KidNamelist:
 def fake_model(tmp_path: Path, size: int = 3, **icebergs: Any) -> Any:
     """Return something with the attributes of a model that recorders read: a row of squares, all values different."""
     elements = new_elements(size)
-    for k, name in enumerate(elements._fields):
+    for k, name in enumerate(elements.arrays()):
         getattr(elements, name)[:] = 100 * k + np.arange(size)
     elements.id[:] = join_id(np.arange(1, size + 1), 10 * np.arange(1, size + 1))
     elements.lon[:], elements.lat[:] = 400.0 * np.arange(size), 50.0

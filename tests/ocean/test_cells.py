@@ -20,7 +20,7 @@ from riftberg.ocean.geometry import inverse_bilinear, wrap_around
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import find_cell, search_nearby
 from riftberg.parameters import Parameters
-from riftberg.state import Elements, new_elements
+from riftberg.state import new_elements
 from twins import cells as twin
 
 PARAMS = Parameters().kernel_values()
@@ -36,7 +36,7 @@ def lake(ni=8, nj=8, land=(), period=0.0, mask=None):
 
 def copy(elements):
     """Independent copy of elements."""
-    return Elements(*(a.copy() for a in elements))
+    return elements.copy()
 
 
 def test_wrap_around_is_the_image_within_half_a_period():
@@ -312,7 +312,9 @@ def test_settling_matches_moving_each_element_and_skips_static_ones():
     count = 0
     for n in range(200):
         if before.static[n] >= 0.5:
-            assert all(after[n] == old[n] for after, old in zip(e, before, strict=True))
+            assert all(
+                after[n] == old[n] for after, old in zip(e.arrays().values(), before.arrays().values(), strict=True)
+            )
             continue
         x, y, i, j, xi, eta, hit = adjust_cell(
             before.lon[n], before.lat[n], before.cell_i[n], before.cell_j[n], grid.arrays

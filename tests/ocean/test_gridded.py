@@ -15,9 +15,9 @@ from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.interpolation import sample_gridded
 from riftberg.ocean.loading import without_gaps
 from riftberg.ocean.tides import add_tidal_drift
-from riftberg.state import Elements
+from riftberg.state import Environment
 
-ENVIRONMENT = Elements._fields[Elements._fields.index("uo") :]
+ENVIRONMENT = Environment._fields
 
 
 def environment(e):
@@ -290,7 +290,7 @@ def test_maps_of_periodic_grids_know_all_images():
 def test_no_elements_no_trouble(scene):
     """A run whose last element is gone goes on."""
     grid, states, e = scene
-    none = Elements(*(a[:0] for a in e))
+    none = e.taken(slice(0))
     forcing = GriddedForcing(grid, states, [0.0, 3600.0, 7200.0])
     forcing.check(none, 0.0, 10.0)
     forcing.sample(none, 10.0)

@@ -12,10 +12,9 @@ from twins import drag, geometry
 
 def unpack(arrays):
     """Turn a struct of arrays (named tuple) into a list of namespaces with plain numbers."""
-    size = len(arrays[0])
-    return [
-        SimpleNamespace(**{n: a[k].item() for n, a in zip(arrays._fields, arrays, strict=True)}) for k in range(size)
-    ]
+    named = arrays.arrays()
+    size = len(next(iter(named.values())))
+    return [SimpleNamespace(**{n: a[k].item() for n, a in named.items()}) for k in range(size)]
 
 
 def column(items, name):

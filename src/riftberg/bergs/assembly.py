@@ -115,7 +115,7 @@ def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None
 
 def radius_of(elements: Elements, packing: Packing) -> Floats:
     """Radius (m) of the inscribed circle of bonded elements (spec 1.4)."""
-    return np.sqrt(elements.length * elements.width / element_area(1.0, packing))
+    return np.sqrt(elements.body.length * elements.body.width / element_area(1.0, packing))
 
 
 def numbers(values: Any, size: int, what: str) -> Floats:

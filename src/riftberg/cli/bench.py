@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
+from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import reported
-from riftberg.cli.run import announce_compilation
 from riftberg.errors import InputError
 
 SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)

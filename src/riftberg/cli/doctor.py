@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from riftberg.cli.failures import reported
+from riftberg.cli.spans import dates, pair
 from riftberg.errors import InputError
 
 EXIT_LACKING = 1
@@ -84,8 +85,8 @@ class Asked(NamedTuple):
 def _asked(name: str) -> Asked:
     """Return what an experiment asks of its files."""
     if name.endswith((".yaml", ".yml")):
-        from riftberg.experiments.schema import FileForcing
         from riftberg.experiments.yaml_file import read_file
+        from riftberg.ocean.files_schema import FileForcing
 
         experiment, _, _ = read_file(Path(name))
         given = experiment.forcing
@@ -124,30 +125,6 @@ def _asked_a68a(name: str) -> Asked:
     if any(folder.glob("*.nc")):
         return asked._replace(files=(str(folder / "*.nc"),))
     return asked._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
-
-
-def pair(text: str | None, where: str) -> tuple[float, float] | None:
-    """Read two numbers with a comma between them."""
-    if text is None:
-        return None
-    try:
-        first, second = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise InputError(f"{text!r} is not two numbers", where=where, remedy=f"For example {where} -43,-33") from error
-    return first, second
-
-
-def dates(text: str | None, where: str = "--time") -> tuple[str, str] | None:
-    """Read two dates with a comma between them."""
-    if text is None:
-        return None
-    from riftberg.diagnostics.dates import parse_date
-
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2:
-        raise InputError(f"{text!r} is not two dates", where=where, remedy=f"For example {where} 2020-12-09,2020-12-25")
-    first, last = (parse_date(part, where=where)[0].isoformat() for part in parts)
-    return first, last
 
 
 def _path(run: Path | None) -> list[tuple[float, float]] | None:

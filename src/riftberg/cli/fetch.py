@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.doctor import dates, pair
 from riftberg.cli.failures import reported
+from riftberg.cli.spans import dates, pair
 from riftberg.errors import InputError
 
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import reported
-from riftberg.cli.run import announce_compilation
 
 
 @reported

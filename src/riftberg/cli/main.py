@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from riftberg import __version__
 from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, why
+from riftberg.version import __version__
 
 app = typer.Typer(
     name="riftberg",

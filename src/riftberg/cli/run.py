@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
     from riftberg.model import Model, Recorder
     from riftberg.runs.track import DailyTrack
-
-COMPILE_TIME = "about a minute on a free core"
-"""About how long the first run compiles, as announced."""
 
 Name = Annotated[str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")]
 Output = Annotated[
@@ -165,14 +163,6 @@ def make_options(
         changes = parse_settings(settings)
     chosen: Numerics | None = "own" if numerics == "own" else "reference" if numerics == "reference" else None
     return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
-
-
-def announce_compilation(quiet: bool = False) -> None:
-    """Say beforehand that the first step takes long where nothing has been compiled yet."""
-    from riftberg.kernels import is_warm
-
-    if not quiet and not is_warm():
-        say(f"First run with this version: compiling takes {COMPILE_TIME}, once.")
 
 
 def output_folder(given: Path | None, name: str, holds: str = "run.nc") -> Path:

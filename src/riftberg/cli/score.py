@@ -79,7 +79,7 @@ def score(
 
 
 def _between(text: str | None) -> tuple[datetime, datetime] | None:
-    from riftberg.cli.doctor import dates
+    from riftberg.cli.spans import dates
 
     span = dates(text, "--between")
     if span is None:

@@ -23,9 +23,9 @@ import sys
 import time as clock
 from typing import TYPE_CHECKING, Any
 
-from riftberg import __version__
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics import yardstick
+from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.model import Model

@@ -33,10 +33,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from riftberg import __version__, constants
+from riftberg import constants
 from riftberg.runs.provenance import forcing_text
 from riftberg.runs.restart import fragment_rows
 from riftberg.runs.track import Position, track_table
+from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.model import Model

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from riftberg.errors import ForcingError
-from riftberg.experiments import Options
+from riftberg.experiments.options import Options
 from riftberg.fetching.download import is_pointer
 
 DATA: Final = "RIFTBERG_DATA"

@@ -14,8 +14,8 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
-from riftberg.experiments import Info, Options
 from riftberg.experiments.a68a_files import BERG, GRID, data_folder
+from riftberg.experiments.options import Info, Options
 from riftberg.kid.ncfile import opened
 from riftberg.kid.restart import read_restart
 from riftberg.ocean.grid import Grid

@@ -18,8 +18,8 @@ from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import ForcingError, InputError
-from riftberg.experiments import Info, Options
 from riftberg.experiments.a68a_files import BERG, GRID, REMEDY, data_folder
+from riftberg.experiments.options import Info, Options
 from riftberg.kid.a68 import (
     UNKNOWN_DEPTH,
     VARIABLES,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.experiments import Info, Options
+from riftberg.experiments.options import Info, Options
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Compatibility, Parameters
 

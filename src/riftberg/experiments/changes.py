@@ -10,8 +10,7 @@ from typing import Any, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from riftberg.errors import InputError
-from riftberg.experiments import nearest
+from riftberg.errors import InputError, nearest
 from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.units import looks_like_quantity, to_unit
 

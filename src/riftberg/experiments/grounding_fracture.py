@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.experiments import Info, Options
 from riftberg.experiments.changes import reference_numerics
+from riftberg.experiments.options import Info, Options
 from riftberg.ocean.analytic import Seamount
 from riftberg.parameters import Parameters
 from riftberg.state import Floats

@@ -8,25 +8,14 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import Packing
+from riftberg.sections import Pair, Section, key
 
 SHAPES = ("outline", "mask", "rectangle", "lattice")
 """Ways to give the shape of a berg."""
-
-Pair = tuple[float, float]
-
-
-class Section(BaseModel):
-    """Base of all sections: unknown keys refused, numbers finite."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-def key(default: Any, unit: str, meaning: str, **limits: Any) -> Any:
-    """Describe one key: default, unit, meaning and limits."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
 
 
 class Outline(Section):
@@ -150,63 +139,6 @@ class ConstantForcing(Section):
     slope: Pair = key((0.0, 0.0), "1", "eastward and northward slope of the sea surface")
     sea_ice: tuple[float, float, float] = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice")
     depth: float = key(1e4, "m", "depth of water", gt=0)
-
-
-class NamedFiles(Section):
-    """Files whose product is named."""
-
-    file: str = key(..., "", "file or pattern", min_length=1)
-    product: str | None = key(None, "", "name of the product, instead of recognising it")
-
-    @model_validator(mode="after")
-    def _known(self) -> NamedFiles:
-        from riftberg.products.registry import PRODUCTS
-
-        names = [product.name for product in PRODUCTS]
-        if self.product is not None and self.product not in names:
-            raise ValueError(f"there is no product {self.product!r}; choose one of {', '.join(names)}")
-        return self
-
-
-class FileForcing(Section):
-    """Ocean, air, sea ice and sea floor from data files."""
-
-    kind: Literal["files"]
-    files: list[str | NamedFiles] = key(
-        ...,
-        "",
-        "files or patterns of any products that Riftberg knows; {file: NAME, product: PRODUCT} names the product",
-        min_length=1,
-    )
-    longitude: Pair = key(..., "degree", "west and east of what is needed")
-    latitude: Pair = key(..., "degree", "south and north of what is needed")
-    spacing: float | None = key(
-        None,
-        "degree",
-        "width of the cells of a model grid for all fields; without it each product keeps its own",
-        gt=0,
-        le=5,
-    )
-    every_hours: float = key(6.0, "h", "interval at which files are interpolated to a model grid", gt=0)
-    currents: Literal["draft", "surface"] = key(
-        "draft", "", "of files with levels: mean over the draft of each element, or the uppermost level"
-    )
-    coastal_drift: float = key(0.0, "m s-1", "current added away from land cells", ge=0)
-    max_gap: float | None = key(
-        None, "h", "longest gap between records that is interpolated across, else 2.5 intervals of the product", gt=0
-    )
-    hold: float | None = key(
-        None, "h", "how long first and last record are held, else half the time that a mean stands for", ge=0
-    )
-    sea_level: Literal["files", "none"] = key(
-        "files", "", "none leaves it out: no slope of the sea surface, unannounced"
-    )
-    wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
-
-    @property
-    def entries(self) -> list[NamedFiles]:
-        """All entries of ``files`` in one form."""
-        return [NamedFiles(file=entry) if isinstance(entry, str) else entry for entry in self.files]
 
 
 class ExperimentForcing(Section):

@@ -11,8 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from riftberg.errors import BergError, InputError
-from riftberg.experiments import Info, Options, nearest
+from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import (
     allowed,
     changed,
@@ -22,15 +21,17 @@ from riftberg.experiments.changes import (
     plain_value,
     reference_numerics,
 )
+from riftberg.experiments.options import Info, Options
+from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
     PRESETS,
     ConstantForcing,
     Experiment,
     ExperimentForcing,
-    FileForcing,
     Rift,
     Strength,
 )
+from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 if TYPE_CHECKING:
@@ -415,8 +416,6 @@ def build_forcing(
         return forcing_from_files(given, folder, run)
     if options.grid is not None:
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
-    from riftberg.experiments import find
-
     without = frozenset(given.without) | options.without
     model, _ = find(given.name).load()(Options(without=without, data=options.data))
     return model.forcing

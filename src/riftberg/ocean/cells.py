@@ -270,24 +270,27 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
     int
         Number of elements that land stopped.
     """
-    e, stopped = elements, 0
+    place, shown, body = elements.place, elements.shown, elements.body
+    stopped = 0
     lon, lat, latlon, regular, period = grid.lon, grid.lat, grid.latlon, grid.regular, grid.period
     first, behind = grid.halo, grid.halo + grid.ni
-    for n in range(e.lon.size):
-        if e.static[n] >= 0.5:
+    for n in range(place.lon.size):
+        if body.static[n] >= 0.5:
             continue
-        i, j = e.cell_i[n], e.cell_j[n]
-        e.xi[n], e.eta[n], inside = locate_in_cell(e.lon[n], e.lat[n], i, j, lon, lat, latlon, regular, period)
+        i, j = place.cell_i[n], place.cell_j[n]
+        place.xi[n], place.eta[n], inside = locate_in_cell(
+            place.lon[n], place.lat[n], i, j, lon, lat, latlon, regular, period
+        )
         if inside:
             continue
-        x, y, i, j, xi, eta, bounced = adjust_cell(e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], grid)
+        x, y, i, j, xi, eta, bounced = adjust_cell(place.lon[n], place.lat[n], place.cell_i[n], place.cell_j[n], grid)
         stopped += bounced
         if grid.cyclic and (i < first or i >= behind):
             shift = grid.period if i < first else -grid.period
             i += grid.ni if i < first else -grid.ni
             x += shift
-            e.lon_pair[n] += shift
-        e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], e.xi[n], e.eta[n] = x, y, i, j, xi, eta
+            shown.lon_pair[n] += shift
+        place.lon[n], place.lat[n], place.cell_i[n], place.cell_j[n], place.xi[n], place.eta[n] = x, y, i, j, xi, eta
     return stopped
 
 
@@ -298,11 +301,11 @@ def round_trip(elements: Elements, grid: GridArrays) -> None:
     ``lon`` and ``lat`` become the bilinear position at (``xi``, ``eta``), ``lon_pair`` and ``lat_pair`` change by the
     same amount, and (``xi``, ``eta``) are computed anew.
     """
-    e = elements
-    for n in range(e.lon.size):
-        i, j = e.cell_i[n], e.cell_j[n]
-        x, y = position_from_cell(e.xi[n], e.eta[n], i, j, grid)
-        e.lon_pair[n] = x - (e.lon[n] - e.lon_pair[n])
-        e.lat_pair[n] = y - (e.lat[n] - e.lat_pair[n])
-        e.lon[n], e.lat[n] = x, y
-        e.xi[n], e.eta[n], _ = position_in_cell(x, y, i, j, grid)
+    place, shown = elements.place, elements.shown
+    for n in range(place.lon.size):
+        i, j = place.cell_i[n], place.cell_j[n]
+        x, y = position_from_cell(place.xi[n], place.eta[n], i, j, grid)
+        shown.lon_pair[n] = x - (place.lon[n] - shown.lon_pair[n])
+        shown.lat_pair[n] = y - (place.lat[n] - shown.lat_pair[n])
+        place.lon[n], place.lat[n] = x, y
+        place.xi[n], place.eta[n], _ = position_in_cell(x, y, i, j, grid)

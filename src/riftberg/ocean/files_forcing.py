@@ -14,9 +14,9 @@ import xarray as xr
 
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
-from riftberg.experiments.schema import FileForcing, NamedFiles
 from riftberg.ocean.files_fields import NAMES, FieldMaker, Mesh, belongs, even_mesh, own_mesh
 from riftberg.ocean.files_levels import LevelColumns, has_levels, without_levels
+from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.own_grids import FILLS, OwnGrids, Part

@@ -260,18 +260,33 @@ def sample_gridded(
     """
     # Each part is a loop of its own over bare arrays: handing the tuples of arrays to a helper for every element would
     # count references to seventy arrays each time.
-    e, f, g = elements, fields, grid
-    i, j, xi, eta, cos, sin = e.cell_i, e.cell_j, e.xi, e.eta, g.cos_angle, g.sin_angle
-    _fill_vectors(i, j, xi, eta, f.uo, f.vo, cos, sin, g.mask, coastal_drift, mirrored, e.uo, e.vo)
-    _fill_vectors(i, j, xi, eta, f.ui, f.vi, cos, sin, g.mask, coastal_drift, mirrored, e.ui, e.vi)
-    _fill_vectors(i, j, xi, eta, f.ua, f.va, cos, sin, g.mask, 0.0, mirrored, e.ua, e.va)
-    _fill_slopes(i, j, xi, eta, f.ssh, g.mask, g.dx, g.dy, cos, sin, mirrored, e.slope_x, e.slope_y)
-    _fill_vorticity(i, j, xi, eta, f.uo, f.vo, g.dx, g.dy, e.vorticity)
-    _fill_from_cells(i, j, f.sst, e.sst)
-    _fill_from_cells(i, j, f.sss, e.sss)
-    _fill_from_cells(i, j, f.ice_fraction, e.ice_fraction)
-    _fill_from_cells(i, j, f.ice_thickness, e.ice_thickness)
-    fill_depth(e.lon, e.lat, i, j, xi, eta, g, f.depth, f.ssh, depth_rule, zone_lon, zone_lat, even_parity, e.depth)
+    place, environment, f, g = elements.place, elements.environment, fields, grid
+    i, j, xi, eta, cos, sin = place.cell_i, place.cell_j, place.xi, place.eta, g.cos_angle, g.sin_angle
+    _fill_vectors(i, j, xi, eta, f.uo, f.vo, cos, sin, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
+    _fill_vectors(i, j, xi, eta, f.ui, f.vi, cos, sin, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
+    _fill_vectors(i, j, xi, eta, f.ua, f.va, cos, sin, g.mask, 0.0, mirrored, environment.ua, environment.va)
+    _fill_slopes(i, j, xi, eta, f.ssh, g.mask, g.dx, g.dy, cos, sin, mirrored, environment.slope_x, environment.slope_y)
+    _fill_vorticity(i, j, xi, eta, f.uo, f.vo, g.dx, g.dy, environment.vorticity)
+    _fill_from_cells(i, j, f.sst, environment.sst)
+    _fill_from_cells(i, j, f.sss, environment.sss)
+    _fill_from_cells(i, j, f.ice_fraction, environment.ice_fraction)
+    _fill_from_cells(i, j, f.ice_thickness, environment.ice_thickness)
+    fill_depth(
+        place.lon,
+        place.lat,
+        i,
+        j,
+        xi,
+        eta,
+        g,
+        f.depth,
+        f.ssh,
+        depth_rule,
+        zone_lon,
+        zone_lat,
+        even_parity,
+        environment.depth,
+    )
 
 
 @kernel

@@ -107,7 +107,7 @@ class OwnGrids:
                 where=part.forcing.source or "forcing",
                 remedy="Take a larger box (forcing.longitude, forcing.latitude), files that cover it, or fewer days",
             )
-        return elements._replace(cell_i=i, cell_j=j, xi=xi, eta=eta)._replace(**waste)
+        return elements.replaced(cell_i=i, cell_j=j, xi=xi, eta=eta, **waste)
 
     def _serving(self, name: str) -> GriddedForcing | None:
         return next((part.forcing for part in self.parts if name in part.serves), None)

@@ -50,8 +50,8 @@ def tidal_increment(mask: Floats, i: Ints, j: Ints, east: Floats, north: Floats)
 
 
 def _at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
-    i, j = e.cell_i, e.cell_j
-    x, y = (1.0 - e.xi, 1.0 - e.eta) if mirrored else (e.xi, e.eta)
+    i, j, xi, eta = e.place.cell_i, e.place.cell_j, e.place.xi, e.place.eta
+    x, y = (1.0 - xi, 1.0 - eta) if mirrored else (xi, eta)
     return (q[j, i] * x + q[j, i - 1] * (1.0 - x)) * y + (q[j - 1, i] * x + q[j - 1, i - 1] * (1.0 - x)) * (1.0 - y)
 
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
-from riftberg import __version__
+from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.model import Model

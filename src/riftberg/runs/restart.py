@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 import netCDF4
 import numpy as np
 
-from riftberg import __version__
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.stepping.fragments import Fragment
+from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -157,7 +157,7 @@ def _write_header(file: netCDF4.Dataset, model: Model) -> None:
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
-    file.createDimension(dim, len(arrays[0]))
+    file.createDimension(dim, len(next(iter(arrays.arrays().values()))))
     for v in variables:
         if v.restart:
             # No compression and no fill value: the bytes of the arrays, as they are.

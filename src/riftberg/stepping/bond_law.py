@@ -25,17 +25,18 @@ from riftberg.physics.geometry import fast_cos_latitude, fast_sin, same_axes
 @kernel
 def gather_ends(rows, count, el):
     """Bring the differences between both ends of each bond into contiguous rows."""
+    shown, motion = el.shown, el.motion
     for r in range(count):
         i, j = rows.first[r], rows.second[r]
-        rows.dx[r] = el.lon_pair[i] - el.lon_pair[j]
-        rows.dy[r] = el.lat_pair[i] - el.lat_pair[j]
-        rows.y_mean[r] = 0.5 * (el.lat_pair[i] + el.lat_pair[j])
-        rows.du[r] = el.u_pair[i] - el.u_pair[j]
-        rows.dv[r] = el.v_pair[i] - el.v_pair[j]
-        rows.u_mean[r] = 0.5 * (el.u_pair[i] + el.u_pair[j])
-        rows.v_mean[r] = 0.5 * (el.v_pair[i] + el.v_pair[j])
-        rows.spin1[r], rows.spin2[r] = el.spin[i], el.spin[j]
-        rows.angle[r] = el.rotation[i] - el.rotation[j]
+        rows.dx[r] = shown.lon_pair[i] - shown.lon_pair[j]
+        rows.dy[r] = shown.lat_pair[i] - shown.lat_pair[j]
+        rows.y_mean[r] = 0.5 * (shown.lat_pair[i] + shown.lat_pair[j])
+        rows.du[r] = shown.u_pair[i] - shown.u_pair[j]
+        rows.dv[r] = shown.v_pair[i] - shown.v_pair[j]
+        rows.u_mean[r] = 0.5 * (shown.u_pair[i] + shown.u_pair[j])
+        rows.v_mean[r] = 0.5 * (shown.v_pair[i] + shown.v_pair[j])
+        rows.spin1[r], rows.spin2[r] = motion.spin[i], motion.spin[j]
+        rows.angle[r] = motion.rotation[i] - motion.rotation[j]
 
 
 @kernel

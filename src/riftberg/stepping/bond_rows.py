@@ -120,9 +120,9 @@ def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
 def _fill_constants(rows, count, elements, sizes, earlier, p):
     """Constants of the law for the rows in use (spec 5.4; quirks Q10, Q11)."""
     first, second, radius, mass, thickness = (
-        rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.thickness,
+        rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.body.thickness,
     )  # fmt: skip
-    latitude, convergence = elements.lat_pair, rows.convergence
+    latitude, convergence = elements.shown.lat_pair, rows.convergence
     curved = p.latlon and not p.flat_relative_velocity
     rest, radius1, radius2, lever1, lever2 = rows.rest, rows.radius1, rows.radius2, rows.lever1, rows.lever2
     radius_small, radius_gap, damping = rows.radius_small, rows.radius_gap, rows.damping

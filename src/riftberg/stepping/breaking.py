@@ -54,6 +54,7 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
     int
         Bonds broken.
     """
+    body = el.body
     broken = 0
     for r in range(count):
         over = exceeds(rows.normal_stress[r], rows.shear_stress[r], rows.normal_limit[r], rows.shear_limit[r], 1.0)
@@ -67,8 +68,8 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
         bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
         bonds.bond_length[b], bonds.relative_rotation[b] = rows.length[r], rows.relative_rotation[r]
         bonds.peak_stress[b], bonds.damage[b] = rows.peak_stress[r], rows.damage[r]
-        el.bond_count[rows.first[r]] -= 1
-        el.bond_count[rows.second[r]] -= 1
+        body.bond_count[rows.first[r]] -= 1
+        body.bond_count[rows.second[r]] -= 1
         rows.alive[r] = 0.0
         _force_while_breaking(rows, r, el, youngs)
         rows.torque1[r] = rows.torque2[r] = 0.0
@@ -112,19 +113,26 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
     dt : float
         Sub-step (s) by which damping is softened; 0 for fully explicit damping, as in the reference.
     """
+    shown, body = el.shown, el.body
     for k in range(pairs.count[0]):
         i, j = pairs.first[k], pairs.second[k]
         if search and pairs.bond[k] >= 0 and status[pairs.bond[k]] == 0:
             continue
         rx, ry = separation(
-            el.lon_pair[i], el.lat_pair[i], el.lon_pair[j], el.lat_pair[j], law.latlon, law.earth_radius, law.period
+            shown.lon_pair[i],
+            shown.lat_pair[i],
+            shown.lon_pair[j],
+            shown.lat_pair[j],
+            law.latlon,
+            law.earth_radius,
+            law.period,
         )
         radii = sizes.bond_radius[i] + sizes.bond_radius[j]
         if rx * rx + ry * ry >= radii * radii:
             continue
         for end in range(2):
             e, c = (i, j) if end == 0 else (j, i)
-            looks = not (skip_full and el.bond_count[e] == max_bonds) and el.bond_count[c] < max_bonds
+            looks = not (skip_full and body.bond_count[e] == max_bonds) and body.bond_count[c] < max_bonds
             if search and not looks:
                 continue
             s = 1.0 if end == 0 else -1.0
@@ -141,9 +149,10 @@ def contact_acceleration(e, c, rx, ry, radii, el, sizes, law, span):
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
+    shown = el.shown
     m1, m2 = sizes.bond_mass[e], sizes.bond_mass[c]
-    du, dv = el.u_pair[c] - el.u[e], el.v_pair[c] - el.v[e]
+    du, dv = shown.u_pair[c] - el.motion.u[e], shown.v_pair[c] - el.motion.v[e]
     ix, iy, p11, p12, p22 = pair_terms(SAME_BERG_CONTACT, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
-    wu, wv = el.u_pair[c] - el.u_pair[e], el.v_pair[c] - el.v_pair[e]
+    wu, wv = shown.u_pair[c] - shown.u_pair[e], shown.v_pair[c] - shown.v_pair[e]
     soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m1 / min(m1, m2)))
     return ix + soft * (p11 * wu + p12 * wv), iy + soft * (p12 * wu + p22 * wv)

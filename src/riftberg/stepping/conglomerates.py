@@ -73,6 +73,7 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
     int
         Bonds broken.
     """
+    body = el.body
     normal = normal_strength if normal_strength > 0.0 else np.inf
     shear = shear_strength if shear_strength > 0.0 else np.inf
     broken = 0
@@ -81,7 +82,7 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
         if bonds.status[b] == 0 and exceeds(bonds.normal_stress[b], bonds.shear_stress[b], normal, shear, strength):
             bonds.status[b] = 2
             bonds.break_time[b] = time
-            el.bond_count[bonds.first[b]] -= 1
-            el.bond_count[bonds.second[b]] -= 1
+            body.bond_count[bonds.first[b]] -= 1
+            body.bond_count[bonds.second[b]] -= 1
             broken += 1
     return broken

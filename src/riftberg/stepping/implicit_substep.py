@@ -18,44 +18,52 @@ from riftberg.stepping.velocity import INTERACTIONS_ONLY, lone_elements, solve_v
 @kernel
 def _solve_all(el, dt, partners, view, law, scratch, p):
     """Kick all moving elements once with velocities of the others frozen."""
+    place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     nothing = Surroundings(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     half = 0.5 * dt
     alone = lone_elements(partners)
-    for e in range(el.u.size):
+    for e in range(motion.u.size):
         if scratch.active[e] == 0.0:
             continue
-        u0, v0 = el.u[e], el.v[e]
-        us, vs = u0 + half * (el.ax_fast[e] + el.bx_fast[e]), v0 + half * (el.ay_fast[e] + el.by_fast[e])
+        u0, v0 = motion.u[e], motion.v[e]
+        us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
-            e, el.lon[e], el.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, False, INTERACTIONS_ONLY, dt,
-            el.mass[e], alone[e], partners, False, p.constant_size, view, law,
+            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, False, INTERACTIONS_ONLY, dt,
+            body.mass[e], alone[e], partners, False, p.constant_size, view, law,
         )  # fmt: skip
-        el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
-        el.ax_fast[e], el.ay_fast[e], el.bx_fast[e], el.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
+        motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
+        kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
 
 
 @kernel
 def _norms(el, scratch):
     """Squared difference between velocities and those shown, and squared velocity, over the moving elements."""
+    shown, motion = el.shown, el.motion
     change = norm = 0.0
-    for e in range(el.u.size):
+    for e in range(motion.u.size):
         if scratch.active[e] > 0.0:
-            change += (el.u[e] - el.u_pair[e]) ** 2 + (el.v[e] - el.v_pair[e]) ** 2
-            norm += el.u[e] ** 2 + el.v[e] ** 2
+            change += (motion.u[e] - shown.u_pair[e]) ** 2 + (motion.v[e] - shown.v_pair[e]) ** 2
+            norm += motion.u[e] ** 2 + motion.v[e] ** 2
     return change, norm
 
 
 @stage
 def _rewind(el, dt, scratch):
     """Show this iterate to the others and go back to the velocity before the kick (spec 6.4, 3b)."""
+    shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt
-    for e in range(el.u.size):
+    for e in range(motion.u.size):
         if scratch.active[e] == 0.0:
             continue
-        el.u_pair[e], el.v_pair[e] = el.u[e], el.v[e]
-        el.u[e] -= half * (el.ax_fast[e] + el.bx_fast[e]) + half * (el.ax[e] + el.bx[e])
-        el.v[e] -= half * (el.ay_fast[e] + el.by_fast[e]) + half * (el.ay[e] + el.by[e])
-        el.ax_fast[e], el.ay_fast[e], el.bx_fast[e], el.by_fast[e] = el.ax[e], el.ay[e], el.bx[e], el.by[e]
+        shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
+        motion.u[e] -= half * (kicks.ax_fast[e] + kicks.bx_fast[e]) + half * (kicks.ax[e] + kicks.bx[e])
+        motion.v[e] -= half * (kicks.ay_fast[e] + kicks.by_fast[e]) + half * (kicks.ay[e] + kicks.by[e])
+        kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = (
+            kicks.ax[e],
+            kicks.ay[e],
+            kicks.bx[e],
+            kicks.by[e],
+        )
 
 
 @stage

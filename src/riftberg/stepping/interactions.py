@@ -189,8 +189,16 @@ def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view,
 @kernel
 def pair_view(el: Elements, sizes: Sizes) -> PairView:
     """Gather what the elements show to each other."""
+    shown = el.shown
     return PairView(
-        el.lon_pair, el.lat_pair, el.u_pair, el.v_pair, sizes.radius, sizes.mass, sizes.bond_radius, sizes.bond_mass
+        shown.lon_pair,
+        shown.lat_pair,
+        shown.u_pair,
+        shown.v_pair,
+        sizes.radius,
+        sizes.mass,
+        sizes.bond_radius,
+        sizes.bond_mass,
     )
 
 

@@ -19,10 +19,11 @@ from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lon
 @stage
 def sea_floor_rates(el: Elements, scratch: Scratch, sizes: Sizes, p: KernelParameters) -> None:
     """Rates (s-1) of sub-step grounding drag and torque; the depth holds for the long step (spec 6.4, 3b and 3c)."""
-    for e in range(el.mass.size):
-        scratch.active[e] = 1.0 if el.static[e] < 0.5 else 0.0
-        draft = draft_of(el.thickness[e], p.rho_ice)
-        fraction = grounded_fraction(el.depth[e], draft, p.ground_ramp)
+    body, environment = el.body, el.environment
+    for e in range(body.mass.size):
+        scratch.active[e] = 1.0 if body.static[e] < 0.5 else 0.0
+        draft = draft_of(body.thickness[e], p.rho_ice)
+        fraction = grounded_fraction(environment.depth[e], draft, p.ground_ramp)
         scratch.aground[e] = fraction
         rate = grounding_rate(p.ground_coefficient, sizes.bond_area[e], sizes.bond_mass[e], fraction)
         scratch.ground_rate[e] = rate if p.ground_on_substeps else 0.0
@@ -36,8 +37,17 @@ def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
 
     Returns whether any element is in contact, and the sum of the squared velocities of those solved for.
     """
-    lon, lat, u, v, u_sync, v_sync, mass = el.lon, el.lat, el.u, el.v, el.u_sync, el.v_sync, el.mass
-    ax, ay, bx, by, static, in_contact = el.ax, el.ay, el.bx, el.by, el.static, el.in_contact
+    motion, kicks, body = el.motion, el.kicks, el.body
+    lon, lat, u, v, u_sync, v_sync, mass = (
+        el.place.lon,
+        el.place.lat,
+        motion.u,
+        motion.v,
+        motion.u_sync,
+        motion.v_sync,
+        body.mass,
+    )
+    ax, ay, bx, by, static, in_contact = kicks.ax, kicks.ay, kicks.bx, kicks.by, body.static, body.in_contact
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     collided = False
     norm = 0.0
@@ -65,20 +75,22 @@ def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
 @stage
 def _change_and_norm(el):
     """Squared change of velocity since the pass before, and squared velocity, over the elements in contact."""
+    shown, motion, body = el.shown, el.motion, el.body
     change = norm = 0.0
-    for e in range(el.u.size):
-        if el.static[e] < 0.5 and el.in_contact[e] != 0.0:
-            change += (el.u_sync[e] - el.u_pair[e]) ** 2 + (el.v_sync[e] - el.v_pair[e]) ** 2
-            norm += el.u_sync[e] ** 2 + el.v_sync[e] ** 2
+    for e in range(motion.u.size):
+        if body.static[e] < 0.5 and body.in_contact[e] != 0.0:
+            change += (motion.u_sync[e] - shown.u_pair[e]) ** 2 + (motion.v_sync[e] - shown.v_pair[e]) ** 2
+            norm += motion.u_sync[e] ** 2 + motion.v_sync[e] ** 2
     return change, norm
 
 
 @kernel
 def _show_synchronised(el):
     """Let the others see the velocities of this pass."""
-    for e in range(el.u.size):
-        if el.static[e] < 0.5:
-            el.u_pair[e], el.v_pair[e] = el.u_sync[e], el.v_sync[e]
+    shown, motion, body = el.shown, el.motion, el.body
+    for e in range(motion.u.size):
+        if body.static[e] < 0.5:
+            shown.u_pair[e], shown.v_pair[e] = motion.u_sync[e], motion.v_sync[e]
 
 
 @stage
@@ -105,15 +117,16 @@ def closing_half_kick(
     int
         Passes needed; -1 if the iteration did not settle within ``p.max_iterations``.
     """
+    motion, body = el.motion, el.body
     view = pair_view(el, sizes)
     kick = 0.0 if starting else 1.0
     table = surroundings_of_all(el, True, p)
     alone = lone_elements(partners)
     collided, norm_before = _slow_pass(el, dt, table, alone, partners, view, law, kick, True, p)
     if not p.iterate:
-        for e in range(el.u.size):
-            if el.static[e] < 0.5:
-                el.u[e], el.v[e] = el.u_sync[e], el.v_sync[e]
+        for e in range(motion.u.size):
+            if body.static[e] < 0.5:
+                motion.u[e], motion.v[e] = motion.u_sync[e], motion.v_sync[e]
         return 1
     _show_synchronised(el)
     passes = 1
@@ -134,19 +147,25 @@ def closing_half_kick(
 @stage
 def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
     """Start the long step with its first slow half kick (part 2), and the rotational drag of the water."""
+    shown, motion, kicks, body, environment = el.shown, el.motion, el.kicks, el.body, el.environment
     half = 0.5 * dt
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5:
+    for e in range(motion.u.size):
+        if body.static[e] >= 0.5:
             continue
-        el.u[e] = el.u_sync[e] + half * (el.ax[e] + el.bx[e])
-        el.v[e] = el.v_sync[e] + half * (el.ay[e] + el.by[e])
-        el.u_pair[e], el.v_pair[e] = el.u[e], el.v[e]
+        motion.u[e] = motion.u_sync[e] + half * (kicks.ax[e] + kicks.bx[e])
+        motion.v[e] = motion.v_sync[e] + half * (kicks.ay[e] + kicks.by[e])
+        shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
         if p.iterate:
-            el.ax[e], el.ay[e], el.bx[e], el.by[e] = el.ax_fast[e], el.ay_fast[e], el.bx_fast[e], el.by_fast[e]
+            kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = (
+                kicks.ax_fast[e],
+                kicks.ay_fast[e],
+                kicks.bx_fast[e],
+                kicks.by_fast[e],
+            )
         if p.rotational_drag and p.dem and not p.only_interactions:
             inertia = 0.5 * sizes.bond_mass[e] * sizes.bond_radius[e] ** 2
             drag = spin_drag(inertia, sizes.bond_radius[e], p.ocean_scale)
             # The decay of a spin under a drag quadratic in it, solved exactly over the step.
-            water = 0.5 * el.vorticity[e]
-            relative = el.spin[e] - water
-            el.spin[e] = water + relative / (1.0 + dt * drag * abs(relative))
+            water = 0.5 * environment.vorticity[e]
+            relative = motion.spin[e] - water
+            motion.spin[e] = water + relative / (1.0 + dt * drag * abs(relative))

@@ -75,19 +75,21 @@ class StepReport(NamedTuple):
 @stage
 def _remember_fast(el):
     """Keep the fast accelerations of this sub-step where the reference keeps them."""
-    el.ax[:] = el.ax_fast
-    el.ay[:] = el.ay_fast
-    el.bx[:] = el.bx_fast
-    el.by[:] = el.by_fast
+    kicks = el.kicks
+    kicks.ax[:] = kicks.ax_fast
+    kicks.ay[:] = kicks.ay_fast
+    kicks.bx[:] = kicks.bx_fast
+    kicks.by[:] = kicks.by_fast
 
 
 @stage
 def _start_fast(el, scratch, implicit_ground):
     """Take the accelerations just found as those before the first sub-step, so that it has its first half kick."""
-    for e in range(el.u.size):
+    motion, kicks = el.motion, el.kicks
+    for e in range(motion.u.size):
         rate = 0.0 if implicit_ground else scratch.ground_rate[e]
-        el.ax_fast[e] = scratch.active[e] * (scratch.accel_x[e] - rate * el.u[e])
-        el.ay_fast[e] = scratch.active[e] * (scratch.accel_y[e] - rate * el.v[e])
+        kicks.ax_fast[e] = scratch.active[e] * (scratch.accel_x[e] - rate * motion.u[e])
+        kicks.ay_fast[e] = scratch.active[e] * (scratch.accel_y[e] - rate * motion.v[e])
 
 
 @stage
@@ -96,9 +98,10 @@ def _start_rotation(el, scratch, dt):
 
     The angle at hand in a sub-step is that which its bonds see; with that of the start the run would be of first order.
     """
-    for e in range(el.spin.size):
-        el.spin[e] += scratch.active[e] * 0.5 * dt * el.spin_rate[e]
-        el.rotation[e] += scratch.active[e] * dt * el.spin[e]
+    motion, kicks = el.motion, el.kicks
+    for e in range(motion.spin.size):
+        motion.spin[e] += scratch.active[e] * 0.5 * dt * kicks.spin_rate[e]
+        motion.rotation[e] += scratch.active[e] * dt * motion.spin[e]
 
 
 @stage
@@ -143,10 +146,11 @@ def advance(
     -------
     StepReport
     """
+    shown, motion, body = el.shown, el.motion, el.body
     law = pair_law(p)
-    slow, fast = _slow_and_fast(partners, el.u.size)
+    slow, fast = _slow_and_fast(partners, motion.u.size)
     sea_floor_rates(el, scratch, sizes, p)
-    near_pole = p.latlon and el.lat.max() > POLAR_LATITUDE
+    near_pole = p.latlon and el.place.lat.max() > POLAR_LATITUDE
     passes = 1
     broken = 0
     if not plan.skip_slow:
@@ -190,7 +194,7 @@ def advance(
     if p.iterate:
         _remember_fast(el)
     store_rows(rows, count, bonds)
-    for e in range(el.u.size):
-        if el.static[e] < 0.5:
-            el.u_pair[e], el.v_pair[e] = el.u[e], el.v[e]
+    for e in range(motion.u.size):
+        if body.static[e] < 0.5:
+            shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
     return StepReport(broken, passes)

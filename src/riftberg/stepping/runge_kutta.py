@@ -53,8 +53,9 @@ AHEAD = (0.0, 0.5, 0.5, 1.0)
 @kernel
 def begin(el: Elements, stages: Stages) -> None:
     """Remember the start of the step; it is also the first stage."""
-    stages.x0[:], stages.y0[:], stages.u0[:], stages.v0[:] = el.lon, el.lat, el.u, el.v
-    stages.u[0, :], stages.v[0, :] = el.u, el.v
+    motion = el.motion
+    stages.x0[:], stages.y0[:], stages.u0[:], stages.v0[:] = el.place.lon, el.place.lat, motion.u, motion.v
+    stages.u[0, :], stages.v[0, :] = motion.u, motion.v
 
 
 @kernel
@@ -63,41 +64,43 @@ def evaluate(
     mean_speeds: bool, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Find the accelerations of a stage; ``el.lon``, ``el.lat`` hold its positions, ``stages.u[stage]`` its velocity."""
+    place, shown, kicks, body = el.place, el.shown, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     span = fraction * dt
     table, alone = surroundings_of_all(el, False, p), lone_elements(partners)
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5:
+    for e in range(el.motion.u.size):
+        if body.static[e] >= 0.5:
             continue
         u0, v0 = stages.u0[e], stages.v0[e]
         us, vs = stages.u[stage, e], stages.v[stage, e]
-        half_u, half_v = u0 + 0.5 * span * el.ax[e], v0 + 0.5 * span * el.ay[e]
+        half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
         around = surroundings_of(table, e)
         s = solve_velocity(
-            e, el.lon_pair[e], el.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds,
-            False, mode, span, el.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
+            e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds,
+            False, mode, span, body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y
-        mx, my = metres_per_unit(el.lat[e], p.latlon, p.earth_radius)
+        mx, my = metres_per_unit(place.lat[e], p.latlon, p.earth_radius)
         stages.rate_x[stage, e], stages.rate_y[stage, e] = us / mx, vs / my
 
 
 @kernel
 def go_to_stage(el: Elements, stages: Stages, stage: int, part: float, dt: float, p: KernelParameters) -> None:
     """Place the elements at stage 1, 2 or 3: ``part`` of a step from the start with the slopes of the stage before."""
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5:
+    place, body = el.place, el.body
+    for e in range(el.motion.u.size):
+        if body.static[e] >= 0.5:
             continue
         span = part * dt
         if p.latlon and stages.y0[e] > 89.0:
-            el.lon[e], el.lat[e] = move(
+            place.lon[e], place.lat[e] = move(
                 stages.x0[e], stages.y0[e], stages.u[stage - 1, e], stages.v[stage - 1, e], span, True, p.earth_radius
             )
         else:
-            el.lon[e] = stages.x0[e] + span * stages.rate_x[stage - 1, e]
-            el.lat[e] = stages.y0[e] + span * stages.rate_y[stage - 1, e]
+            place.lon[e] = stages.x0[e] + span * stages.rate_x[stage - 1, e]
+            place.lat[e] = stages.y0[e] + span * stages.rate_y[stage - 1, e]
         stages.u[stage, e] = stages.u0[e] + span * stages.total_x[stage - 1, e]
         stages.v[stage, e] = stages.v0[e] + span * stages.total_y[stage - 1, e]
 
@@ -111,17 +114,18 @@ def _weighted(values, e):
 @kernel
 def finish(el: Elements, stages: Stages, dt: float, p: KernelParameters) -> None:
     """Combine the stages into the new position, velocity and accelerations."""
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5:
+    place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
+    for e in range(motion.u.size):
+        if body.static[e] >= 0.5:
             continue
         if p.latlon and stages.y0[e] > 89.0:
             u, v = _weighted(stages.u, e), _weighted(stages.v, e)
-            el.lon[e], el.lat[e] = move(stages.x0[e], stages.y0[e], u, v, dt, True, p.earth_radius)
+            place.lon[e], place.lat[e] = move(stages.x0[e], stages.y0[e], u, v, dt, True, p.earth_radius)
         else:
-            el.lon[e] = stages.x0[e] + dt * _weighted(stages.rate_x, e)
-            el.lat[e] = stages.y0[e] + dt * _weighted(stages.rate_y, e)
+            place.lon[e] = stages.x0[e] + dt * _weighted(stages.rate_x, e)
+            place.lat[e] = stages.y0[e] + dt * _weighted(stages.rate_y, e)
         total_x, total_y = _weighted(stages.total_x, e), _weighted(stages.total_y, e)
-        el.u[e], el.v[e] = stages.u0[e] + dt * total_x, stages.v0[e] + dt * total_y
-        el.u_sync[e], el.v_sync[e] = el.u[e], el.v[e]
-        el.ax[e], el.ay[e] = _weighted(stages.a_x, e), _weighted(stages.a_y, e)
-        el.bx[e], el.by[e] = total_x - 0.5 * el.ax[e], total_y - 0.5 * el.ay[e]
+        motion.u[e], motion.v[e] = stages.u0[e] + dt * total_x, stages.v0[e] + dt * total_y
+        motion.u_sync[e], motion.v_sync[e] = motion.u[e], motion.v[e]
+        kicks.ax[e], kicks.ay[e] = _weighted(stages.a_x, e), _weighted(stages.a_y, e)
+        kicks.bx[e], kicks.by[e] = total_x - 0.5 * kicks.ax[e], total_y - 0.5 * kicks.ay[e]

@@ -35,17 +35,18 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
 @kernel
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     """Compute the sizes of all elements."""
-    count = elements.mass.size
+    body = elements.body
+    count = body.mass.size
     radius, bond_radius = np.empty(count), np.empty(count)
     bond_mass, bond_area = np.empty(count), np.empty(count)
     for e in range(count):
-        area = elements.length[e] * elements.width[e]
+        area = body.length[e] * body.width[e]
         radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
         if p.constant_size:
             bond_area[e] = p.constant_length * p.constant_width
-            bond_mass[e] = bond_area[e] * elements.thickness[e] * p.rho_ice
+            bond_mass[e] = bond_area[e] * body.thickness[e] * p.rho_ice
         else:
             bond_area[e] = area
-            bond_mass[e] = elements.mass[e]
+            bond_mass[e] = body.mass[e]
         bond_radius[e] = radius_of(bond_area[e], p.hexagonal, True)
-    return Sizes(radius, elements.mass, bond_radius, bond_mass, bond_area)
+    return Sizes(radius, body.mass, bond_radius, bond_mass, bond_area)

@@ -45,43 +45,46 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
 
     With ``q1`` the northward mid-step velocity uses the eastward implicit acceleration, as the reference does (Q1).
     """
+    place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
     half = 0.5 * dt
     per_unit = math.pi / 180.0 * radius if latlon else 1.0
     to_degrees = 1.0 if latlon else 0.0
-    for e in range(el.lon.size):
-        wu = el.u[e] + half * (el.ax_fast[e] + el.bx_fast[e])
-        wv = el.v[e] + half * (el.ay_fast[e] + el.by_fast[e])
+    for e in range(place.lon.size):
+        wu = motion.u[e] + half * (kicks.ax_fast[e] + kicks.bx_fast[e])
+        wv = motion.v[e] + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         step = active[e] * dt
-        el.lon[e] += step * (wu / (per_unit * fast_cos_latitude(to_degrees * el.lat[e])))
-        el.lat[e] += step * (wv / per_unit)
-        el.lon_pair[e], el.lat_pair[e] = el.lon[e], el.lat[e]
-        seen = el.v[e] + half * (el.ay_fast[e] + el.bx_fast[e]) if q1 else wv
-        el.u_pair[e] = wu if active[e] > 0.0 else el.u_pair[e]
-        el.v_pair[e] = seen if active[e] > 0.0 else el.v_pair[e]
+        place.lon[e] += step * (wu / (per_unit * fast_cos_latitude(to_degrees * place.lat[e])))
+        place.lat[e] += step * (wv / per_unit)
+        shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
+        seen = motion.v[e] + half * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
+        shown.u_pair[e] = wu if active[e] > 0.0 else shown.u_pair[e]
+        shown.v_pair[e] = seen if active[e] > 0.0 else shown.v_pair[e]
 
 
 @stage
 def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
     """As `drift`, on the tangent plane where latitude is above 89 degrees."""
-    for e in range(el.lon.size):
+    place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
+    for e in range(place.lon.size):
         if active[e] == 0.0:
             continue
-        wu = el.u[e] + 0.5 * dt * (el.ax_fast[e] + el.bx_fast[e])
-        wv = el.v[e] + 0.5 * dt * (el.ay_fast[e] + el.by_fast[e])
-        el.lon[e], el.lat[e] = move(el.lon[e], el.lat[e], wu, wv, dt, True, radius)
-        el.lon_pair[e], el.lat_pair[e] = el.lon[e], el.lat[e]
-        el.u_pair[e] = wu
-        el.v_pair[e] = el.v[e] + 0.5 * dt * (el.ay_fast[e] + el.bx_fast[e]) if q1 else wv
+        wu = motion.u[e] + 0.5 * dt * (kicks.ax_fast[e] + kicks.bx_fast[e])
+        wv = motion.v[e] + 0.5 * dt * (kicks.ay_fast[e] + kicks.by_fast[e])
+        place.lon[e], place.lat[e] = move(place.lon[e], place.lat[e], wu, wv, dt, True, radius)
+        shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
+        shown.u_pair[e] = wu
+        shown.v_pair[e] = motion.v[e] + 0.5 * dt * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
 
 
 @kernel
 def divide_by_mass(el: Elements, scratch: Scratch, sizes: Sizes) -> None:
     """Add loads to the summed forces and turn all into accelerations and angular accelerations (spec 5.3, 3)."""
-    for e in range(el.lon.size):
+    kicks, body = el.kicks, el.body
+    for e in range(el.place.lon.size):
         m, r = sizes.bond_mass[e], sizes.bond_radius[e]
-        scratch.accel_x[e] += (scratch.force_x[e] + el.load_x[e]) / m
-        scratch.accel_y[e] += (scratch.force_y[e] * el.free_y[e] + el.load_y[e]) / m
-        el.spin_rate[e] = scratch.active[e] * (scratch.torque[e] / (0.5 * m * r * r))
+        scratch.accel_x[e] += (scratch.force_x[e] + body.load_x[e]) / m
+        scratch.accel_y[e] += (scratch.force_y[e] * body.free_y[e] + body.load_y[e]) / m
+        kicks.spin_rate[e] = scratch.active[e] * (scratch.torque[e] / (0.5 * m * r * r))
 
 
 @stage
@@ -137,12 +140,24 @@ def spring_accelerations(
     el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw
 ):
     """Accelerations (m s-2) by KID's bonds and contact inside the berg (spec 5.3 without DEM)."""
+    place, shown, motion = el.place, el.shown, el.motion
     view = pair_view(el, sizes)
-    for e in range(el.lon.size):
+    for e in range(place.lon.size):
         ix, iy, p11, p12, p22, px, py = interaction_terms(
-            e, el.lon[e], el.lat[e], el.u[e], el.v[e], el.u[e], el.v[e], partners, False, bond_size, view, law
+            e,
+            place.lon[e],
+            place.lat[e],
+            motion.u[e],
+            motion.v[e],
+            motion.u[e],
+            motion.v[e],
+            partners,
+            False,
+            bond_size,
+            view,
+            law,
         )
-        uw, vw = el.u_pair[e], el.v_pair[e]
+        uw, vw = shown.u_pair[e], shown.v_pair[e]
         scratch.accel_x[e] = ix + px - p11 * uw - p12 * vw
         scratch.accel_y[e] = iy + py - p12 * uw - p22 * vw
 
@@ -155,39 +170,42 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
     implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate. Near the pole the reference
     turns velocity and acceleration to the tangent plane and back with one longitude, which changes nothing.
     """
+    motion, kicks = el.motion, el.kicks
     half = 0.5 * dt
     explicit = 0.0 if implicit_ground else 1.0
     implicit = dt if implicit_ground else 0.0
-    for e in range(el.lon.size):
+    for e in range(el.place.lon.size):
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
-        u, v, ax_old, ay_old = el.u[e], el.v[e], el.ax_fast[e], el.ay_fast[e]
+        u, v, ax_old, ay_old = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
         rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
         slow = 1.0 / (1.0 + rate * implicit)
         ax = scratch.accel_x[e] - explicit * rate * u
         ay = scratch.accel_y[e] - explicit * rate * v
         new_u = (u + half * ax_old + half * ax) * slow
         new_v = (v + half * ay_old + half * ay) * slow
-        el.u[e] = new_u if moves else u
-        el.v[e] = new_v if moves else v
-        el.ax_fast[e] = ax if moves else ax_old
-        el.ay_fast[e] = ay if moves else ay_old
+        motion.u[e] = new_u if moves else u
+        motion.v[e] = new_v if moves else v
+        kicks.ax_fast[e] = ax if moves else ax_old
+        kicks.ay_fast[e] = ay if moves else ay_old
 
 
 @kernel
 def spin_up(el: Elements, scratch: Scratch, dt: float) -> None:
     """Update angular velocity, then the angle with the new angular velocity (spec 6.4, 3c)."""
-    for e in range(el.lon.size):
-        spin = (el.spin[e] + dt * el.spin_rate[e]) / (1.0 + scratch.ground_spin_rate[e] * dt)
-        el.spin[e] = spin if scratch.active[e] > 0.0 else el.spin[e]
-        el.rotation[e] += scratch.active[e] * dt * spin
+    motion, kicks = el.motion, el.kicks
+    for e in range(el.place.lon.size):
+        spin = (motion.spin[e] + dt * kicks.spin_rate[e]) / (1.0 + scratch.ground_spin_rate[e] * dt)
+        motion.spin[e] = spin if scratch.active[e] > 0.0 else motion.spin[e]
+        motion.rotation[e] += scratch.active[e] * dt * spin
 
 
 @kernel
 def show_velocities(el: Elements, active: Floats) -> None:
     """Let the others see the new velocities."""
-    for e in range(el.u.size):
-        el.u_pair[e] = el.u[e] if active[e] > 0.0 else el.u_pair[e]
-        el.v_pair[e] = el.v[e] if active[e] > 0.0 else el.v_pair[e]
+    shown, motion = el.shown, el.motion
+    for e in range(motion.u.size):
+        shown.u_pair[e] = motion.u[e] if active[e] > 0.0 else shown.u_pair[e]
+        shown.v_pair[e] = motion.v[e] if active[e] > 0.0 else shown.v_pair[e]
 
 
 @kernel

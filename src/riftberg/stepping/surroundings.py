@@ -97,9 +97,23 @@ def surroundings_of_all(el: Elements, multiple_steps: bool, p: KernelParameters)
     array of float, shape (n, 13)
         The fields of `Surroundings` of each element.
     """
-    mass, length, width, thickness, bonds = el.mass, el.length, el.width, el.thickness, el.bond_count
-    depth, ice, lat, sx, sy = el.depth, el.ice_thickness, el.lat, el.slope_x, el.slope_y
-    uo, vo, ua, va, ui, vi = el.uo, el.vo, el.ua, el.va, el.ui, el.vi
+    body, environment = el.body, el.environment
+    mass, length, width, thickness, bonds = body.mass, body.length, body.width, body.thickness, body.bond_count
+    depth, ice, lat, sx, sy = (
+        environment.depth,
+        environment.ice_thickness,
+        el.place.lat,
+        environment.slope_x,
+        environment.slope_y,
+    )
+    uo, vo, ua, va, ui, vi = (
+        environment.uo,
+        environment.vo,
+        environment.ua,
+        environment.va,
+        environment.ui,
+        environment.vi,
+    )
     table = np.empty((mass.size, 13))
     for e in range(mass.size):
         forces = external_forces(

@@ -18,39 +18,42 @@ def update_velocities(el: Elements, partners: Partners, sizes: Sizes, dt: float,
 
     ``u_sync`` receives the reference's diagnostic u - dt/2 b of the velocity before the update.
     """
+    place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     table, alone = surroundings_of_all(el, False, p), lone_elements(partners)
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5:
+    for e in range(motion.u.size):
+        if body.static[e] >= 0.5:
             continue
-        u, v = el.u[e], el.v[e]
-        el.u_sync[e], el.v_sync[e] = u - 0.5 * dt * el.bx[e], v - 0.5 * dt * el.by[e]
-        us, vs = u + 0.5 * dt * el.ax[e], v + 0.5 * dt * el.ay[e]
+        u, v = motion.u[e], motion.v[e]
+        motion.u_sync[e], motion.v_sync[e] = u - 0.5 * dt * kicks.bx[e], v - 0.5 * dt * kicks.by[e]
+        us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
         around = surroundings_of(table, e)
         s = solve_velocity(
-            e, el.lon[e], el.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, False, mode, dt,
-            el.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
+            e, place.lon[e], place.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, False, mode, dt,
+            body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
-        el.u[e], el.v[e] = add_velocity(el.lon[e], el.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
-        el.ax[e], el.ay[e], el.bx[e], el.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
+        motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
+        kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
 
 
 @kernel
 def impose_velocity(el: Elements, u: float, v: float) -> None:
     """Give all moving elements one velocity (m s-1) and no acceleration."""
-    for e in range(el.u.size):
-        if el.static[e] < 0.5:
-            el.u[e], el.v[e] = u, v
-            el.ax[e] = el.ay[e] = el.bx[e] = el.by[e] = 0.0
+    motion, kicks, body = el.motion, el.kicks, el.body
+    for e in range(motion.u.size):
+        if body.static[e] < 0.5:
+            motion.u[e], motion.v[e] = u, v
+            kicks.ax[e] = kicks.ay[e] = kicks.bx[e] = kicks.by[e] = 0.0
 
 
 @kernel
 def update_positions(el: Elements, dt: float, p: KernelParameters) -> None:
     """Move by the new velocity and half kick: x += dt (u + dt/2 (a + b))."""
-    for e in range(el.u.size):
-        if el.static[e] >= 0.5:
+    place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
+    for e in range(motion.u.size):
+        if body.static[e] >= 0.5:
             continue
-        u = el.u[e] + 0.5 * dt * el.ax[e] + 0.5 * dt * el.bx[e]
-        v = el.v[e] + 0.5 * dt * el.ay[e] + 0.5 * dt * el.by[e]
-        el.lon[e], el.lat[e] = move(el.lon[e], el.lat[e], u, v, dt, p.latlon, p.earth_radius)
+        u = motion.u[e] + 0.5 * dt * kicks.ax[e] + 0.5 * dt * kicks.bx[e]
+        v = motion.v[e] + 0.5 * dt * kicks.ay[e] + 0.5 * dt * kicks.by[e]
+        place.lon[e], place.lat[e] = move(place.lon[e], place.lat[e], u, v, dt, p.latlon, p.earth_radius)

@@ -18,12 +18,12 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg import __version__
 from riftberg.errors import InputError
 from riftberg.plane import Plane
 from riftberg.runs.background import StoredWater, bilinear, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
+from riftberg.version import __version__
 from riftberg.viz.packing import pack
 from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
 

@@ -1,0 +1,170 @@
+"""Figures of the house: lengths of functions, rooms, circles, imports that run upwards, and names with two meanings.
+
+    python benchmarks/house.py                 # of src/riftberg
+    python benchmarks/house.py --list FOLDER   # of another copy of the package, with every finding
+
+Nothing is imported: the files are read as text. Imports count wherever they stand (inside functions and under
+``TYPE_CHECKING`` too).
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import statistics
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = "riftberg"
+
+LONG, MANY = 40, 10
+"""Lines beyond which a function is long, and arguments beyond which it has many."""
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def floors(project: Path) -> list[set[str]]:
+    """Return the rooms of each floor from the roof to the ground, as in the contract in ``pyproject.toml``."""
+    contracts = tomllib.loads(project.read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["id"] == "floors")
+    return [set(layer.replace(":", " ").replace("|", " ").split()) for layer in layers]
+
+
+def modules(folder: Path) -> dict[str, ast.Module]:
+    """Return the modules of a package by dotted name."""
+    trees = {}
+    for path in sorted(folder.rglob("*.py")):
+        parts = [folder.name, *path.relative_to(folder).with_suffix("").parts]
+        trees[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = ast.parse(path.read_text(encoding="utf-8"))
+    return trees
+
+
+def imports(trees: dict[str, ast.Module]) -> dict[str, set[str]]:
+    """Return which modules of the package each module imports."""
+    edges: dict[str, set[str]] = {name: set() for name in trees}
+    for name, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                edges[name] |= {alias.name for alias in node.names if alias.name in trees}
+            elif isinstance(node, ast.ImportFrom) and node.module in trees:
+                inner = {f"{node.module}.{alias.name}" for alias in node.names}
+                edges[name] |= (inner & set(trees)) or {node.module}
+    return edges
+
+
+def circles(edges: dict[str, set[str]]) -> list[list[str]]:
+    """Return the groups of modules that import each other, by way of others too."""
+    reach = {name: _reached(edges, name) for name in edges}
+    groups = {tuple(sorted(b for b in reach[a] if a in reach[b])) for a in edges if a in reach[a]}
+    return [list(group) for group in sorted(groups)]
+
+
+def _reached(edges: dict[str, set[str]], start: str) -> set[str]:
+    seen: set[str] = set()
+    front = [start]
+    while front:
+        for name in edges[front.pop()] - seen:
+            seen.add(name)
+            front.append(name)
+    return seen
+
+
+def room(module: str) -> str:
+    """Return the room of a module; the package itself is ``riftberg``."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else parts[0]
+
+
+def upward(edges: dict[str, set[str]], rooms: list[set[str]]) -> list[tuple[str, str]]:
+    """Return the imports of a module on a floor above."""
+    floor = {name: -level for level, names in enumerate(rooms) for name in names}
+    pairs = ((a, b) for a in sorted(edges) for b in sorted(edges[a]))
+    return [(a, b) for a, b in pairs if room(a) in floor and room(b) in floor and floor[room(b)] > floor[room(a)]]
+
+
+def functions(trees: dict[str, ast.Module]) -> Iterator[tuple[str, Function, ast.AST]]:
+    """Give every function with the module and the node that it stands in."""
+    for name, tree in trees.items():
+        for outer in ast.walk(tree):
+            for node in ast.iter_child_nodes(outer):
+                if isinstance(node, Function):
+                    yield name, node, outer
+
+
+def lines_of_code(node: Function) -> int:
+    """Return the lines of a function without its docstring."""
+    body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 1
+
+
+def is_kernel(node: Function) -> bool:
+    """Return whether numba compiles the function."""
+    names = {
+        getattr(getattr(d, "func", d), "id", getattr(getattr(d, "func", d), "attr", "")) for d in node.decorator_list
+    }
+    return bool(names & {"kernel", "stage", "njit"})
+
+
+def arguments(node: Function) -> int:
+    """Return the number of arguments but ``self`` and ``cls``."""
+    every = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+    return sum(name not in ("self", "cls") for name in every)
+
+
+def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
+    """Return the names of classes and of functions of modules that are defined in more than one module."""
+    homes: dict[str, list[str]] = defaultdict(list)
+    for name, tree in trees.items():
+        for node in tree.body:
+            if isinstance(node, Function | ast.ClassDef):
+                homes[node.name].append(name)
+    return {name: places for name, places in sorted(homes.items()) if len(set(places)) > 1}
+
+
+def shares(folder: Path) -> dict[str, float]:
+    """Return the share of the lines that each room has."""
+    lines: dict[str, int] = defaultdict(int)
+    for path in folder.rglob("*.py"):
+        inner = path.relative_to(folder).with_suffix("").parts
+        lines[inner[0]] += len(path.read_text(encoding="utf-8").splitlines())
+    return {name: count / sum(lines.values()) for name, count in lines.items()}
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    home = Path(__file__).resolve().parents[1] / "src" / PACKAGE
+    parser.add_argument("folder", nargs="?", type=Path, default=home, help="folder of the package")
+    parser.add_argument("--list", action="store_true", help="print every finding")
+    options = parser.parse_args()
+    trees = modules(options.folder)
+    edges = imports(trees)
+    found = list(functions(trees))
+    lengths = [lines_of_code(node) for _, node, _ in found]
+    many = [f"{name}.{node.name}: {arguments(node)}" for name, node, _ in found
+            if arguments(node) > MANY and not is_kernel(node)]  # fmt: skip
+    largest = max(shares(options.folder).items(), key=lambda item: item[1])
+    names = twice_named(trees)
+    lists = {
+        "circles of imports": [" <-> ".join(group) for group in circles(edges)],
+        "imports that run upwards": [
+            f"{a} -> {b}" for a, b in upward(edges, floors(home.parents[1] / "pyproject.toml"))
+        ],
+        f"functions of more than {MANY} arguments (kernels apart)": many,
+        "names with more than one home": [f"{name}: {', '.join(homes)}" for name, homes in names.items()],
+    }
+    print(f"{'modules':>56}  {len(trees)}")
+    print(f"{'functions':>56}  {len(found)}")
+    print(f"{'median length, lines':>56}  {statistics.median(lengths):g}")
+    print(f"{f'above {LONG} lines':>56}  {100.0 * sum(n > LONG for n in lengths) / len(lengths):.2f} %")
+    print(f"{'largest room':>56}  {largest[0]}, {100.0 * largest[1]:.1f} %")
+    for title, entries in lists.items():
+        print(f"{title:>56}  {len(entries)}")
+        for entry in entries if options.list else ():
+            print(f"      {entry}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""What a person may change in an experiment, and what a built experiment says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+    from riftberg.parameters import Parameters
+
+Numerics = Literal["own", "reference"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the person who starts a run asked for.
+
+    Attributes
+    ----------
+    changes : dict
+        Values by group and parameter name, as `riftberg.parameters.Parameters.changed` takes them; already checked.
+    days : float or None
+        Length of the run; None leaves it to the experiment.
+    data : pathlib.Path or None
+        Folder of data files.
+    without : frozenset of str
+        Parts of the experiment to leave out.
+    numerics : {"own", "reference"} or None
+        Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment.
+    fetch : bool
+        Fetch missing data files first.
+    grid : float or None
+        Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment.
+    """
+
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    days: float | None = None
+    data: Path | None = None
+    without: frozenset[str] = frozenset()
+    numerics: Numerics | None = None
+    fetch: bool = False
+    grid: float | None = None
+
+    @property
+    def own(self) -> bool:
+        """Riftberg's own numerics, unless the reference's were asked for: what most experiments do."""
+        return self.numerics != "reference"
+
+    def apply(self, parameters: Parameters) -> Parameters:
+        """Return parameters with the changes made."""
+        from riftberg.experiments.changes import changed
+
+        return changed(parameters, self.changes)
+
+
+@dataclass(frozen=True)
+class Info:
+    """What the command line needs to know about a built experiment.
+
+    Attributes
+    ----------
+    name : str
+        Short name, used for the output folder.
+    title : str
+        Heading of the map.
+    days : float
+        Length of the run that the experiment has by itself.
+    output_every_hours : float
+        Interval of the records, in hours of model time.
+    seed : int or None
+        Seed of random numbers, if any are drawn.
+    observed : mapping
+        Observed outlines for the map: ISO date to rings of longitude and latitude.
+    notices : tuple of str
+        What should be known before the run, in a line each.
+    """
+
+    name: str
+    title: str = ""
+    days: float = 1.0
+    output_every_hours: float = 1.0
+    seed: int | None = None
+    observed: Mapping[str, Any] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
+
+
+Builder = Callable[[Options], "tuple[Model, Info]"]
+"""A function that builds an experiment."""

@@ -1,0 +1,128 @@
+"""Where things stood before: old module paths and names keep working, with a warning that tells the new one.
+
+`OldPaths` comes first among Python's finders: an old package has the folder of the new one, and its modules would be
+loaded a second time from there. The old path gives the new module itself, not a copy: classes
+and constants are the same objects under both paths.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from types import ModuleType
+from typing import Any, Final
+
+MODULES: Final = {
+    "diagnostics.fragments": "stepping.fragments",
+    "diagnostics.track": "runs.track",
+    "experiments.files_fields": "ocean.files_fields",
+    "experiments.files_forcing": "ocean.files_forcing",
+    "experiments.files_levels": "ocean.files_levels",
+    "io": "runs",
+    "io.background": "runs.background",
+    "io.kid": "kid",
+    "io.provenance": "runs.provenance",
+    "io.restart": "runs.restart",
+    "io.run_file": "runs.run_file",
+    "ocean.direct": "fetching.direct",
+    "ocean.doctor": "products.doctor",
+    "ocean.download": "fetching.download",
+    "ocean.fetch": "fetching.fetch",
+    "ocean.findings": "products.findings",
+    "ocean.logins": "fetching.logins",
+    "ocean.on_path": "products.on_path",
+    "ocean.parts": "fetching.parts",
+    "ocean.products": "products",
+    "ocean.services": "fetching.services",
+    "viz.plane": "plane",
+    "viz.scene": "runs.scene",
+    "viz.shapes": "runs.shapes",
+}
+"""Old module to new one, below ``riftberg``; what stood in an old package stands in the new one under the same name."""
+
+NAMES: Final = {
+    "experiments.Entry": "experiments.registry.BuiltIn",
+    "experiments.schema.NamedFiles": "ocean.files_schema.NamedFiles",
+}
+"""Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""
+
+PACKAGE: Final = "riftberg."
+
+HOMES: Final = frozenset(PACKAGE + name.rpartition(".")[0] for name in NAMES)
+"""Modules in which a name has changed."""
+
+
+def new_path(path: str) -> str | None:
+    """Return the path that a module has now, or None where it never had another."""
+    inner = path.removeprefix(PACKAGE)
+    if inner == path:
+        return None
+    if inner in MODULES:
+        return PACKAGE + MODULES[inner]
+    folder, _, name = inner.rpartition(".")
+    return f"{PACKAGE}{MODULES[folder]}.{name}" if folder in MODULES else None
+
+
+class OldPaths(MetaPathFinder, Loader):
+    """Finds modules by the paths that they had."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return where a module is, or None where no module was ever called so."""
+        if fullname in HOMES:
+            return _with_old_names(PathFinder.find_spec(fullname, path, target))
+        new = new_path(fullname)
+        if new is None or importlib.util.find_spec(new) is None:
+            return None
+        return ModuleSpec(fullname, self, is_package=True)
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        """Leave it to Python to make the module that `exec_module` replaces."""
+        return None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Put the module of today in the place of the old one."""
+        new = new_path(module.__name__)
+        assert new is not None
+        warnings.warn(f"{module.__name__} is now {new}", DeprecationWarning, stacklevel=2)
+        sys.modules[module.__name__] = importlib.import_module(new)
+
+
+def _with_old_names(spec: ModuleSpec | None) -> ModuleSpec | None:
+    """Let a module answer to the names that it had, once it is loaded."""
+    if spec is None or spec.loader is None:
+        return spec
+    name, load = spec.name, spec.loader.exec_module
+
+    def exec_module(module: ModuleType) -> None:
+        load(module)
+        setattr(module, "__getattr__", old_names(name))  # noqa: B010
+
+    setattr(spec.loader, "exec_module", exec_module)  # noqa: B010
+    return spec
+
+
+def install() -> None:
+    """Let Python ask for old paths first."""
+    if not any(isinstance(finder, OldPaths) for finder in sys.meta_path):
+        sys.meta_path.insert(0, OldPaths())
+
+
+def old_names(module: str) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a module in which names have changed."""
+
+    def __getattr__(name: str) -> Any:  # noqa: N807
+        new = NAMES.get(f"{module.removeprefix(PACKAGE)}.{name}")
+        if new is None:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        home, _, today = new.rpartition(".")
+        warnings.warn(f"{module}.{name} is now {PACKAGE}{new}", DeprecationWarning, stacklevel=2)
+        return getattr(importlib.import_module(PACKAGE + home), today)
+
+    return __getattr__

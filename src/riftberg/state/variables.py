@@ -1,0 +1,273 @@
+"""The registry: every variable of an element and of a bond, declared once, with its group, units and meaning.
+
+The classes below *are* the registry. A field is one line: its name, whether it is a real or a whole number, its units
+and what it means. Restart files, run files, the documentation and new states take all of that from `ELEMENT_VARIABLES`
+and `BOND_VARIABLES`, which are read off the classes; nothing is listed a second time anywhere.
+
+Compiled code takes the groups that it needs: ``motion = el.motion``, then ``motion.u[e]``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of the state.
+
+    Attributes
+    ----------
+    name : str
+        Field of a group of `Elements`, or of `Bonds`.
+    units : str
+        CF units.
+    long_name : str
+        Meaning in plain words.
+    standard_name : str
+        CF standard name where one exists, else empty.
+    dtype : str
+        ``"f8"`` or ``"i8"``.
+    restart : bool
+        Whether a restart file must hold it.
+    output : bool
+        Whether a run file holds it by default.
+    default : float
+        Value in a new state.
+    group : str
+        Field of `Elements` that holds it; empty for a variable of a bond.
+    """
+
+    name: str
+    units: str
+    long_name: str
+    standard_name: str = ""
+    dtype: str = "f8"
+    restart: bool = True
+    output: bool = False
+    default: float = 0.0
+    group: str = ""
+
+
+def _is(units: str, long_name: str, **extra: Any) -> Variable:
+    """Describe the field that it annotates; name, kind of number and group come from where it stands."""
+    return Variable("", units, long_name, **extra)
+
+
+class Place(NamedTuple):
+    """Where the elements are: positions, and the cells of the grid that hold them."""
+
+    lon: Annotated[
+        Floats, _is("degrees_east", "longitude (x in m on a Cartesian grid)", standard_name="longitude", output=True)
+    ]
+    lat: Annotated[
+        Floats, _is("degrees_north", "latitude (y in m on a Cartesian grid)", standard_name="latitude", output=True)
+    ]
+    cell_i: Annotated[Ints, _is("1", "array column of the grid cell")]
+    cell_j: Annotated[Ints, _is("1", "array row of the grid cell")]
+    xi: Annotated[Floats, _is("1", "position in the cell, west to east")]
+    eta: Annotated[Floats, _is("1", "position in the cell, south to north")]
+
+
+class Shown(NamedTuple):
+    """What the elements show to each other; inside a step that may be older than what they have themselves."""
+
+    u_pair: Annotated[Floats, _is("m s-1", "eastward velocity that other elements see")]
+    v_pair: Annotated[Floats, _is("m s-1", "northward velocity that other elements see")]
+    lon_pair: Annotated[Floats, _is("degrees_east", "longitude that other elements see")]
+    lat_pair: Annotated[Floats, _is("degrees_north", "latitude that other elements see")]
+
+
+class Motion(NamedTuple):
+    """Velocities and turning of the elements."""
+
+    u: Annotated[
+        Floats, _is("m s-1", "eastward velocity, with the fast kicks and the first slow half kick of the step")
+    ]
+    v: Annotated[
+        Floats, _is("m s-1", "northward velocity, with the fast kicks and the first slow half kick of the step")
+    ]
+    u_sync: Annotated[Floats, _is("m s-1", "eastward velocity at the time of the position", output=True)]
+    v_sync: Annotated[Floats, _is("m s-1", "northward velocity at the time of the position", output=True)]
+    spin: Annotated[Floats, _is("rad s-1", "angular velocity, counter-clockwise", output=True)]
+    rotation: Annotated[Floats, _is("rad", "angle turned since the start, counter-clockwise", output=True)]
+
+
+class Kicks(NamedTuple):
+    """Accelerations that the next step or sub-step goes on with."""
+
+    ax: Annotated[Floats, _is("m s-2", "explicit eastward acceleration of the long step")]
+    ay: Annotated[Floats, _is("m s-2", "explicit northward acceleration of the long step")]
+    bx: Annotated[Floats, _is("m s-2", "implicit eastward acceleration of the long step")]
+    by: Annotated[Floats, _is("m s-2", "implicit northward acceleration of the long step")]
+    ax_fast: Annotated[Floats, _is("m s-2", "explicit eastward acceleration of the sub-step")]
+    ay_fast: Annotated[Floats, _is("m s-2", "explicit northward acceleration of the sub-step")]
+    bx_fast: Annotated[Floats, _is("m s-2", "implicit eastward acceleration of the sub-step")]
+    by_fast: Annotated[Floats, _is("m s-2", "implicit northward acceleration of the sub-step")]
+    spin_rate: Annotated[Floats, _is("rad s-2", "angular acceleration, counter-clockwise")]
+
+
+class Body(NamedTuple):
+    """What the elements are: identity, ice, supports and loads, and what they hang together with."""
+
+    id: Annotated[Ints, _is("1", "identifier of the element", output=True)]
+    mass: Annotated[Floats, _is("kg", "mass of the element")]
+    thickness: Annotated[Floats, _is("m", "ice thickness", standard_name="land_ice_thickness", output=True)]
+    length: Annotated[Floats, _is("m", "length of the element")]
+    width: Annotated[Floats, _is("m", "width of the element")]
+    static: Annotated[Floats, _is("1", "1 where the element never moves")]
+    in_contact: Annotated[Floats, _is("1", "1 where the element takes part in the contact iteration (quirk Q2)")]
+    load_x: Annotated[Floats, _is("N", "steady eastward load added to the bond forces")]
+    load_y: Annotated[Floats, _is("N", "steady northward load added to the bond forces")]
+    free_y: Annotated[Floats, _is("1", "0 where a roller support takes the northward bond force, else 1", default=1.0)]
+    berg: Annotated[Ints, _is("1", "number of the conglomerate (fragment) that the element belongs to", output=True)]
+    bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True)]
+
+
+class Environment(NamedTuple):
+    """What the forcing says at the places of the elements."""
+
+    uo: Annotated[
+        Floats, _is("m s-1", "eastward ocean current", standard_name="eastward_sea_water_velocity", output=True)
+    ]
+    vo: Annotated[
+        Floats, _is("m s-1", "northward ocean current", standard_name="northward_sea_water_velocity", output=True)
+    ]
+    ui: Annotated[
+        Floats, _is("m s-1", "eastward sea-ice velocity", standard_name="eastward_sea_ice_velocity", output=True)
+    ]
+    vi: Annotated[
+        Floats, _is("m s-1", "northward sea-ice velocity", standard_name="northward_sea_ice_velocity", output=True)
+    ]
+    ua: Annotated[Floats, _is("m s-1", "eastward wind", standard_name="eastward_wind", output=True)]
+    va: Annotated[Floats, _is("m s-1", "northward wind", standard_name="northward_wind", output=True)]
+    slope_x: Annotated[Floats, _is("1", "eastward slope of the sea surface", output=True)]
+    slope_y: Annotated[Floats, _is("1", "northward slope of the sea surface", output=True)]
+    depth: Annotated[
+        Floats,
+        _is(
+            "m", "depth of water under the element", standard_name="sea_floor_depth_below_sea_surface", output=True,
+            default=1e4,
+        ),
+    ]  # fmt: skip
+    sst: Annotated[Floats, _is("degree_Celsius", "sea-surface temperature", standard_name="sea_surface_temperature")]
+    sss: Annotated[Floats, _is("1e-3", "sea-surface salinity", standard_name="sea_surface_salinity", default=-1.0)]
+    ice_fraction: Annotated[Floats, _is("1", "sea-ice area fraction", standard_name="sea_ice_area_fraction")]
+    ice_thickness: Annotated[Floats, _is("m", "sea-ice thickness", standard_name="sea_ice_thickness", output=True)]
+    vorticity: Annotated[Floats, _is("s-1", "relative vorticity of the ocean current")]
+
+
+class Elements(NamedTuple):
+    """The elements: groups of arrays of shape (number of elements,).
+
+    Outside of compiled code a variable may be had without its group: ``elements.lon`` is ``elements.place.lon``.
+    """
+
+    place: Place
+    shown: Shown
+    motion: Motion
+    kicks: Kicks
+    body: Body
+    environment: Environment
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        """Find a variable in its group."""
+        group = _GROUP_OF.get(name)
+        if group is None:
+            raise AttributeError(f"elements have no variable {name!r}")
+        array: NDArray[Any] = getattr(getattr(self, group), name)
+        return array
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return int(self.body.id.size)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays by name, in the order of the registry."""
+        return {v.name: getattr(self, v.name) for v in ELEMENT_VARIABLES}
+
+    def replaced(self, **arrays: NDArray[Any]) -> Elements:
+        """Return elements with some arrays exchanged for others; the rest is shared."""
+        return elements_of({**self.arrays(), **arrays})
+
+    def copy(self) -> Elements:
+        """Return elements that share no memory with these."""
+        return elements_of({name: array.copy() for name, array in self.arrays().items()})
+
+    def taken(self, rows: Any) -> Elements:
+        """Return a copy of some rows (numbers or a mask)."""
+        return elements_of({name: array[rows].copy() for name, array in self.arrays().items()})
+
+
+class Bonds(NamedTuple):
+    """The bonds: arrays of shape (number of bonds,); each physical bond is stored once."""
+
+    first: Annotated[Ints, _is("1", "row of the first element")]
+    second: Annotated[Ints, _is("1", "row of the second element")]
+    shear_x: Annotated[Floats, _is("m", "accumulated eastward tangential displacement of the first element")]
+    shear_y: Annotated[Floats, _is("m", "accumulated northward tangential displacement of the first element")]
+    normal_stress: Annotated[
+        Floats, _is("Pa", "largest tensile stress across the bond, negative in compression", output=True)
+    ]
+    shear_stress: Annotated[Floats, _is("Pa", "shear stress across the bond", output=True)]
+    peak_stress: Annotated[Floats, _is("Pa", "largest normal_stress of the last long step", output=True)]
+    bond_length: Annotated[Floats, _is("m", "distance between the centres")]
+    relative_rotation: Annotated[Floats, _is("rad", "accumulated relative rotation")]
+    status: Annotated[Ints, _is("1", "0 unbroken, 1 broken but still a contact pair, 2 gone")]
+    strength: Annotated[Floats, _is("1", "strength of the bond relative to the fracture thresholds", default=1.0)]
+    damage: Annotated[
+        Floats,
+        _is("1", "part of the strength that the stress history has taken; in run files with damage", output=True),
+    ]
+    break_time: Annotated[
+        Floats, _is("s", "time of breaking since the start, NaN while unbroken", output=True, default=np.nan)
+    ]
+    break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke")]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all arrays by name, in the order of the registry."""
+        return dict(zip(self._fields, self, strict=True))
+
+    def copy(self) -> Bonds:
+        """Return bonds that share no memory with these."""
+        return Bonds(**{name: array.copy() for name, array in self.arrays().items()})
+
+    def taken(self, rows: Any) -> Bonds:
+        """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
+        return Bonds(**{name: array[rows].copy() for name, array in self.arrays().items()})
+
+
+def _registered(kind: type, group: str = "") -> tuple[Variable, ...]:
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple(
+        replace(said.__metadata__[0], name=name, group=group, dtype="i8" if said.__origin__ == Ints else "f8")
+        for name, said in hints.items()
+    )
+
+
+GROUPS: dict[str, type] = get_type_hints(Elements)
+"""Groups of the variables of an element and their classes."""
+
+ELEMENT_VARIABLES: tuple[Variable, ...] = tuple(v for group, kind in GROUPS.items() for v in _registered(kind, group))
+"""Registry of the variables of an element, group by group."""
+
+BOND_VARIABLES: tuple[Variable, ...] = _registered(Bonds)
+"""Registry of the variables of a bond."""
+
+_GROUP_OF: dict[str, str] = {v.name: v.group for v in ELEMENT_VARIABLES}
+
+
+def elements_of(arrays: dict[str, NDArray[Any]]) -> Elements:
+    """Return elements made of arrays by name, one for each variable of the registry."""
+    groups = {
+        group: kind(*(arrays[v.name] for v in ELEMENT_VARIABLES if v.group == group)) for group, kind in GROUPS.items()
+    }
+    return Elements(**groups)

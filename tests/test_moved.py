@@ -1,0 +1,67 @@
+"""Old module paths and names still work, give the same objects, and warn with the new path."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+
+import pytest
+
+from riftberg import moved
+
+OLD = [f"riftberg.{path}" for path in moved.MODULES]
+INSIDE = {
+    "riftberg.io.kid.namelist": "riftberg.kid.namelist",
+    "riftberg.ocean.products.era5": "riftberg.products.era5",
+}
+
+
+def forget(path: str) -> None:
+    """Let the next import of a path look for it again."""
+    for name in [name for name in sys.modules if name == path or name.startswith(path + ".")]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("path", [*OLD, *INSIDE])
+def test_an_old_path_gives_the_module_of_today_and_warns(path):
+    new = INSIDE.get(path) or f"riftberg.{moved.MODULES[path.removeprefix('riftberg.')]}"
+    forget(path)
+    with pytest.warns(DeprecationWarning, match=f"^{path} is now {new}$".replace(".", r"\.")):
+        old = importlib.import_module(path)
+    assert old is importlib.import_module(new)
+    assert old.__name__ == new
+    assert old.__spec__.name == new
+
+
+def test_no_old_path_hides_a_module_of_today():
+    for path in OLD:
+        with_file = [f for f in sys.meta_path if not isinstance(f, moved.OldPaths)]
+        folder = importlib.import_module(path.rpartition(".")[0]).__path__ if path.count(".") == 1 else None
+        found = [f.find_spec(path, folder) for f in with_file] if folder is not None else []
+        assert not any(found), f"{path} exists"
+
+
+@pytest.mark.parametrize("name", moved.NAMES)
+def test_an_old_name_gives_the_object_of_today_and_warns(name):
+    home, _, old = f"riftberg.{name}".rpartition(".")
+    new_home, _, new = f"riftberg.{moved.NAMES[name]}".rpartition(".")
+    with pytest.warns(DeprecationWarning, match=rf"is now {new_home}\.{new}$"):
+        value = getattr(importlib.import_module(home), old)
+    assert value is getattr(importlib.import_module(new_home), new)
+
+
+def test_what_never_was_is_still_an_error():
+    for path in ("riftberg.io.nothing", "riftberg.nothing", "riftberg.ocean.products.nothing"):
+        with pytest.raises(ModuleNotFoundError, match=path.replace(".", r"\.")):
+            importlib.import_module(path)
+    with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
+        importlib.import_module("riftberg.experiments").Nothing  # noqa: B018
+
+
+def test_the_warning_names_the_line_that_imports(tmp_path):
+    script = tmp_path / "old.py"
+    script.write_text("import sys\nfrom riftberg.io.run_file import open_run\nprint(open_run.__module__)\n")
+    done = subprocess.run([sys.executable, "-W", "always", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "riftberg.runs.run_file\n"
+    assert "old.py:2: DeprecationWarning: riftberg.io.run_file is now riftberg.runs.run_file" in done.stderr
