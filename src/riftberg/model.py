@@ -282,7 +282,7 @@ class Model:
         """Write a restart file from which `resume` goes on bit for bit."""
         from riftberg.runs.restart import save
 
-        return save(self, path, extra={"substeps": self.substeps})
+        return save(self, path, extra={"substeps": self.substeps, **self._stepper.memory()})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Model:
@@ -306,6 +306,7 @@ class Model:
         model._prepare()
         # A number found anew would depend on the bonds broken since.
         model.substeps = int(state.extra.get("substeps", model.substeps))
+        model._stepper.recall(state.extra)
         if model.step_number > 0:
             # The same values as in the file, unless the run failed because its forcing was at fault.
             model._stepper.surround(model)

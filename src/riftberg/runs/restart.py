@@ -28,11 +28,11 @@ from riftberg.version import __version__
 if TYPE_CHECKING:
     from riftberg.model import Model
 
-FORMAT = 2
+FORMAT = 3
 """Number of the layout; raised when an older Riftberg could not read the file."""
 
-ADDED = frozenset({"bond_damage", "bond_peak_stress"})
-"""Variables that layout 1 did not have; states of its time had their default values."""
+ADDED = {"bond_damage": 2, "bond_peak_stress": 2, "bond_released_energy": 3}
+"""Variables that earlier layouts did not have, with the first that has them; older states had their default values."""
 
 
 @dataclass
@@ -237,7 +237,7 @@ def _fill(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays
         if v.restart:
             name = f"{dim}_{v.name}"
             if name not in file.variables:
-                if name in ADDED and file.riftberg_restart_format == 1:
+                if int(file.riftberg_restart_format) < ADDED.get(name, 0):
                     continue
                 raise InputError(
                     f"variable {name} ({v.long_name}) is missing",

@@ -231,6 +231,10 @@ class Bonds(NamedTuple):
         Floats, _is("s", "time of breaking since the start, NaN while unbroken", output=True, default=np.nan)
     ]
     break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke")]
+    released_energy: Annotated[
+        Floats,
+        _is("J", "elastic energy released by the crack that began with this bond; of the quasi-static scheme"),
+    ]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays by name, in the order of the registry."""

@@ -9,8 +9,9 @@ rest of the step follows. Elastic waves are left out: they pass within minutes.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -97,11 +98,11 @@ class QuasiStaticStepper:
         self._structure: Structure | None = None
         self._now: Moment | None = None
 
-    def memory(self) -> dict[str, Floats | Ints]:
+    def memory(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
         return {} if self._bodies is None else dict(zip(MEMORY, self._bodies, strict=True))
 
-    def recall(self, kept: dict[str, Floats]) -> None:
+    def recall(self, kept: Mapping[str, Any]) -> None:
         """Take up what `memory` gave."""
         if all(name in kept for name in MEMORY):
             body, *rest = (np.asarray(kept[name]) for name in MEMORY)
@@ -334,6 +335,7 @@ class LongStep:
 
     def _released(self, bond: int, energy: float) -> None:
         """Note the energy (J) that a crack has released with the bond that began it."""
+        self.bonds.released_energy[bond] = energy
 
     def _break(self, bond: int) -> None:
         """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""

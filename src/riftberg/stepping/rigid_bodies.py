@@ -76,11 +76,12 @@ class Touching(NamedTuple):
 @kernel
 def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
     """Take the coefficients of all forces from the environment that the elements carry."""
-    count = el.mass.size
+    body = el.body
+    count = body.mass.size
     table = surroundings_of_all(el, True, p)
     inertia, floor, floor_spin, aground = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     spinning = np.zeros(count)
-    mass, thickness, depth = el.mass, el.thickness, el.depth
+    mass, thickness, depth = body.mass, body.thickness, el.environment.depth
     radius, area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
     for e in range(count):
         inertia[e] = 0.5 * mass[e] * radius[e] ** 2
@@ -94,7 +95,7 @@ def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
         if p.rotational_drag and not p.only_interactions:
             spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
     return Loading(
-        table, mass, inertia, floor, floor_spin, aground, spinning, 0.5 * el.vorticity, el.load_x, el.load_y,
+        table, mass, inertia, floor, floor_spin, aground, spinning, 0.5 * el.environment.vorticity, body.load_x, body.load_y,
         not p.only_interactions,
     )  # fmt: skip
 
@@ -105,16 +106,15 @@ def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw)
     size = partners.partner.size // 2 + 1
     first, second = np.empty(size, np.int64), np.empty(size, np.int64)
     spring, damping = np.empty((size, 2)), np.empty((size, 3))
+    lon, lat, us, vs = el.shown.lon_pair, el.shown.lat_pair, el.shown.u_pair, el.shown.v_pair
     count = 0
     for i in range(partners.start.size - 1):
         for n in range(partners.start[i], partners.start[i + 1]):
             j = partners.partner[n]
             if j <= i:
                 continue
-            rx, ry = separation(
-                el.lon_pair[i], el.lat_pair[i], el.lon_pair[j], el.lat_pair[j], law.latlon, law.earth_radius, law.period
-            )
-            du, dv = el.u_pair[j] - el.u_pair[i], el.v_pair[j] - el.v_pair[i]
+            rx, ry = separation(lon[i], lat[i], lon[j], lat[j], law.latlon, law.earth_radius, law.period)
+            du, dv = us[j] - us[i], vs[j] - vs[i]
             ix, iy, p11, p12, p22 = pair_terms(
                 COLLISION, rx, ry, sizes.radius[i] + sizes.radius[j], min(sizes.mass[i], sizes.mass[j]), du, dv, du, dv, law
             )

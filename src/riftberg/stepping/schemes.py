@@ -1,8 +1,9 @@
-"""The three schemes behind one interface: what `riftberg.model.Model` calls once per long step."""
+"""The schemes behind one interface: what `riftberg.model.Model` calls once per long step."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -36,6 +37,23 @@ class Stepper(Protocol):
 
     def synchronised(self, model: Model) -> tuple[Floats, Floats]:
         """Return the velocity (m s-1) at the time of the positions, after a step; the state stays as it is."""
+
+    def memory(self) -> dict[str, Any]:
+        """Return arrays of numbers, beside the state, that a run needs to go on bit for bit."""
+
+    def recall(self, kept: Mapping[str, Any]) -> None:
+        """Take up what `memory` gave, from among other arrays."""
+
+
+class Forgetful:
+    """Schemes whose state is all that they need."""
+
+    def memory(self) -> dict[str, Any]:
+        """Return nothing."""
+        return {}
+
+    def recall(self, kept: Mapping[str, Any]) -> None:
+        """Take up nothing."""
 
 
 def make_stepper(model: Model) -> Stepper:
@@ -144,7 +162,7 @@ def _update_fragments(model: Model) -> None:
     model.fragments.update(el, bonds, model.time, c)
 
 
-class MultipleStepper:
+class MultipleStepper(Forgetful):
     """Multiple time steps (spec 6.4)."""
 
     def __init__(self, model: Model) -> None:
@@ -258,7 +276,7 @@ def _uniform(model: Model) -> bool:
     return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
 
 
-class SingleStepper:
+class SingleStepper(Forgetful):
     """What the single-step schemes share: partners by the rules of spec 5.1."""
 
     def __init__(self, model: Model) -> None:
