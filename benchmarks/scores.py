@@ -20,19 +20,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.diagnostics.observed import Observed, read_observed
+from riftberg.diagnostics.observed import Observations, read_observed
 from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.overlap import aligned_overlap, distance, overlap, shapely_module
-from riftberg.diagnostics.score import Day, Match, Score, score_run
+from riftberg.diagnostics.overlap import aligned_overlap, distance, intersection_over_union
+from riftberg.diagnostics.score import Match, Score, ScoredDay, score_run
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL
+from riftberg.plane import OrthographicPlane
 from riftberg.runs.run_file import open_run
-from riftberg.runs.track import to_plane
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "explanation" / "scores.md"
@@ -75,14 +76,14 @@ def shared_folder() -> Path | None:
 # --- observations ------------------------------------------------------------------------------------------------------
 
 
-def daily_outlines(data: Path) -> Observed:
+def daily_outlines(data: Path) -> Observations:
     """Return the daily outlines of A68a itself, without the days on which only a part was seen."""
     found = read_observed(data / "observed" / "a68a_daily_outlines.geojson")
     days = [o for o in found.outlines if not (o.when.month == 12 and o.when.day in PARTIAL)]
     return dataclasses.replace(found, outlines=[dataclasses.replace(o, name="A68a") for o in days])
 
 
-def piece_outlines(data: Path) -> Observed:
+def piece_outlines(data: Path) -> Observations:
     """Return the outlines of all pieces from 17 December; where the main one was not drawn, its daily outline is added."""
     found = read_observed(data / "observed" / "a68_fragments_20201217_26.geojson")
     named = [dataclasses.replace(o, name=piece_name(area_km2(o))) for o in found.outlines]
@@ -91,7 +92,7 @@ def piece_outlines(data: Path) -> Observed:
     return dataclasses.replace(found, outlines=[*missing, *named])
 
 
-def byu_positions(data: Path) -> Observed:
+def byu_positions(data: Path) -> Observations:
     """Return the positions of A68a and of what broke off it in December."""
     found = read_observed(data / "observed" / "a68_tracks_20201101_20210131_byu.csv")
     return dataclasses.replace(found, fixes=[f for f in found.fixes if f.name in TRACKED])
@@ -99,7 +100,7 @@ def byu_positions(data: Path) -> Observed:
 
 def area_km2(outline: Outline) -> float:
     """Return the area of an outline on the sphere, km2."""
-    x, y = to_plane(*outline.ring.T, *outline.ring.mean(axis=0), EARTH_RADIUS_A68)
+    x, y = OrthographicPlane(*outline.ring.mean(axis=0), EARTH_RADIUS_A68).forward(*outline.ring.T)
     return 0.5e-6 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
 
 
@@ -189,7 +190,7 @@ def by_day(run: Told) -> str:
     return table(head, rows)
 
 
-def bergs(score: Score) -> list[tuple[Day, Match]]:
+def bergs(score: Score) -> list[tuple[ScoredDay, Match]]:
     """Return the comparisons of the main berg by day."""
     return [(day, day.berg) for day in score.days if day.berg is not None]
 
@@ -273,7 +274,7 @@ def broken_off(run: Told) -> str:
     return f"Breaks off: {words}; {counted(run.bonds_broken, 'bond')} broken."
 
 
-def turns(rows: list[tuple[Day, Match]]) -> tuple[str, float, float]:
+def turns(rows: list[tuple[ScoredDay, Match]]) -> tuple[str, float, float]:
     """Return the last day up to 17 December, and the turns of the real long axis and the model's until then, degrees."""
     until = [(day, m) for day, m in rows if day.time <= "2020-12-17T23"]
     found = []
@@ -329,19 +330,18 @@ def apart(elements: Any, published: Any) -> tuple[str, ...]:
     shapes = squares(here, published), squares(there, elements)
     rms = math.sqrt(float((nearest**2).mean()))
     lengths = (number(value) for value in (rms, float(nearest.max()), math.hypot(*centre)))
-    return *lengths, number(overlap(*shapes), ".3f"), number(aligned_overlap(*shapes), ".3f")
+    return *lengths, number(intersection_over_union(*shapes), ".3f"), number(aligned_overlap(*shapes), ".3f")
 
 
 def plane(elements: Any) -> tuple[Any, Any]:
     """Return positions in metres about the place of 9 December, with the longitudes on one branch."""
     lon = (np.asarray(elements.lon) + 180.0) % 360.0 - 180.0
     first = A68A_OBSERVED[0]
-    return to_plane(lon, np.asarray(elements.lat), first.lon, first.lat, EARTH_RADIUS_A68)
+    return OrthographicPlane(first.lon, first.lat, EARTH_RADIUS_A68).forward(lon, np.asarray(elements.lat))
 
 
 def squares(places: tuple[Any, Any], elements: Any) -> Any:
     """Return the union of squares of the elements' area; the seams between them are closed."""
-    shapely = shapely_module()
     half = 0.5 * np.sqrt(elements.length * elements.width)
     boxes = shapely.box(places[0] - half, places[1] - half, places[0] + half, places[1] + half)
     return shapely.buffer(shapely.union_all(shapely.buffer(boxes, 60.0, join_style="mitre")), -60.0, join_style="mitre")

@@ -21,7 +21,7 @@ from riftberg.diagnostics.overlap import axis_difference, rectangle_azimuth, sha
 from riftberg.diagnostics.summary import breakups, fragment_areas
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import DAYS, story_model
-from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
+from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
 from riftberg.model import Model
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import Packing
@@ -142,7 +142,7 @@ def broken_early(model: Model) -> int:
     return int((model.bonds.break_time < limit).sum())
 
 
-def off(model: Model, seen: Observed) -> tuple[float, float, float]:
+def off(model: Model, seen: ObservedDay) -> tuple[float, float, float]:
     """Compare with an observed day, without the pieces that are off by then.
 
     The tip counts until it breaks off, the finger until 23 December: it lay beside the berg.

@@ -99,7 +99,7 @@ def parameters_page() -> str:
 
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
-    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, Outline, Rectangle, Rift, Strength
+    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
     from riftberg.experiments.yaml_file import sections
 
     text = [
@@ -109,7 +109,7 @@ def experiment_page() -> str:
         "with the line where they stand.\n",
     ]
     shapes = (
-        ("berg.outline", Outline),
+        ("berg.outline", OutlineFile),
         ("berg.mask", Mask),
         ("berg.rectangle", Rectangle),
         ("berg.lattice", LatticeRows),

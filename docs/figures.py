@@ -2,10 +2,37 @@
 
 from __future__ import annotations
 
+import ast
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+
+from matplotlib.patches import Rectangle
+
+ROOT = Path(__file__).resolve().parents[1]
+
+FLOOR_COLOURS = ("#F6E3C5", "#DCE9F5", "#DFF0E3", "#EFE3F3", "#F2F2F2")
+
+LIFE = (
+    ("Shape", "An outline, mask, table or rectangle is filled with a lattice on an equal-area plane.",
+     "bergs/lattice, placement"),
+    ("Birth", "Positions, size, thickness and density give mass and radius; an id names the element for good.",
+     "bergs/assembly, state"),
+    ("Bonds", "Neighbours within reach are bonded; the length at that moment is the rest length. Rifts weaken or drop some.",
+     "bergs/bonding, rifts, strength"),
+    ("Long step", "The element finds its cell, takes what surrounds it, and the media push it: water, air, ice, waves, floor.",
+     "ocean, stepping/surroundings, long_kick"),
+    ("Sub-steps", "Bonds pull, shear and bend, neighbours press, often enough to follow the lattice's ringing.",
+     "stepping/substep, bond_law, physics"),
+    ("Break", "A bond beyond its strength fails, for good. Parts that hang together no more get a number of their own.",
+     "stepping/breaking, conglomerates, fragments"),
+    ("Record", "Recorders keep what the element is, under its id; a restart file holds all that the next step needs.",
+     "runs/run_file, restart, track"),
+    ("Death", "Removed from the population, it takes its bonds with it; its record ends, its id is never used again.",
+     "state, stepping, runs"),
+)  # fmt: skip
+"""Title, text and rooms of each station in the life of an element."""
 
 
 def make_figures(folder: Path) -> Iterator[Path]:
@@ -14,9 +41,83 @@ def make_figures(folder: Path) -> Iterator[Path]:
 
     mpl.use("Agg")
     folder.mkdir(exist_ok=True)
+    yield house(folder / "house.png")
+    yield life(folder / "life-of-an-element.png")
     yield five_lines(folder / "five-lines.png")
     yield from story(folder)
     yield from scores(folder)
+
+
+def house(path: Path) -> Path:
+    """Draw the rooms on their floors, as the contract in ``pyproject.toml`` has them, with what stands in their docstrings."""
+    from textwrap import fill
+
+    from riftberg.viz.style import new_figure
+
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    from house import floors
+
+    package = ROOT / "src" / "riftberg"
+    levels = floors(ROOT / "pyproject.toml")
+    figure = new_figure(10.5, 0.62 * len(levels) + 0.5, 100)
+    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98))
+    for k, rooms in enumerate(levels):
+        y, colour = len(levels) - k, FLOOR_COLOURS[k * len(FLOOR_COLOURS) // len(levels)]
+        ax.add_patch(Rectangle((0.0, y - 0.92), 10.0, 0.84, fc=colour, ec="#444444", lw=0.8))
+        several = len(rooms) > 1
+        names = fill(", ".join(sorted(rooms)), 30) if several else next(iter(rooms))
+        text = "what every room may read" if several else subject(package / names)
+        lines = sum(count_lines(package / name) for name in rooms)
+        ax.text(0.12, y - 0.5, names, va="center", fontsize=8 if several else 12, fontweight="bold")
+        ax.text(2.75, y - 0.5, fill(text, 92), va="center", fontsize=8.5)
+        ax.text(
+            9.88, y - 0.5, f"{max(100, round(lines, -2)):,} lines", va="center", ha="right", fontsize=8, color="#444444"
+        )
+    ax.annotate("", (10.35, 0.1), (10.35, len(levels) - 0.1), arrowprops={"arrowstyle": "-|>", "lw": 2.0})
+    ax.text(10.5, 0.5 * len(levels), "imports run down, never up", rotation=270, va="center", fontsize=10)
+    ax.set_xlim(-0.05, 10.85)
+    ax.set_ylim(-0.05, len(levels) + 0.05)
+    ax.set_axis_off()
+    figure.savefig(path)
+    return path
+
+
+def subject(place: Path) -> str:
+    """Return the first line of the docstring of a room."""
+    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("\n")[0]
+
+
+def count_lines(place: Path) -> int:
+    """Return the lines of a room."""
+    paths = place.rglob("*.py") if place.is_dir() else [place.with_suffix(".py")]
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths)
+
+
+def life(path: Path) -> Path:
+    """Draw the life of an element: stations as boxes, in the order in which a run passes them."""
+    from textwrap import fill
+
+    from riftberg.viz.style import new_figure
+
+    figure = new_figure(10.5, 4.6, 100)
+    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98))
+    for k, (title, text, room) in enumerate(LIFE):
+        x, y = 2.6 * (k % 4), 2.4 * (1 - k // 4)
+        ax.add_patch(Rectangle((x, y), 2.2, 1.9, fc=FLOOR_COLOURS[k % len(FLOOR_COLOURS)], ec="#444444", lw=0.8))
+        ax.text(x + 0.1, y + 1.68, title, fontsize=11, fontweight="bold", va="center")
+        ax.text(x + 0.1, y + 1.42, fill(text, 34), fontsize=8, va="top")
+        ax.text(x + 0.1, y + 0.12, fill(room, 38), fontsize=7, va="bottom", color="#333333", family="monospace")
+        if k % 4 < 3 and k + 1 < len(LIFE):
+            ax.annotate("", (x + 2.58, y + 0.95), (x + 2.22, y + 0.95), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
+    # From the end of the first row back to the start of the second, through the gap between them.
+    ax.plot([8.9, 8.9, 1.1], [2.4, 2.15, 2.15], color="black", lw=1.6)
+    ax.annotate("", (1.1, 1.92), (1.1, 2.17), arrowprops={"arrowstyle": "-|>", "lw": 1.6})
+    ax.set_xlim(-0.05, 10.1)
+    ax.set_ylim(-0.1, 4.4)
+    ax.set_axis_off()
+    figure.savefig(path)
+    return path
 
 
 def five_lines(path: Path) -> Path:

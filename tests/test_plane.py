@@ -1,29 +1,59 @@
-"""The conformal plane of the replay."""
+"""The planes that touch the sphere: against pyproj, there and back, and what each of them keeps."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from riftberg.plane import Plane
+from riftberg.plane import AzimuthalPlane, ConformalPlane, EqualAreaPlane, OrthographicPlane
 
-PLANES = [
-    Plane(-37.0, -56.0, 6.37e6),
-    Plane(179.5, -70.0, 6.37e6),
-    Plane(10.0, 85.0, 6.37e6),
-    Plane(0.0, -90.0, 6.37e6),
-]
+RADIUS = 6.37e6
+KINDS = {ConformalPlane: "stere", EqualAreaPlane: "laea", OrthographicPlane: "ortho"}
+CONTACTS = [(-37.0, -56.0), (179.5, -70.0), (10.0, 85.0), (0.0, -90.0)]
+PLANES = [ConformalPlane(*contact, RADIUS) for contact in CONTACTS]
+offsets = st.floats(-1.5e5, 1.5e5)
 
 
-@pytest.mark.parametrize("plane", PLANES)
-def test_there_and_back(plane: Plane) -> None:
-    x, y = np.meshgrid(np.linspace(-4e5, 4e5, 9), np.linspace(-4e5, 4e5, 9))
-    back = plane.forward(*plane.inverse(x, y))
-    np.testing.assert_allclose(back, (x, y), atol=1e-4)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("contact", CONTACTS)
+def test_as_pyproj_has_it(kind: type[AzimuthalPlane], contact: tuple[float, float]) -> None:
+    pyproj = pytest.importorskip("pyproj")
+    lon0, lat0 = contact
+    other = pyproj.Proj(proj=KINDS[kind], lon_0=lon0, lat_0=lat0, R=RADIUS)
+    lon, lat = np.meshgrid(lon0 + np.linspace(-3.0, 3.0, 7), np.clip(lat0 + np.linspace(-3.0, 3.0, 7), -90.0, 90.0))
+    np.testing.assert_allclose(kind(lon0, lat0, RADIUS).forward(lon, lat), other(lon, lat), atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(lon0=st.floats(-180.0, 180.0), lat0=st.floats(-90.0, 90.0), x=offsets, y=offsets)
+def test_there_and_back(kind: type[AzimuthalPlane], lon0: float, lat0: float, x: float, y: float) -> None:
+    plane = kind(lon0, lat0, RADIUS)
+    back = plane.forward(*plane.inverse(np.array([x]), np.array([y])))
+    np.testing.assert_allclose(back, ([x], [y]), atol=1e-3)
+
+
+def test_equal_area_plane_keeps_areas() -> None:
+    """A box of longitude and latitude has the area R**2 dlon (sin lat2 - sin lat1)."""
+    west, east, south, north = -40.0, -38.0, -56.0, -54.5
+    part = np.linspace(0, 1, 2001)
+    lon = np.concatenate(
+        [west + part * (east - west), np.full(2001, east), east - part * (east - west), np.full(2001, west)]
+    )
+    lat = np.concatenate(
+        [np.full(2001, south), south + part * (north - south), np.full(2001, north), north - part * (north - south)]
+    )
+    x, y = EqualAreaPlane(-39.0, -55.2, RADIUS).forward(lon, lat)
+    area = 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    exact = RADIUS**2 * math.radians(east - west) * abs(math.sin(math.radians(north)) - math.sin(math.radians(south)))
+    assert area == pytest.approx(exact, rel=1e-7)
 
 
 @pytest.mark.parametrize("plane", PLANES[:3])
-def test_directions_and_scale_are_those_of_small_steps(plane: Plane) -> None:
+def test_directions_and_scale_are_those_of_small_steps(plane: ConformalPlane) -> None:
     lon = plane.lon0 + np.array([-3.0, 0.0, 2.0, 5.0])
     lat = plane.lat0 + np.array([1.0, 0.0, -2.0, 2.0])
     d = 1e-5
@@ -38,5 +68,5 @@ def test_directions_and_scale_are_those_of_small_steps(plane: Plane) -> None:
 
 
 def test_metres_stay_metres() -> None:
-    plane = Plane(1000.0, 2000.0, 6.37e6, latlon=False)
+    plane = ConformalPlane(1000.0, 2000.0, 6.37e6, latlon=False)
     assert plane.forward(np.array([3000.0]), np.array([2500.0])) == (np.array([2000.0]), np.array([500.0]))

@@ -47,5 +47,5 @@ class RunError(RiftbergError):
 
 def nearest(name: str, choices: Iterable[str]) -> str:
     """Return a question that names the most similar choice, or nothing where none is similar."""
-    found = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)
-    return f"Did you mean {found[0]!r}? " if found else ""
+    alike = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)
+    return f"Did you mean {alike[0]!r}? " if alike else ""

@@ -46,8 +46,29 @@ MODULES: Final = {
 """Old module to new one, below ``riftberg``; what stood in an old package stands in the new one under the same name."""
 
 NAMES: Final = {
+    "bergs.assembly.radius_of": "bergs.assembly.inscribed_radius",
+    "bergs.placement.TangentPlane": "plane.EqualAreaPlane",
+    "bergs.regions.Ice": "bergs.regions.IceMask",
+    "diagnostics.compare.Day": "diagnostics.compare.RunDay",
+    "diagnostics.compare.Told": "diagnostics.compare.ComparedRun",
+    "diagnostics.compare.read_told": "diagnostics.compare.read_compared",
+    "diagnostics.observed.Observed": "diagnostics.observed.Observations",
+    "diagnostics.overlap.overlap": "diagnostics.overlap.intersection_over_union",
+    "diagnostics.score.Day": "diagnostics.score.ScoredDay",
     "experiments.Entry": "experiments.registry.BuiltIn",
+    "experiments.a68a_observed.Observed": "experiments.a68a_observed.ObservedDay",
     "experiments.schema.NamedFiles": "ocean.files_schema.NamedFiles",
+    "experiments.schema.Outline": "experiments.schema.OutlineFile",
+    "fetching.download.opened": "fetching.download.opened_part",
+    "fetching.parts.Part": "fetching.parts.PartFile",
+    "kid.a68.data_folder": "kid.a68.case_data",
+    "kid.driver.build_forcing": "kid.driver.driver_forcing",
+    "kid.ncfile.opened": "kid.ncfile.opened_dataset",
+    "kid.ncfile.unpack": "kid.ncfile.true_values",
+    "parameter_groups.Bonds": "parameter_groups.BondParameters",
+    "parameters.Bonds": "parameters.BondParameters",
+    "plane.Plane": "plane.ConformalPlane",
+    "runs.background.bilinear": "runs.background.on_even_grid",
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""
 

@@ -106,7 +106,7 @@ class Contact(Group):
     max_iterations: int = quantity(10_000, "1", "the run stops with an error beyond this many", "Riftberg", ge=1)
 
 
-class Bonds(Group):
+class BondParameters(Group):
     """Bonds between the elements of a berg."""
 
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "spec 5")

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from riftberg.parameter_groups import (
     BondLaw,
-    Bonds,
+    BondParameters,
     Compatibility,
     Contact,
     Damage,
@@ -33,7 +33,7 @@ __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
     "BondLaw",
-    "Bonds",
+    "BondParameters",
     "Compatibility",
     "Contact",
     "Damage",
@@ -132,7 +132,7 @@ class Parameters(Group):
     drag: Drag = Field(default_factory=Drag)
     grounding: Grounding = Field(default_factory=Grounding)
     contact: Contact = Field(default_factory=Contact)
-    bonds: Bonds = Field(default_factory=Bonds)
+    bonds: BondParameters = Field(default_factory=BondParameters)
     fracture: Fracture = Field(default_factory=Fracture)
     damage: Damage = Field(default_factory=Damage)
     stepping: Stepping = Field(default_factory=Stepping)
@@ -264,7 +264,7 @@ A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
     grounding=Grounding(coefficient=1e4),
     contact=Contact(spring=1e-7, distance=4000.0, tolerance=1e-4),
-    bonds=Bonds(constant_size=True, linear_bending=False, spring=0.00065359477124183),
+    bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=18e3, shear_strength=100e3),
     stepping=Stepping(time_step=1800.0, substeps=90),
 )

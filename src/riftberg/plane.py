@@ -1,21 +1,25 @@
-"""A conformal plane for pictures: squares stay square and north stays north wherever the berg is, poles included.
+"""A piece of the sphere laid flat: azimuthal planes that touch it at one point.
 
-Stereographic projection from the point opposite the centre of the run (Snyder 1987, USGS PP 1395, equations 21-2 to
-21-5); lengths are true at the centre.
+All three keep the direction from the point of contact and differ in how far from it a point at the angle c lies
+(Snyder 1987, USGS PP 1395, chapters 20, 21 and 24): `ConformalPlane` keeps shapes (squares stay square wherever the berg
+is, poles included), `EqualAreaPlane` areas, `OrthographicPlane` looks from far above. The formulas are short and must give
+the same digits everywhere, so they stand here; coordinate systems of data files are pyproj's.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.state import Floats
 
 
 @dataclass(frozen=True)
-class Plane:
-    """Stereographic plane that touches the sphere at ``(lon0, lat0)``; the identity for positions in metres.
+class AzimuthalPlane:
+    """Base of the planes that touch the sphere at ``(lon0, lat0)``; the identity for positions in metres.
 
     Attributes
     ----------
@@ -36,24 +40,42 @@ class Plane:
         """Return metres east and north of the point of contact, on the plane."""
         if not self.latlon:
             return np.asarray(lon) - self.lon0, np.asarray(lat) - self.lat0
-        a, b, b0 = np.radians(np.asarray(lon) - self.lon0), np.radians(lat), np.radians(self.lat0)
-        k = 2.0 * self.radius / (1.0 + np.sin(b0) * np.sin(b) + np.cos(b0) * np.cos(b) * np.cos(a))
-        return k * np.cos(b) * np.sin(a), k * (np.cos(b0) * np.sin(b) - np.sin(b0) * np.cos(b) * np.cos(a))
+        dlon, phi, phi0 = (lon - self.lon0) * DEGREE, lat * DEGREE, self.lat0 * DEGREE
+        cosine = np.sin(phi0) * np.sin(phi) + np.cos(phi0) * np.cos(phi) * np.cos(dlon)
+        k = self.radius * self._stretch(cosine)
+        x = k * np.cos(phi) * np.sin(dlon)
+        y = k * (np.cos(phi0) * np.sin(phi) - np.sin(phi0) * np.cos(phi) * np.cos(dlon))
+        return x, y
 
     def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return longitude and latitude of points of the plane."""
         if not self.latlon:
             return np.asarray(x) + self.lon0, np.asarray(y) + self.lat0
-        b0 = np.radians(self.lat0)
-        rho = np.hypot(x, y)
-        c = 2.0 * np.arctan2(rho, 2.0 * self.radius)
-        # At the point of contact the direction does not matter.
-        safe = np.where(rho == 0.0, 1.0, rho)
-        lat = np.arcsin(np.clip(np.cos(c) * np.sin(b0) + np.asarray(y) * np.sin(c) * np.cos(b0) / safe, -1.0, 1.0))
-        lon = np.arctan2(
-            np.asarray(x) * np.sin(c), safe * np.cos(b0) * np.cos(c) - np.asarray(y) * np.sin(b0) * np.sin(c)
-        )
-        return self.lon0 + np.degrees(lon), np.degrees(lat)
+        phi0 = self.lat0 * DEGREE
+        rho = np.hypot(x, y) / self.radius
+        c = self._angle(rho)
+        ratio = np.where(rho > 0, np.sin(c) / np.where(rho > 0, rho, 1.0), 1.0) / self.radius
+        # Beside a pole the sine may exceed 1 by a rounding error.
+        phi = np.arcsin(np.clip(np.cos(c) * np.sin(phi0) + y * ratio * np.cos(phi0), -1.0, 1.0))
+        dlon = np.arctan2(x * ratio, np.cos(phi0) * np.cos(c) - y * ratio * np.sin(phi0))
+        return self.lon0 + dlon / DEGREE, phi / DEGREE
+
+    def moved(self, dlon: float, dlat: float) -> Self:
+        """Return the same plane with its point of contact moved by some degrees."""
+        return replace(self, lon0=self.lon0 + dlon, lat0=self.lat0 + dlat)
+
+    def _stretch(self, cosine: Floats) -> Floats:
+        """Return the distance from the point of contact over the sine of the angle c, in radii, from the cosine of c."""
+        raise NotImplementedError
+
+    def _angle(self, rho: Floats) -> Floats:
+        """Return the angle c (rad) of points at the distance ``rho`` (radii) from the point of contact."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class ConformalPlane(AzimuthalPlane):
+    """Stereographic plane: shapes exact, lengths within r**2 / 4 R**2."""
 
     def eastward(self, lon: Floats, lat: Floats) -> Floats:
         """Return the angle (rad, counter-clockwise) at which local east lies on the plane."""
@@ -73,3 +95,32 @@ class Plane:
             return np.ones(np.shape(lon))
         a, b, b0 = np.radians(np.asarray(lon) - self.lon0), np.radians(lat), np.radians(self.lat0)
         return np.asarray(2.0 / (1.0 + np.sin(b0) * np.sin(b) + np.cos(b0) * np.cos(b) * np.cos(a)))
+
+    def _stretch(self, cosine: Floats) -> Floats:
+        return 2.0 / (1.0 + cosine)
+
+    def _angle(self, rho: Floats) -> Floats:
+        return np.asarray(2.0 * np.arctan(0.5 * rho))
+
+
+@dataclass(frozen=True)
+class EqualAreaPlane(AzimuthalPlane):
+    """Lambert's azimuthal plane: areas exact, lengths within r**2 / 8 R**2 (1.7e-5 at 75 km)."""
+
+    def _stretch(self, cosine: Floats) -> Floats:
+        # 1 + cos(c) >= 1 within a hemisphere, so the map is regular wherever a berg can reach.
+        return np.asarray(np.sqrt(2.0 / (1.0 + cosine)))
+
+    def _angle(self, rho: Floats) -> Floats:
+        return np.asarray(2.0 * np.arcsin(0.5 * rho))
+
+
+@dataclass(frozen=True)
+class OrthographicPlane(AzimuthalPlane):
+    """The sphere seen from far above the point of contact: lengths within r**2 / 2 R**2."""
+
+    def _stretch(self, cosine: Floats) -> Floats:
+        return np.ones(np.shape(cosine))
+
+    def _angle(self, rho: Floats) -> Floats:
+        return np.asarray(np.arcsin(np.minimum(rho, 1.0)))

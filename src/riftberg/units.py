@@ -108,12 +108,12 @@ def to_unit(text: str, unit: str) -> float:
     number = float(match[1])
     if not match[2]:
         return number
-    given, wanted = parse_unit(match[2]), parse_unit(unit or "1")
-    if given.powers != wanted.powers:
+    pair, wanted = parse_unit(match[2]), parse_unit(unit or "1")
+    if pair.powers != wanted.powers:
         raise ValueError(f"{text!r} is in {match[2]}, but this is measured in {unit or 'no unit'}")
     # Divide where the factor is below one: 5 mm is 5/1000 m exactly as a reader would write it.
-    factor = given.factor / wanted.factor
-    return number * factor if factor >= 1.0 else number / (wanted.factor / given.factor)
+    factor = pair.factor / wanted.factor
+    return number * factor if factor >= 1.0 else number / (wanted.factor / pair.factor)
 
 
 def looks_like_quantity(text: str) -> bool:

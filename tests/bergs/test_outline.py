@@ -173,12 +173,14 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         read_features(tmp_path / "none.kml")
 
 
-def test_missing_extra_is_named(monkeypatch):
+@pytest.mark.parametrize(("package", "keys"), [("pyproj", {"crs": "EPSG:3031"}), ("shapefile", {})])
+def test_missing_extra_is_named(monkeypatch, tmp_path, package, keys):
     import sys
 
-    monkeypatch.setitem(sys.modules, "shapely", None)
-    with pytest.raises(RiftbergError, match=r"riftberg\[outline\]"):
-        Iceberg.from_outline(np.array(SHELL), thickness=200.0)
+    (tmp_path / "outline.shp").write_bytes(b"")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(RiftbergError, match=rf"{package} is not installed .*riftberg\[outline\]"):
+        read_features(SHELL if keys else tmp_path / "outline.shp", **keys)
 
 
 def test_lines_come_from_files_geometries_and_arrays(tmp_path):

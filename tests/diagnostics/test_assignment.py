@@ -1,4 +1,4 @@
-"""The best pairs, against SciPy and against all ways there are."""
+"""The best pairs, against all ways there are."""
 
 from __future__ import annotations
 
@@ -6,19 +6,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
 
-from riftberg.diagnostics.assignment import _assign, best_pairs
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_sum_is_the_least_that_scipy_finds(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    rows = int(rng.integers(1, 9))
-    cost = rng.random((rows, rows + int(rng.integers(0, 6)))).round(1)  # with ties
-    found = _assign(cost)
-    assert len(set(found)) == rows
-    assert cost[np.arange(rows), found].sum() == pytest.approx(cost[linear_sum_assignment(cost)].sum(), abs=1e-12)
+from riftberg.diagnostics.assignment import best_pairs
 
 
 @pytest.mark.parametrize("seed", range(12))

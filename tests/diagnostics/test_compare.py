@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import Known, compare, dated, observed_part, read_told
+from riftberg.diagnostics.compare import Known, compare, dated, observed_part, read_compared
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize, write_summary
 from riftberg.errors import InputError
@@ -47,7 +47,7 @@ def fix(folder: Path, day: int, area: float, *, north: float = 0.0, turn: float 
 
 def test_distance_and_turn_are_those_that_were_put_in(folder: Path) -> None:
     seen = [fix(folder, 0, WHOLE, north=3000.0, turn=20.0), fix(folder, 1, WHOLE, north=-4000.0, turn=-10.0)]
-    told = read_told(folder, "one", seen)
+    told = read_compared(folder, "one", seen)
     assert [day.distance_km for day in told.days] == pytest.approx([3.0, 4.0], rel=1e-6)
     assert [day.azimuth_difference for day in told.days] == pytest.approx([-20.0, 10.0], abs=1e-6)
     assert told.rms() == pytest.approx((math.sqrt(12.5), math.sqrt(250.0)), rel=1e-6)
@@ -65,15 +65,17 @@ def test_fragments_count_as_long_as_they_bring_the_area_closer(folder: Path, are
 
 def test_days_outside_of_the_run_are_left_out(folder: Path) -> None:
     late = replace(fix(folder, 4, REST), when=datetime(2020, 12, 20, 13))
-    assert [day.time for day in read_told(folder, "one", [late, fix(folder, 4, REST)]).days] == ["2020-12-13T13:00:00"]
-    assert read_told(folder, "one", [late]).rms() is None
+    assert [day.time for day in read_compared(folder, "one", [late, fix(folder, 4, REST)]).days] == [
+        "2020-12-13T13:00:00"
+    ]
+    assert read_compared(folder, "one", [late]).rms() is None
 
 
 def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> None:
     other = make_run(tmp_path / "two", break_time=math.inf)
     seen = [fix(folder, 0, WHOLE, north=1000.0)]
     known = Known({"break-up 1": "about then"}, {"break-up 2": "nobody's"}, seen)
-    runs = [read_told(folder, "one", seen), read_told(other, "two", seen)]
+    runs = [read_compared(folder, "one", seen), read_compared(other, "two", seen)]
     found = compare(runs, known)
     assert found.columns == ["", "published", "observed", "one", "two"]
     rows = dict(found.rows)
@@ -93,7 +95,7 @@ def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> No
 
 
 def test_small_and_many_pieces_are_counted(folder: Path) -> None:
-    told = read_told(folder, "one", [])
+    told = read_compared(folder, "one", [])
     event = told.summary["breakups"][0]
     told.summary["breakups"] = [{**event, "area_km2": 9.0}] * 3 + [event] * 8
     rows = dict(compare([told]).rows)
@@ -105,9 +107,9 @@ def test_small_and_many_pieces_are_counted(folder: Path) -> None:
 
 def test_places_are_west_of_greenwich_or_in_kilometres(tmp_path: Path) -> None:
     """Grids of the reference count longitudes to 360."""
-    told = read_told(make_run(tmp_path / "east", lon=321.0), "east", [])
+    told = read_compared(make_run(tmp_path / "east", lon=321.0), "east", [])
     assert dict(compare([told]).rows)["break-up 1"][0].endswith("38.60 W")  # 16.9 + 8.8 km east of 39 W
-    plane = read_told(make_run(tmp_path / "plane", latlon=False), "plane", [])
+    plane = read_compared(make_run(tmp_path / "plane", latlon=False), "plane", [])
     assert dict(compare([plane]).rows)["break-up 1"][0].endswith("at 25.7, -3.5 km")
 
 
@@ -119,4 +121,4 @@ def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> No
 
 def test_a_folder_without_a_summary_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no summary.json.*riftberg run"):
-        read_told(tmp_path, "x", [])
+        read_compared(tmp_path, "x", [])

@@ -15,7 +15,7 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
-from riftberg.diagnostics.observed import Fix, Observed
+from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
     WORST,
@@ -23,7 +23,7 @@ from riftberg.diagnostics.overlap import (
     axis_difference,
     distance,
     group_fragments,
-    overlap,
+    intersection_over_union,
     pair_cost,
     polygon_moments,
     rectangle_azimuth,
@@ -31,7 +31,7 @@ from riftberg.diagnostics.overlap import (
 )
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.score import draw_score
 
@@ -70,7 +70,7 @@ def seen(day: int, ring: np.ndarray, name: str = "") -> Outline:
 
 
 def test_the_run_against_itself_is_perfect(run: xr.Dataset) -> None:
-    (day,) = score_run(run, Observed("itself", [seen(0, true_outline(0))])).days
+    (day,) = score_run(run, Observations("itself", [seen(0, true_outline(0))])).days
     match = day.berg
     assert match is not None
     assert match.distance_km == pytest.approx(0.0, abs=0.02)
@@ -81,25 +81,25 @@ def test_the_run_against_itself_is_perfect(run: xr.Dataset) -> None:
 
 
 def test_a_known_shift_and_turn_come_back(run: xr.Dataset) -> None:
-    (day,) = score_run(run, Observed("moved", [seen(0, true_outline(0, shift=(3e3, 4e3), turn=20.0))])).days
+    (day,) = score_run(run, Observations("moved", [seen(0, true_outline(0, shift=(3e3, 4e3), turn=20.0))])).days
     match = day.berg
     assert match is not None
     assert match.distance_km == pytest.approx(5.0, rel=0.01)
     assert match.azimuth_difference == pytest.approx(20.0, abs=0.2)  # counter-clockwise lowers the observed azimuth
-    (day,) = score_run(run, Observed("along", [seen(0, true_outline(0, shift=(12e3, 0.0)))])).days
+    (day,) = score_run(run, Observations("along", [seen(0, true_outline(0, shift=(12e3, 0.0)))])).days
     assert day.berg is not None
     assert day.berg.iou == pytest.approx(1.0 / 3.0, abs=0.01)  # half of it overlaps
 
 
 def test_the_observed_heading_is_from_north_at_the_piece_however_far_the_model_is(run: xr.Dataset) -> None:
     """Bug: it was from north at the model's berg, 2 degrees off for 150 km."""
-    there = Plane(-36.0, -57.0, RADIUS)
+    there = ConformalPlane(-36.0, -57.0, RADIUS)
     x, y = np.array([-5e3, 5e3, 5e3, -5e3]), np.array([-20e3, -20e3, 20e3, 20e3])
     angle = math.radians(30.0)  # clockwise
     ring = np.column_stack(
         there.inverse(x * math.cos(angle) + y * math.sin(angle), y * math.cos(angle) - x * math.sin(angle))
     )
-    found = score_run(run, Observed("far", outlines=[Outline("A", START, False, ring)]))
+    found = score_run(run, Observations("far", outlines=[Outline("A", START, False, ring)]))
     (match,) = found.days[0].matches
     assert match.distance_km is not None
     assert match.distance_km > 250.0
@@ -109,7 +109,7 @@ def test_the_observed_heading_is_from_north_at_the_piece_however_far_the_model_i
 def test_pieces_are_matched_with_fragments(run: xr.Dataset) -> None:
     # On the second day fragment 2 (the last two columns) has moved 8.6 km east.
     rings = [true_outline(2, columns=slice(0, 6)), true_outline(2, columns=slice(6, 8), shift=(8.64e3, 0.0))]
-    (day,) = score_run(run, Observed("pieces", [seen(2, rings[1], "tip"), seen(2, rings[0], "rest")])).days
+    (day,) = score_run(run, Observations("pieces", [seen(2, rings[1], "tip"), seen(2, rings[0], "rest")])).days
     assert [(m.observed, m.fragments) for m in day.matches] == [("rest", [1]), ("tip", [2])]
     assert all(m.iou is not None and m.iou > 0.98 for m in day.matches)
     assert day.unmatched == []
@@ -118,17 +118,17 @@ def test_pieces_are_matched_with_fragments(run: xr.Dataset) -> None:
 def test_a_piece_still_in_place_counts_to_the_berg_whatever_the_drift_error(run: xr.Dataset) -> None:
     when = datetime(2020, 12, 10, 16)  # three hours after the break
     ring = true_outline(1, shift=(8e3, 5e3))
-    (day,) = score_run(run, Observed("whole", [Outline("", when, False, ring)])).days
+    (day,) = score_run(run, Observations("whole", [Outline("", when, False, ring)])).days
     assert day.matches[0].fragments == [1, 2]
     far = Outline("", datetime(2020, 12, 13, 13), False, true_outline(4, columns=slice(0, 6)))
-    (day,) = score_run(run, Observed("rest", [far])).days
+    (day,) = score_run(run, Observations("rest", [far])).days
     assert day.matches[0].fragments == [1]
     assert day.unmatched == [2]
 
 
 def test_the_fragments_of_the_berg_can_be_told(run: xr.Dataset) -> None:
     ring = true_outline(4, columns=slice(0, 6))
-    (day,) = score_run(run, Observed("rest", [seen(4, ring)]), together=[1, 2]).days
+    (day,) = score_run(run, Observations("rest", [seen(4, ring)]), together=[1, 2]).days
     assert day.matches[0].fragments == [1, 2]
     assert day.matches[0].area_km2 == 216.0
 
@@ -145,12 +145,12 @@ def test_tracks_are_matched_by_name_over_the_run(run: xr.Dataset) -> None:
                 Fix("A2", datetime(2020, 12, 9 + day), True, float(place["lon"].mean()), float(place["lat"].mean()))
             )
     fixes.append(Fix("A1", datetime(2020, 12, 10), True, 0.0, 0.0, interpolated=True))
-    found = score_run(run, Observed("tracks", fixes=fixes))
+    found = score_run(run, Observations("tracks", fixes=fixes))
     assert len(found.days) == 4
     assert [(m.observed, m.fragments) for m in found.days[-1].matches] == [("A1", [1]), ("A2", [2])]
     assert found.days[-1].matches[1].distance_km == pytest.approx(0.0, abs=0.05)
     assert found.summary()["days"] == 4
-    assert len(score_run(run, Observed("tracks", fixes=fixes), interpolated=True).days) == 5
+    assert len(score_run(run, Observations("tracks", fixes=fixes), interpolated=True).days) == 5
 
 
 def test_a_fragment_goes_by_the_name_seen_when_it_broke_off(run: xr.Dataset) -> None:
@@ -165,11 +165,11 @@ def test_a_fragment_goes_by_the_name_seen_when_it_broke_off(run: xr.Dataset) -> 
 
     berg = [Fix("A1", datetime(2020, 12, 9), True, -39.0, -55.0)]
     early, late = [fix("E", day, 0.2) for day in (2, 3, 4)], [fix("F", 4, 0.15)]
-    names = [{m.observed: m.fragments for m in score_run(run, Observed("t", fixes=[*berg, *seen])).days[-1].matches}
+    names = [{m.observed: m.fragments for m in score_run(run, Observations("t", fixes=[*berg, *seen])).days[-1].matches}
              for seen in ([*early, *late], late)]  # fmt: skip
     assert names == [{"E": [2], "F": []}, {"F": [2]}]
     far = [fix("F", 4, 1.0)]  # 111 km
-    assert score_run(run, Observed("t", fixes=[*berg, *far])).days[-1].matches[0].fragments == []
+    assert score_run(run, Observations("t", fixes=[*berg, *far])).days[-1].matches[0].fragments == []
 
 
 def test_of_the_names_seen_first_the_berg_is_the_nearest(run: xr.Dataset) -> None:
@@ -178,31 +178,31 @@ def test_of_the_names_seen_first_the_berg_is_the_nearest(run: xr.Dataset) -> Non
         Fix(name, datetime(2020, 12, 9), True, lon, -55.0)
         for name, lon in (("A23A", -45.0), ("A68A", -39.1), ("B1", 120.0))
     ]
-    matches = score_run(run, Observed("all", fixes=fixes)).days[0].matches
+    matches = score_run(run, Observations("all", fixes=fixes)).days[0].matches
     assert {m.observed: m.fragments for m in matches} == {"A23A": [], "A68A": [1]}  # B1 is left out
 
 
 def test_a_day_is_compared_at_the_hour_asked_for(run: xr.Dataset) -> None:
     ring = true_outline(0)
-    (day,) = score_run(run, Observed("hour", [Outline("", datetime(2020, 12, 9), True, ring)]), hour=19).days
+    (day,) = score_run(run, Observations("hour", [Outline("", datetime(2020, 12, 9), True, ring)]), hour=19).days
     assert day.time == "2020-12-09T19:00:00"
     assert day.matches[0].distance_km == pytest.approx(6 * 3.6 * math.hypot(0.2, 0.02), rel=0.02)
 
 
 def test_outside_of_the_run_there_is_nothing_to_compare(run: xr.Dataset) -> None:
     with pytest.raises(InputError, match="nothing was observed"):
-        score_run(run, Observed("late", [Outline("", datetime(2021, 1, 9), True, true_outline(0))]))
+        score_run(run, Observations("late", [Outline("", datetime(2021, 1, 9), True, true_outline(0))]))
 
 
 def test_score_is_written_and_drawn(run: xr.Dataset, tmp_path: Path) -> None:
     rings = [seen(day, true_outline(day, shift=(1e3 * day, 0.0))) for day in range(5)]
-    found = score_run(run, Observed("rings", rings))
+    found = score_run(run, Observations("rings", rings))
     content = json.loads(found.write(tmp_path / "score.json").read_text())
     assert content["summary"]["days"] == 5
     assert content["summary"]["distance_km_max"] > 3.0
     picture = imread(draw_score(found, tmp_path / "score.png", title="a test", dpi=60))
     assert picture[..., :3].std() > 0.05
-    only = Observed("points", fixes=[Fix("A", datetime(2020, 12, 10), True, -39.0, -55.0)])
+    only = Observations("points", fixes=[Fix("A", datetime(2020, 12, 10), True, -39.0, -55.0)])
     assert draw_score(score_run(run, only), tmp_path / "points.png", dpi=60).exists()
 
 
@@ -213,7 +213,7 @@ def test_axes_differ_by_at_most_a_right_angle() -> None:
 
 
 def test_distance_on_the_sphere_matches_the_plane() -> None:
-    plane = Plane(-37.0, -56.0, RADIUS)
+    plane = ConformalPlane(-37.0, -56.0, RADIUS)
     lon, lat = plane.inverse(np.array([3e3]), np.array([4e3]))
     assert distance(-37.0, -56.0, float(lon[0]), float(lat[0]), RADIUS) == pytest.approx(5e3, rel=1e-6)
     assert distance(179.9, 0.0, -179.9, 0.0, RADIUS) == pytest.approx(math.radians(0.2) * RADIUS)
@@ -247,7 +247,7 @@ def test_the_least_rectangle_of_a_berg_with_a_finger(turn: float) -> None:
 
 def test_overlap_of_squares() -> None:
     a, b = shapely.box(0, 0, 2, 1), shapely.box(1, 0, 3, 1)
-    assert overlap(a, b) == pytest.approx(1.0 / 3.0)
+    assert intersection_over_union(a, b) == pytest.approx(1.0 / 3.0)
     assert aligned_overlap(a, b) == pytest.approx(1.0)
     assert group_fragments({1: a, 2: shapely.box(50, 0, 51, 1)}, [b, shapely.box(53, 0, 54, 1)]) == [[1], [2]]
 
@@ -295,8 +295,8 @@ def test_the_day_before_counts_in_a_score(run: xr.Dataset) -> None:
 
     first.append(seen(3, at(3, 0.0), "tip"))
     last += [seen(4, at(4, -11e3), "tip"), seen(4, at(4, 10e3), "stranger")]
-    alone = score_run(run, Observed("one day", last)).days[-1]
-    both = score_run(run, Observed("both", first + last)).days[-1]
+    alone = score_run(run, Observations("one day", last)).days[-1]
+    both = score_run(run, Observations("both", first + last)).days[-1]
     assert {m.observed: m.fragments for m in alone.matches} == {"rest": [1], "tip": [], "stranger": [2]}
     assert {m.observed: m.fragments for m in both.matches} == {"rest": [1], "tip": [2], "stranger": []}
 
@@ -327,7 +327,7 @@ def test_headings_are_drawn_without_jumps_also_where_the_axes_come_to_lie_across
     from matplotlib.figure import Figure
 
     from riftberg.diagnostics.score import Match
-    from riftberg.viz.score import _azimuth
+    from riftberg.viz.score import _draw_azimuth
 
     def match(azimuth: float, observed: float) -> Match:
         off = axis_difference(azimuth, observed)
@@ -335,7 +335,7 @@ def test_headings_are_drawn_without_jumps_also_where_the_axes_come_to_lie_across
 
     ax = Figure().add_subplot()
     rows = [match((60.0 - 20.0 * k) % 180.0, (120.0 + 20.0 * k) % 180.0) for k in range(7)]
-    _azimuth(ax, np.arange(7), rows)
+    _draw_azimuth(ax, np.arange(7), rows)
     observed, model = (np.asarray(line.get_ydata()) for line in ax.lines)
     np.testing.assert_allclose(np.diff(observed), 20.0)
     np.testing.assert_allclose(np.diff(model), -20.0)

@@ -11,7 +11,7 @@ import pytest
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
-from riftberg.experiments.a68a_observed import A68A_OBSERVED, Observed
+from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
 from riftberg.model import Model
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
 from riftberg.parameters import Packing
@@ -50,7 +50,7 @@ def assert_tip_and_finger(model: Model, finger: tuple[float, float] = (450.0, 90
     assert model.bonds_broken < 0.05 * model.bonds.first.size
 
 
-def off(model: Model, seen: Observed, gone: list[int]) -> tuple[float, float]:
+def off(model: Model, seen: ObservedDay, gone: list[int]) -> tuple[float, float]:
     """Distance (km) and difference of azimuth (degrees) from an observed day, without pieces that are gone."""
     e = model.elements
     on = ~np.isin(e.berg, gone)

@@ -21,7 +21,7 @@ from fetching.serving import Shelf
 from riftberg.errors import ForcingError
 from riftberg.fetching import download
 from riftberg.fetching.download import Resuming, fetch_one
-from riftberg.fetching.parts import Part, Version
+from riftberg.fetching.parts import PartFile, Version
 
 CONTENT = bytes(range(256)) * 8000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()
@@ -67,7 +67,7 @@ OLD = bytes(reversed(range(256))) * 8000
 
 def interrupt(folder: Path, base: str, shelf: Shelf, content: bytes, after: int = 1_000_000) -> None:
     """Leave what a fetch of ``content`` that was cut for good leaves, with the tag and date that the shelf has now."""
-    part = Part(folder / "field.nc.part", f"{base}data/field.nc")
+    part = PartFile(folder / "field.nc.part", f"{base}data/field.nc")
     told = {"ETag": shelf.etag.get("/data/field.nc", ""), "Last-Modified": shelf.modified.get("/data/field.nc", "")}
     part.begin(Version.told(part.url, told, len(content)))
     part.path.write_bytes(content[:after])
@@ -88,7 +88,7 @@ def test_interrupted_run_is_continued_by_the_next(kind: str, shelf: Shelf, base:
 def test_a_cut_fetch_leaves_a_record_with_which_the_next_continues(shelf: Shelf, base: str, tmp_path: Path) -> None:
     shelf.etag["/data/field.nc"] = '"first"'
     shelf.cut_after, shelf.cuts = 900_000, 1
-    part = Part(tmp_path / "field.nc.part", f"{base}data/field.nc")
+    part = PartFile(tmp_path / "field.nc.part", f"{base}data/field.nc")
     with contextlib.suppress(requests.RequestException):
         Resuming()._continue(part)
     assert 500_000 < part.size <= 900_000
@@ -235,15 +235,15 @@ def test_full_disk_keeps_what_was_written_and_the_next_run_continues(
     room: int, shelf: Shelf, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shelf.etag["/data/field.nc"] = '"first"'
-    truly = download.opened
-    monkeypatch.setattr(download, "opened", lambda path, start: FullDisk(truly(path, start), room))
+    truly = download.opened_part
+    monkeypatch.setattr(download, "opened_part", lambda path, start: FullDisk(truly(path, start), room))
     with pytest.raises(
         ForcingError, match=r"the disk is full\. Free some space.*what was fetched is kept and continued"
     ):
         fetch_field(tmp_path, base)
     assert not (tmp_path / "field.nc").exists()
     assert (tmp_path / "field.nc.part").read_bytes() == CONTENT[:room]
-    monkeypatch.setattr(download, "opened", truly)
+    monkeypatch.setattr(download, "opened_part", truly)
     assert fetch_field(tmp_path, base, digest=None).read_bytes() == CONTENT
     assert shelf.requests[1:] == [("/data/field.nc", f"bytes={room}-" if room else "")]
 
@@ -269,7 +269,7 @@ def test_folder_that_cannot_be_written(base: str, tmp_path: Path, monkeypatch: p
     def refused(path: Path, start: int) -> BinaryIO:
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr(download, "opened", refused)
+    monkeypatch.setattr(download, "opened_part", refused)
     with pytest.raises(ForcingError, match=r"cannot be written\. Choose another folder"):
         fetch_field(tmp_path, base)
 
@@ -293,7 +293,7 @@ def test_large_file_behind_a_pointer_is_continued_by_the_next_run(shelf: Shelf, 
     shelf.files["/data/field.nc"] = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
     shelf.files["/large/data/field.nc"] = CONTENT
     shelf.etag = {"/data/field.nc": '"pointer"', "/large/data/field.nc": '"large"'}
-    part = Part(tmp_path / "field.nc.part", f"{base}large/data/field.nc")
+    part = PartFile(tmp_path / "field.nc.part", f"{base}large/data/field.nc")
     part.begin(Version(part.url, '"large"', "", len(CONTENT)))
     part.path.write_bytes(CONTENT[:1_000_000])
     fetched = fetch_field(tmp_path, base, digest=None, large_files=lambda url: url.replace("/data/", "/large/data/"))

@@ -11,7 +11,7 @@ import pytest
 
 from riftberg.errors import ForcingError, InputError, NamelistError
 from riftberg.kid import a68
-from riftberg.kid.driver import apply_beam_test, build_clock, build_forcing, build_grid, uniform_fields
+from riftberg.kid.driver import apply_beam_test, build_clock, build_grid, driver_forcing, uniform_fields
 from riftberg.kid.namelist import KidNamelist, read_namelist
 from riftberg.ocean.grid import Grid
 from riftberg.state import new_elements
@@ -106,7 +106,7 @@ def test_grounding_case_sees_the_depth_of_the_reference(shared: Path) -> None:
     case = shared / "reference" / "dem_ground_frac"
     namelist = read_namelist(case / "input.nml")
     grid = build_grid(namelist, case)
-    forcing = build_forcing(namelist, grid, case, build_clock(namelist))
+    forcing = driver_forcing(namelist, grid, case, build_clock(namelist))
     with netCDF4.Dataset(case / "expected" / "trajectories.nc") as dataset:
         elements = new_elements(len(dataset.dimensions["i"]))
         elements.lon[:], elements.lat[:] = dataset["lon"][:], dataset["lat"][:]
@@ -166,7 +166,7 @@ ALL = (a68.WIND_FILE, a68.OCEAN_FILE, a68.SEA_LEVEL_FILE)
 def a68_forcing(tmp_path: Path, **changes: Any) -> tuple[Any, Any]:
     namelist = written(tmp_path, {**A68, **changes}, **A68_ICE)
     grid = build_grid(namelist, tmp_path)
-    return build_forcing(namelist, grid, tmp_path, build_clock(namelist)), grid
+    return driver_forcing(namelist, grid, tmp_path, build_clock(namelist)), grid
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -226,7 +226,7 @@ def test_a68_without_depth_cannot_ground(tmp_path: Path) -> None:
     namelist = written(tmp_path, A68, **{**A68_ICE, "A68_test": False, "cdrag_grounding": 1e4})
     grid = build_grid(namelist, tmp_path)
     with pytest.raises(NamelistError, match="knows no depth"):
-        build_forcing(namelist, grid, tmp_path, build_clock(namelist))
+        driver_forcing(namelist, grid, tmp_path, build_clock(namelist))
 
 
 def test_gaps_in_currents_are_still_water(tmp_path: Path) -> None:
@@ -243,7 +243,7 @@ def test_dry_quadrant_needs_multiple_time_steps(tmp_path: Path, step_scheme: boo
     a68_data(tmp_path / "data", dict.fromkeys(ALL, 1))
     namelist = written(tmp_path, A68, **{**A68_ICE, "mts": step_scheme})
     grid = build_grid(namelist, tmp_path)
-    forcing = build_forcing(namelist, grid, tmp_path, build_clock(namelist))
+    forcing = driver_forcing(namelist, grid, tmp_path, build_clock(namelist))
     elements = new_elements(1)
     elements.lon[:], elements.lat[:] = 320.4, -59.7
     grid.locate(elements)

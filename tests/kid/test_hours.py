@@ -12,7 +12,7 @@ import pytest
 from riftberg.errors import ForcingError, InputError
 from riftberg.kid import hours
 from riftberg.kid.hours import HourlyFile
-from riftberg.kid.ncfile import opened, unpacked
+from riftberg.kid.ncfile import opened_dataset, unpacked
 from riftberg.ocean.grid import Grid
 
 NJ, NI, RECORDS = 6, 8, 60
@@ -65,7 +65,7 @@ def test_blocks_give_what_records_give(
     file = HourlyFile(path, ("uo", "vo"), grid)
     assert file.count == RECORDS
     order = [*range(RECORDS), *range(RECORDS - 1, -1, -1), *np.random.default_rng(1).integers(0, RECORDS, 30)]
-    with opened(path) as dataset:
+    with opened_dataset(path) as dataset:
         for number in order:
             for name, values in file.record(int(number)).items():
                 np.testing.assert_array_equal(values, unpacked(dataset, path, name, int(number)))
@@ -82,7 +82,7 @@ def test_records_are_the_callers_own(tmp_path: Path, grid: Grid) -> None:
 
 def test_a_file_is_opened_once_a_block(tmp_path: Path, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> None:
     count = []
-    monkeypatch.setattr(hours, "opened", lambda path: count.append(path) or opened(path))
+    monkeypatch.setattr(hours, "opened_dataset", lambda path: count.append(path) or opened_dataset(path))
     monkeypatch.setattr(hours, "BLOCK_BYTES", 24 * NJ * NI * 2)
     file = HourlyFile(write(tmp_path / "hours.nc", chunk=12), ("uo", "vo"), grid)
     for number in range(RECORDS):

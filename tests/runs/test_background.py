@@ -11,7 +11,7 @@ import xarray as xr
 
 from fakes import FakeForcing, FakeModel
 from riftberg.errors import ForcingError
-from riftberg.runs.background import bilinear, stored_water
+from riftberg.runs.background import on_even_grid, stored_water
 from riftberg.runs.run_file import RunWriter, memory_run, open_run
 
 
@@ -97,4 +97,4 @@ def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
     px, py = np.array([0.3, 2.0, 0.0, 2.1]), np.array([0.7, 1.0, -1.0, 0.0])
     expected = (1.0 + px) * (2.0 - py)
     expected[3] = np.nan
-    np.testing.assert_allclose(bilinear(x, y, field, px, py), expected)
+    np.testing.assert_allclose(on_even_grid(x, y, field, px, py), expected)

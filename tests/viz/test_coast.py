@@ -95,7 +95,7 @@ def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(da
     assert sum(polygon.area for polygon, _ in areas) == pytest.approx(0.4 * 0.15 - 0.1 * 0.05)
     assert len(lines) == 2
     inside = areas[0][0]
-    path = coast._path(inside)
+    path = coast._polygon_path(inside)
     assert path.contains_point((-38.6, -54.9))
     ax.figure.savefig(data / "land.png")
     place = ax.get_position()

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.cli.pictures import moments
-from riftberg.diagnostics.observed import Observed
+from riftberg.diagnostics.observed import Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
@@ -87,9 +87,9 @@ def test_dates_outside_of_the_run_are_refused(run: xr.Dataset, path: Path) -> No
 
 def test_a_day_alone_means_the_same_for_plot_and_score(run: xr.Dataset) -> None:
     """Bug: noon for the one, the hour of the start for the other."""
-    day = Observed("o", [Outline("", datetime(2020, 12, 12), True, RING)])
-    timed = Observed("o", [Outline("", datetime(2020, 12, 12, 8, 30), False, RING)])
-    for seen, hour in ((day, "13:00"), (timed, "08:30"), (Observed(""), "13:00")):
+    day = Observations("o", [Outline("", datetime(2020, 12, 12), True, RING)])
+    timed = Observations("o", [Outline("", datetime(2020, 12, 12, 8, 30), False, RING)])
+    for seen, hour in ((day, "13:00"), (timed, "08:30"), (Observations(""), "13:00")):
         (moment,) = moments(["2020-12-12"], run, seen)
         assert str(moment)[:16] == f"2020-12-12T{hour}"
         if seen.outlines:

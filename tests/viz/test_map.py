@@ -14,10 +14,11 @@ from matplotlib.image import imread
 
 from fakes import SIDE, FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.runs.scene import Scene
+from riftberg.runs.scene import Box, Scene
 from riftberg.runs.shapes import corner_offsets, element_polygons
 from riftberg.viz.map import draw_map
-from riftberg.viz.style import Labels, degree_label, round_length
+from riftberg.viz.panels import Panel, speed_bar
+from riftberg.viz.style import Labels, degree_label, new_figure, round_length
 
 RADIUS = 6_363_827.0
 
@@ -137,6 +138,32 @@ def test_the_picture_is_drawn(run: tuple[FakeModel, xr.Dataset], tmp_path: Path)
     orange = np.abs(colours - [230, 159, 0]).sum(axis=1).min()
     green = np.abs(colours - [0, 158, 115]).sum(axis=1).min()
     assert max(orange, green) < 6  # both fragments are there in their colours
+
+
+def test_a_run_in_metres_without_a_period_is_drawn_where_it_was(tmp_path: Path) -> None:
+    """Metres were folded to 360 around the first element, and the margins took the cosine of metres."""
+    model = FakeModel(20, 6, latlon=False)
+    model.parameters = model.parameters.changed(earth={"period": 0.0})
+    model.advance(1.0, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
+    run = open_run(tmp_path)
+    scene = Scene(run)
+    np.testing.assert_array_equal(scene.x, run["x"].transpose("time", "trajectory").values)
+    box = scene.grown(Box(0.0, 40e3, 85e3, 105e3), 0.1)
+    assert (box.west, box.east, box.south, box.north) == (-4e3, 44e3, 81e3, 109e3)
+
+
+def test_the_scale_of_the_current_is_that_of_the_panels(run: tuple[FakeModel, xr.Dataset]) -> None:
+    """The bar of the dates went by the square root, the currents beside it did not."""
+    model, ds = run
+    figure = new_figure(4.0, 4.0, 50)
+    scene = Scene(ds)
+    panel = Panel(figure.add_subplot(), scene, scene.box(), model.forcing)
+    panel.draw_currents(0, 0.4)
+    speed_bar(figure, (0.1, 0.05, 0.8, 0.02), 0.4)
+    (image,), (bar,) = panel.ax.images, figure.axes[1].collections[-1:]
+    speeds = np.linspace(0.0, 0.4, 9)
+    np.testing.assert_allclose(image.norm(speeds), bar.norm(speeds))
+    np.testing.assert_allclose(image.cmap(image.norm(speeds)), bar.cmap(bar.norm(speeds)))
 
 
 @pytest.mark.parametrize("latlon", [True, False])

@@ -55,7 +55,7 @@ def make_elements(
     """
     elements = new_elements(len(lon))
     thickness = np.broadcast_to(numbers(thickness, len(lon), "thickness"), lon.shape)
-    _check(lon, lat, radius, thickness, density, latlon)
+    _check_elements(lon, lat, radius, thickness, density, latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
     for name in ("u", "u_sync", "u_pair"):
@@ -71,7 +71,7 @@ def make_elements(
     return elements
 
 
-def _check(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
+def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
     if len(lon) == 0:
         raise BergError("no elements", remedy="Give at least one position")
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
@@ -99,7 +99,7 @@ def _check(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: fl
 def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None:
     """Raise `BergError` if two elements stand closer than their radii allow."""
     near = form_bonds(elements, BondRule(packing=packing), metric)
-    radius = radius_of(elements, packing)
+    radius = inscribed_radius(elements, packing)
     ratio = near.bond_length / (radius[near.first] + radius[near.second])
     if len(ratio) == 0 or ratio.min() >= 1.0 - OVERLAP_ALLOWED:
         return
@@ -113,7 +113,7 @@ def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None
     )
 
 
-def radius_of(elements: Elements, packing: Packing) -> Floats:
+def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
     """Radius (m) of the inscribed circle of bonded elements (spec 1.4)."""
     return np.sqrt(elements.body.length * elements.body.width / element_area(1.0, packing))
 
@@ -121,19 +121,19 @@ def radius_of(elements: Elements, packing: Packing) -> Floats:
 def numbers(values: Any, size: int, what: str) -> Floats:
     """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
     try:
-        given = np.asarray(values, dtype=np.float64)
+        array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BergError(
             f"{what} {values!r} is no number"[:200], remedy=f"Give one number, {size} numbers, or a map"
         ) from error
-    if given.size == 1:
-        return given.reshape(())
-    if given.shape != (size,):
+    if array.size == 1:
+        return array.reshape(())
+    if array.shape != (size,):
         raise BergError(
-            f"{what} of shape {given.shape}",
+            f"{what} of shape {array.shape}",
             remedy=f"Give one number, {size} numbers (one each), or a map with longitude and latitude",
         )
-    return given
+    return array
 
 
 def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:

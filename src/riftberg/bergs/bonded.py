@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from riftberg.bergs import rifts, strength
-from riftberg.bergs.assembly import radius_of
+from riftberg.bergs.assembly import inscribed_radius
 from riftberg.bergs.raster import is_map
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
@@ -62,7 +62,7 @@ class BondedBerg:
         intact = self.bonds.status == 0
         if not intact.any():
             return 0.0
-        radius = radius_of(self.elements, self.packing)
+        radius = inscribed_radius(self.elements, self.packing)
         rest = (radius[self.bonds.first] + radius[self.bonds.second])[intact]
         strain = self.bonds.bond_length[intact] / rest - 1.0
         return float(strain[np.argmax(np.abs(strain))])

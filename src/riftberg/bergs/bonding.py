@@ -119,26 +119,26 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     if size < 2 or reaches.max() <= 0.0:
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0)
-    _check(elements, reaches)
+    _check_reaches(elements, reaches)
     column, row, columns, rows, wraps = _hash_cells(elements, 2.0 * float(reaches.max()), metric)
     order = np.lexsort((np.arange(size), column, row))
     starts = np.searchsorted((row * columns + column)[order], np.arange(columns * rows + 1))
-    found = np.zeros((size * 8, 2), dtype=np.int64)
+    pairs = np.zeros((size * 8, 2), dtype=np.int64)
     arguments = (column, row, columns, rows, wraps, order, starts)
     scale = (metric.latlon, metric.radius, metric.period)
-    count = _search(elements.lon, elements.lat, reaches, *arguments, *scale, found)
-    if count > len(found):
-        found = np.zeros((count, 2), dtype=np.int64)
-        _search(elements.lon, elements.lat, reaches, *arguments, *scale, found)
-    found = found[:count]
-    found = found[np.lexsort((found[:, 1], found[:, 0]))]
-    first, second = found[:, 0].copy(), found[:, 1].copy()
+    count = _search(elements.lon, elements.lat, reaches, *arguments, *scale, pairs)
+    if count > len(pairs):
+        pairs = np.zeros((count, 2), dtype=np.int64)
+        _search(elements.lon, elements.lat, reaches, *arguments, *scale, pairs)
+    pairs = pairs[:count]
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    first, second = pairs[:, 0].copy(), pairs[:, 1].copy()
     lon, lat = elements.lon, elements.lat
     dx, dy = separation(metric, lon[first], lat[first], lon[second], lat[second])
     return first, second, np.sqrt(dx * dx + dy * dy)
 
 
-def _check(elements: Elements, reaches: Floats) -> None:
+def _check_reaches(elements: Elements, reaches: Floats) -> None:
     bad = ~(np.isfinite(elements.lon) & np.isfinite(elements.lat) & np.isfinite(reaches))
     if bad.any():
         k = int(np.argmax(bad))
@@ -199,7 +199,7 @@ def _search(
     latlon: Any,
     radius: Any,
     period: Any,
-    found: Any,
+    pairs: Any,
 ) -> Any:
     count = 0
     degree = math.pi / 180.0
@@ -226,8 +226,8 @@ def _search(
                         dx *= degree * radius * math.cos(0.5 * (lat[a] + lat[b]) * degree)
                         dy *= degree * radius
                     if math.sqrt(dx * dx + dy * dy) < reaches[a] + reaches[b]:
-                        if count < found.shape[0]:
-                            found[count, 0] = a
-                            found[count, 1] = b
+                        if count < pairs.shape[0]:
+                            pairs[count, 0] = a
+                            pairs[count, 1] = b
                         count += 1
     return count

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import shapely
 
 from riftberg.errors import BergError, RiftbergError
 
@@ -59,4 +60,4 @@ def polygon(shell: Any, holes: list[Any], where: str) -> Any:
         )
     if not all(np.isfinite(np.asarray(ring, dtype=float)).all() for ring in (shell, *holes)):
         raise BergError("vertices that are not numbers", where=where, remedy="Remove them")
-    return needed("shapely").Polygon(shell[:, :2], [np.asarray(h, dtype=float)[:, :2] for h in holes])
+    return shapely.Polygon(shell[:, :2], [np.asarray(h, dtype=float)[:, :2] for h in holes])

@@ -15,20 +15,20 @@ from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.placement import (
-    Plane,
+    FillingPlane,
     ReferencePlane,
-    TangentPlane,
     centroid_moved,
     filling_plane,
     relax,
     turned,
 )
 from riftberg.bergs.raster import Raster, joined, read_raster
-from riftberg.bergs.regions import Ice, ice_cells, mask_region, outline_region
+from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.plane import EqualAreaPlane
 
 
 class Body(NamedTuple):
@@ -144,7 +144,7 @@ class Iceberg(BondedBerg):
         where = str(source) if isinstance(source, str) or hasattr(source, "__fspath__") else type(source).__name__
         chosen = outlines.select_outline(outlines.read_features(source, crs), where=where, feature=feature, date=date)
         geometry = outlines.check_outline(chosen.geometry, where=f"{where} ({chosen.label()})", repair=repair)
-        plane: Plane = filling_plane(
+        plane: FillingPlane = filling_plane(
             geometry.bounds, (geometry.centroid.x, geometry.centroid.y), conformal, earth_radius
         )
         region = outline_region(geometry, plane)
@@ -187,7 +187,7 @@ class Iceberg(BondedBerg):
         """Fill a gridded mask or a gridded thickness with elements.
 
         Elements in different pieces of the mask are not bonded to each other, also where the gap between them is narrower
-        than an element; cells that touch at a corner only belong to different pieces (see `riftberg.bergs.regions.Ice`).
+        than an element; cells that touch at a corner only belong to different pieces (see `riftberg.bergs.regions.IceMask`).
         ``rules="makeberg"`` bonds all neighbours, as the reference does.
 
         Parameters
@@ -230,7 +230,7 @@ class Iceberg(BondedBerg):
             body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
             made = {"source": mask.name, "rules": "makeberg"}
             return cls._placed(lattice.x, lattice.y, plane, body, conformal=False, report=made)
-        ice = Ice.of(mask, threshold)
+        ice = IceMask.of(mask, threshold)
         region, plane_of, centroid = mask_region(ice, lambda b, c: filling_plane(b, c, conformal, earth_radius))
         lattice = fill(region, radius, packing, offset)
         if thickness is None:
@@ -397,13 +397,15 @@ class Iceberg(BondedBerg):
         if not body.latlon:
             berg = cls.from_points(x + placement[0], y + placement[1], **body._asdict())
             return berg._reported(report)
-        plane: Plane = TangentPlane(*placement, body.earth_radius)
+        plane: FillingPlane = EqualAreaPlane(*placement, body.earth_radius)
         if not conformal:
             plane = ReferencePlane(*placement, placement[1], body.earth_radius)
         return cls._placed(x, y, plane, body, conformal=conformal, report=report)
 
     @classmethod
-    def _placed(cls, x: Any, y: Any, plane: Plane, body: Body, *, conformal: bool, report: dict[str, Any]) -> Iceberg:
+    def _placed(
+        cls, x: Any, y: Any, plane: FillingPlane, body: Body, *, conformal: bool, report: dict[str, Any]
+    ) -> Iceberg:
         """Bring plane points to the sphere, without strain if ``conformal``."""
         lon, lat = plane.inverse(x, y)
         berg = cls.from_points(lon, lat, **body._asdict())

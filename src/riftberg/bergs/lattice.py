@@ -206,8 +206,8 @@ def cells_region(column: Ints, row: Ints, side: float) -> Region:
         i = np.clip(np.floor(x / side).astype(np.int64), -1, held.shape[0])
         j = np.clip(np.floor(y / side).astype(np.int64), -1, held.shape[1])
         padded = np.pad(held, 1)
-        found: Booleans = padded[i + 1, j + 1]
-        return found
+        there: Booleans = padded[i + 1, j + 1]
+        return there
 
     bounds = (0.0, 0.0, side * held.shape[0], side * held.shape[1])
     centroid = (side * (float(column.mean()) + 0.5), side * (float(row.mean()) + 0.5))

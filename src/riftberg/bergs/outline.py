@@ -1,7 +1,7 @@
 """Outlines of bergs, and lines of rifts, from GeoJSON, shapefile, CSV, KML or geometry objects.
 
-Needs the optional packages of the extra ``outline`` (shapely; pyproj for projected coordinates; pyshp for shapefiles).
-They are imported when first used.
+Projected coordinates need pyproj, shapefiles pyshp: the optional packages of the extra ``outline``, imported when first
+used.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
+import shapely.errors
+from shapely.geometry import shape
 
 from riftberg.bergs.feature import Feature, needed, polygon
 from riftberg.bergs.outline_csv import features_of_csv
@@ -41,8 +44,8 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
         If the file is missing, of an unknown kind or holds no geometry.
     """
     where = str(source) if isinstance(source, str | Path) else type(source).__name__
-    features, found = _read(source, lines)
-    crs = crs or found
+    features, own_crs = _read(source, lines)
+    crs = crs or own_crs
     if crs and not any(name in crs for name in _WGS84):
         features = [Feature(_to_lonlat(f.geometry, crs, where), f.properties) for f in features]
     if not features:
@@ -73,7 +76,6 @@ def _read(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
 
 
 def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Feature], str | None]:
-    shape = needed("shapely.geometry").shape
     crs = ((data.get("crs") or {}).get("properties") or {}).get("name")
     if data.get("type") == "FeatureCollection":
         items = [(f.get("geometry"), f.get("properties") or {}) for f in data.get("features", [])]
@@ -83,7 +85,7 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         items = [(data, {})]
     try:
         return [Feature(shape(g), dict(p)) for g, p in items if _holds_anything(g)], crs
-    except (KeyError, TypeError, ValueError, AttributeError, needed("shapely.errors").ShapelyError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
         raise BergError(
             f"not a GeoJSON geometry ({error})", where=where, remedy="Write GeoJSON as in RFC 7946"
         ) from error
@@ -106,7 +108,6 @@ def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
 
 
 def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
-    shape = needed("shapely.geometry").shape
     crs = _projection(path)
     with needed("shapefile").Reader(str(path)) as reader:
         features = [
@@ -136,7 +137,7 @@ def _to_lonlat(geometry: Any, crs: str, where: str) -> Any:
         raise BergError(
             f"unknown coordinate system '{crs[:60]}'", where=where, remedy="Name it like EPSG:3031"
         ) from error
-    return needed("shapely").transform(geometry, transformer.transform, interleaved=False)
+    return shapely.transform(geometry, transformer.transform, interleaved=False)
 
 
 _READERS: dict[str, Any] = {
@@ -166,7 +167,7 @@ def select_outline(
     date : str, optional
         Date; compared with the start of the feature's date.
     """
-    polygons = [Feature(area, f.properties) for f in features if (area := _area(f.geometry)) is not None]
+    polygons = [Feature(area, f.properties) for f in features if (area := _polygons_joined(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
         chosen = polygons[feature : feature + 1] if feature >= 0 else []
@@ -193,14 +194,14 @@ def _parts(geometry: Any) -> Iterator[Any]:
         yield geometry
 
 
-def _area(geometry: Any) -> Any:
+def _polygons_joined(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry
     polygons = [part for part in _parts(geometry) if part.geom_type == "Polygon"]
     if not polygons:
         return None
-    return polygons[0] if len(polygons) == 1 else needed("shapely").MultiPolygon(polygons)
+    return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
 def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
@@ -215,7 +216,6 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
     repair : bool
         Mend an outline that crosses itself instead of refusing it.
     """
-    shapely = needed("shapely")
     points = shapely.get_coordinates(geometry)
     if len(points) == 0 or not np.isfinite(points).all():
         raise BergError("the outline is empty or has vertices that are not numbers", where=where, remedy="Remove them")
@@ -256,7 +256,7 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
     A table (CSV) holds open lines; polygons of other files count with their rings. Points are passed over.
     """
     if isinstance(source, np.ndarray | list | tuple):
-        return _arrays(source, crs)
+        return _vertex_arrays(source, crs)
     out = []
     for feature in read_features(source, crs, lines=True):
         for part in _parts(feature.geometry):
@@ -267,7 +267,7 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
     return out
 
 
-def _arrays(source: Any, crs: str | None) -> list[Any]:
+def _vertex_arrays(source: Any, crs: str | None) -> list[Any]:
     if len(source) and hasattr(source[0], "__geo_interface__"):
         return [line for item in source for line in line_strings(item, crs)]
     try:
@@ -286,4 +286,4 @@ def _arrays(source: Any, crs: str | None) -> list[Any]:
             )
     if crs is None:
         return lines
-    return line_strings(needed("shapely").MultiLineString(lines), crs)
+    return line_strings(shapely.MultiLineString(lines), crs)

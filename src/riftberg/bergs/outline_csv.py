@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
-from riftberg.bergs.feature import Feature, needed, polygon
+from riftberg.bergs.feature import Feature, polygon
 from riftberg.errors import BergError
 
 LON_NAMES = ("lon", "longitude", "long", "x", "easting")
@@ -47,7 +48,7 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
     groups: dict[tuple[str, ...], dict[tuple[str, ...], Points]] = {}
     for number, row in enumerate(rows, start=2):
         try:
-            point = (_number(row[lon], separator), _number(row[lat], separator))
+            point = (_number_of_text(row[lon], separator), _number_of_text(row[lat], separator))
         except (TypeError, ValueError) as error:
             raise BergError(
                 f"'{row[lon]}', '{row[lat]}' are not numbers",
@@ -56,18 +57,18 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
             ) from error
         key, part = tuple(row[k] for k in keys), tuple(row[k] for k in parts)
         groups.setdefault(key, {}).setdefault(part, []).append(point)
-    combined = _lines if lines else _rings
+    combined = _lines if lines else _polygons_of_rings
     return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
 
 
 def rows_of_csv(path: Path) -> tuple[list[dict[str, str]], str]:
     """Return the rows of a table by column, and its separator: comma, semicolon or tab. Empty lines are passed over."""
-    lines = [line for line in _text(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
+    lines = [line for line in _decoded(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
     separator = max(",;\t", key=lines[0].count) if lines else ","
     return list(csv.DictReader(lines, delimiter=separator)), separator
 
 
-def _text(content: bytes) -> str:
+def _decoded(content: bytes) -> str:
     """Decode a table; programs that do not write UTF-8 write UTF-16 with a mark, or an 8-bit set (names only)."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors="replace")
@@ -77,12 +78,12 @@ def _text(content: bytes) -> str:
         return content.decode("latin-1")
 
 
-def _number(text: str, separator: str) -> float:
+def _number_of_text(text: str, separator: str) -> float:
     """Return a number; where commas do not separate columns they may stand for the decimal point."""
     return float(text if separator == "," else text.replace(",", "."))
 
 
-def _rings(rings: list[Points], path: Path) -> Any:
+def _polygons_of_rings(rings: list[Points], path: Path) -> Any:
     """Combine rings by the even-odd rule, so that a ring inside a ring is a hole."""
     geometry: Any = None
     for ring in rings:
@@ -104,4 +105,4 @@ def _lines(lines: list[Points], path: Path) -> Any:
             )
         if not np.isfinite(line).all():
             raise BergError("vertices that are not numbers", where=str(path), remedy="Remove them")
-    return needed("shapely").MultiLineString(lines)
+    return shapely.MultiLineString(lines)

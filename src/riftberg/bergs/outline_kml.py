@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from riftberg.bergs.feature import Feature, needed, polygon
+import shapely
+
+from riftberg.bergs.feature import Feature, polygon
 from riftberg.errors import BergError
 
 
@@ -38,11 +40,11 @@ def _placemarks(node: ElementTree.Element, above: dict[str, Any], where: str) ->
             yield from _placemark(child, above, where)
         elif _tag(child) in ("Folder", "Document"):
             own = [n for n in child if _tag(n) in ("name", "TimeStamp", "TimeSpan")]
-            told = {_tag(n): (n.text or "").strip() for part in own for n in part.iter() if _tag(n) in _KML_TOLD}
-            if _tag(child) == "Folder" and told.get("name"):
-                told["folder"] = told["name"]
-            told.pop("name", None)
-            yield from _placemarks(child, {**above, **told}, where)
+            times = {_tag(n): (n.text or "").strip() for part in own for n in part.iter() if _tag(n) in _KML_TOLD}
+            if _tag(child) == "Folder" and times.get("name"):
+                times["folder"] = times["name"]
+            times.pop("name", None)
+            yield from _placemarks(child, {**above, **times}, where)
 
 
 _KML_TOLD = ("name", "when", "begin")
@@ -50,20 +52,19 @@ _KML_TOLD = ("name", "when", "begin")
 
 def _kml_properties(mark: ElementTree.Element) -> dict[str, Any]:
     """Return name, time and the attributes that other programs keep as extended data."""
-    told: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
     for node in mark.iter():
         text = (node.text or "").strip()
         if _tag(node) in _KML_TOLD or (node in list(mark) and _tag(node) == "description"):
-            told[_tag(node)] = text
+            attributes[_tag(node)] = text
         elif _tag(node) == "SimpleData":
-            told[node.get("name", "")] = text
+            attributes[node.get("name", "")] = text
         elif _tag(node) == "Data":
-            told[node.get("name", "")] = next(((n.text or "").strip() for n in node if _tag(n) == "value"), "")
-    return told
+            attributes[node.get("name", "")] = next(((n.text or "").strip() for n in node if _tag(n) == "value"), "")
+    return attributes
 
 
 def _placemark(mark: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
-    shapely = needed("shapely")
     properties = {**above, **_kml_properties(mark)}
     polygons, lines = [], []
     for node in mark.iter():

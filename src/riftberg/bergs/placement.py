@@ -18,11 +18,12 @@ import numpy as np
 
 from riftberg.bergs.bonding import Metric, separation
 from riftberg.constants import DEGREE
+from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats, Ints
 
 
-class Plane(Protocol):
-    """A map between a plane (m) and the sphere (degrees)."""
+class FillingPlane(Protocol):
+    """A plane (m) that a berg is filled in, and its map to the sphere (degrees)."""
 
     def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return x, y (m) of points (degrees)."""
@@ -30,49 +31,8 @@ class Plane(Protocol):
     def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return longitude and latitude (degrees) of points (m)."""
 
-    def moved(self, dlon: float, dlat: float) -> Plane:
+    def moved(self, dlon: float, dlat: float) -> FillingPlane:
         """Return the same map moved by some degrees."""
-
-
-@dataclass(frozen=True)
-class TangentPlane:
-    """Lambert's azimuthal equal-area map: areas exact, lengths within r**2 / 8 R**2 (1.7e-5 at 75 km).
-
-    Attributes
-    ----------
-    lon0, lat0 : float
-        Point of contact, degrees.
-    earth_radius : float
-        Radius of the sphere, m.
-    """
-
-    lon0: float
-    lat0: float
-    earth_radius: float
-
-    def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
-        """Return x, y (m) of points (degrees)."""
-        dlon, phi, phi0 = (lon - self.lon0) * DEGREE, lat * DEGREE, self.lat0 * DEGREE
-        # 1 + cos(c) >= 1 within a hemisphere, so the map is regular wherever a berg can reach.
-        one_plus = 1.0 + np.sin(phi0) * np.sin(phi) + np.cos(phi0) * np.cos(phi) * np.cos(dlon)
-        k = self.earth_radius * np.sqrt(2.0 / one_plus)
-        x = k * np.cos(phi) * np.sin(dlon)
-        y = k * (np.cos(phi0) * np.sin(phi) - np.sin(phi0) * np.cos(phi) * np.cos(dlon))
-        return x, y
-
-    def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Return longitude and latitude (degrees) of points (m)."""
-        phi0 = self.lat0 * DEGREE
-        rho = np.hypot(x, y) / self.earth_radius
-        c = 2.0 * np.arcsin(0.5 * rho)
-        ratio = np.where(rho > 0, np.sin(c) / np.where(rho > 0, rho, 1.0), 1.0) / self.earth_radius
-        phi = np.arcsin(np.cos(c) * np.sin(phi0) + y * ratio * np.cos(phi0))
-        dlon = np.arctan2(x * ratio, np.cos(phi0) * np.cos(c) - y * ratio * np.sin(phi0))
-        return self.lon0 + dlon / DEGREE, phi / DEGREE
-
-    def moved(self, dlon: float, dlat: float) -> TangentPlane:
-        """Return the same map moved by some degrees."""
-        return TangentPlane(self.lon0 + dlon, self.lat0 + dlat, self.earth_radius)
 
 
 @dataclass(frozen=True)
@@ -112,17 +72,20 @@ class ReferencePlane:
 
 def filling_plane(
     bounds: tuple[float, float, float, float], centroid: tuple[float, float], conformal: bool, earth_radius: float
-) -> Plane:
+) -> FillingPlane:
     """Return the plane in which a figure of these bounds and centroid (degrees) is filled."""
     if conformal:
-        return TangentPlane(*centroid, earth_radius)
+        return EqualAreaPlane(*centroid, earth_radius)
     west, south, _, north = bounds
     return ReferencePlane(west, south, 0.5 * (south + north), earth_radius)
 
 
 def centroid_moved(
-    plane: Plane, centroid: tuple[float, float], placement: tuple[float, float] | None, shift: tuple[float, float]
-) -> Plane:
+    plane: FillingPlane,
+    centroid: tuple[float, float],
+    placement: tuple[float, float] | None,
+    shift: tuple[float, float],
+) -> FillingPlane:
     """Return the plane after a move of the centroid (degrees) to ``placement`` and by ``shift``."""
     target = centroid if placement is None else placement
     return plane.moved(target[0] - centroid[0] + shift[0], target[1] - centroid[1] + shift[1])

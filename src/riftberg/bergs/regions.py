@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import shapely
 
-from riftberg.bergs.feature import needed
 from riftberg.bergs.lattice import Booleans, Region
-from riftberg.bergs.placement import Plane
+from riftberg.bergs.placement import FillingPlane
 from riftberg.bergs.raster import Raster, joined, unprojected
 from riftberg.bergs.rifts import pieces as connected
 from riftberg.constants import DEGREE
@@ -18,9 +18,8 @@ from riftberg.errors import BergError
 from riftberg.state import Floats, Ints
 
 
-def outline_region(geometry: Any, plane: Plane) -> Region:
+def outline_region(geometry: Any, plane: FillingPlane) -> Region:
     """Return an outline (shapely, longitude and latitude in degrees) as a region of a plane."""
-    shapely = needed("shapely")
     flat = shapely.transform(geometry, plane.forward, interleaved=False)
     shapely.prepare(flat)
     centroid = (flat.centroid.x, flat.centroid.y)
@@ -37,12 +36,12 @@ def outline_region(geometry: Any, plane: Plane) -> Region:
 
 def ice_cells(mask: Raster, threshold: float) -> Booleans:
     """Return the cells whose values are above a threshold."""
-    found: Booleans = np.nan_to_num(mask.values) > threshold
-    return found
+    above: Booleans = np.nan_to_num(mask.values) > threshold
+    return above
 
 
 @dataclass(frozen=True)
-class Ice:
+class IceMask:
     """A mask as fractions of ice.
 
     Attributes
@@ -57,7 +56,7 @@ class Ice:
     level: float
 
     @classmethod
-    def of(cls, mask: Raster, threshold: float) -> Ice:
+    def of(cls, mask: Raster, threshold: float) -> IceMask:
         """Return the ice of a mask, of a fraction or of a thickness.
 
         Values from 0 to 1 with a positive threshold are fractions, and the edge of the ice lies where they reach the
@@ -80,8 +79,8 @@ class Ice:
     @property
     def there(self) -> Booleans:
         """Cells of ice."""
-        found: Booleans = self.fraction.values > self.level
-        return found
+        above: Booleans = self.fraction.values > self.level
+        return above
 
     def pieces(self) -> Floats:
         """Return the numbers (from 1) of the separate pieces of ice, NaN without ice.
@@ -101,13 +100,13 @@ class Ice:
 
 
 def mask_region(
-    ice: Ice, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], Plane]
-) -> tuple[Region, Plane, tuple[float, float]]:
+    ice: IceMask, plane_at: Callable[[tuple[float, float, float, float], tuple[float, float]], FillingPlane]
+) -> tuple[Region, FillingPlane, tuple[float, float]]:
     """Return a mask as a region of the plane that suits it, the plane, and the mask's centroid in degrees.
 
     Parameters
     ----------
-    ice : Ice
+    ice : IceMask
         Where there is ice.
     plane_at : callable
         Makes a plane from bounds and centroid (degrees).
@@ -126,8 +125,8 @@ def mask_region(
     area = float((mask.values * cell).sum()) * _square_degree(plane, centroid)
 
     def inside(x: Floats, y: Floats) -> Booleans:
-        found: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > ice.level
-        return found
+        ice_there: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > ice.level
+        return ice_there
 
     numbers = ice.pieces()
     numbered = replace(mask, values=numbers)
@@ -148,7 +147,7 @@ def _edge(west: float, south: float, east: float, north: float) -> tuple[Floats,
     return all_lon, np.concatenate([np.full(33, south), np.full(33, north), lat, lat])
 
 
-def _square_degree(plane: Plane, centroid: tuple[float, float]) -> float:
+def _square_degree(plane: FillingPlane, centroid: tuple[float, float]) -> float:
     """Area (m2) of one square degree at the equator, from the plane's own scale along the meridian."""
     lat = np.array([centroid[1] - 1e-3, centroid[1] + 1e-3])
     x, y = plane.forward(np.full(2, centroid[0]), lat)

@@ -18,7 +18,7 @@ def describe(berg: BondedBerg) -> str:
     if berg.report.get("feature"):
         lines.append(f"  feature: {berg.report['feature']}")
     lines.append(f"  elements: {len(e.id)} {berg.packing}, radius {berg.radius:g} m")
-    lines.append(_area(berg))
+    lines.append(_plan_area(berg))
     lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
     draft = e.thickness * berg.density / RHO_SEAWATER
     lines.append(
@@ -34,13 +34,13 @@ def describe(berg: BondedBerg) -> str:
     lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
     count = int(e.berg.max())
     drawn = berg.report.get("outline_pieces", count)
-    told = f" (the outline has {drawn})" if drawn != count else ""
-    lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{told}")
+    drawn_text = f" (the outline has {drawn})" if drawn != count else ""
+    lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{drawn_text}")
     lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
     return "\n".join(lines)
 
 
-def _area(berg: BondedBerg) -> str:
+def _plan_area(berg: BondedBerg) -> str:
     text = f"  area: {berg.area / 1e6:.6g} km2"
     if "outline_area" in berg.report:
         outline, error = berg.report["outline_area"], berg.report["area_error"]

@@ -30,7 +30,7 @@ def listed(values: Any, size: int) -> Floats:
             where="strength",
             remedy="Give one value per bond, in the order of berg.bonds, a map, or a distribution",
         )
-    _check(strengths, [f"bond {k}" for k in range(size)])
+    _check_strengths(strengths, [f"bond {k}" for k in range(size)])
     return strengths
 
 
@@ -47,11 +47,11 @@ def mapped(source: Any, elements: Elements, bonds: Bonds) -> Floats:
             where=raster.name,
             remedy="Extend the map or fill its gaps",
         )
-    _check(values, places)
+    _check_strengths(values, places)
     return values
 
 
-def _check(strengths: Floats, places: list[str]) -> None:
+def _check_strengths(strengths: Floats, places: list[str]) -> None:
     bad = ~(np.isfinite(strengths) & (strengths > 0.0))
     if bad.any():
         k = int(np.argmax(bad))

@@ -31,14 +31,14 @@ def compare(
     """Show runs side by side: break-ups, bonds, and the distance from the observed positions by day."""
     import json
 
-    found = comparison(runs, names_of(runs), observed)
+    result = comparison(runs, names_of(runs), observed)
     if as_json:
-        typer.echo(json.dumps(found.as_dict(), indent=1))
+        typer.echo(json.dumps(result.as_dict(), indent=1))
     else:
-        show(found)
+        show(result)
     if output is not None:
         output.mkdir(parents=True, exist_ok=True)
-        written = [found.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
+        written = [result.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
         say("Written: " + ", ".join(str(path) for path in written))
 
 
@@ -55,14 +55,14 @@ def folder_of(run: Path) -> Path:
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
     """Read runs and put them side by side."""
-    from riftberg.diagnostics.compare import compare, read_told
+    from riftberg.diagnostics.compare import compare, read_compared
 
     folders = [folder_of(run) for run in runs]
     for folder in folders:
         if not (folder / "run.nc").is_file():
             raise InputError("no run.nc", where=str(folder), remedy="Name folders that 'riftberg run' made")
     known = _known(folders[0], observed)
-    return compare([read_told(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
+    return compare([read_compared(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
 
 
 def _known(folder: Path, observed: Path | None) -> Known:
@@ -91,20 +91,20 @@ def _known(folder: Path, observed: Path | None) -> Known:
     return Known(dict(PUBLISHED), dict(SEEN), fixes)
 
 
-def show(found: Comparison) -> None:
+def show(result: Comparison) -> None:
     """Print the table."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(show_lines=False)
-    for k, name in enumerate(found.columns):
+    for k, name in enumerate(result.columns):
         table.add_column(name, overflow="fold", no_wrap=k == 0)
-    for label, cells in found.rows:
+    for label, cells in result.rows:
         table.add_row(label, *cells)
     console = Console()
     # A file or a pipe has no width of its own.
     if not console.is_terminal:
-        console = Console(width=40 + 34 * (len(found.columns) - 1))
+        console = Console(width=40 + 34 * (len(result.columns) - 1))
     console.print(table, highlight=False)
 
 

@@ -55,7 +55,7 @@ def doctor(
     report = examine(
         files or asked.files, lon=pair(lon, "--lon") or asked.lon, lat=pair(lat, "--lat") or asked.lat,
         time=dates(time) or asked.time, needed=[name for name in (*NEEDED, *(need or ())) if name not in asked.spared],
-        path=_path(run) or list(asked.path), product=product or asked.products,
+        path=_path_of_run(run) or list(asked.path), product=product or asked.products,
         max_gap=asked.max_gap, hold=asked.hold,
     )  # fmt: skip
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
@@ -89,18 +89,18 @@ def _asked(name: str) -> Asked:
         from riftberg.ocean.files_schema import FileForcing
 
         experiment, _, _ = read_file(Path(name))
-        given = experiment.forcing
-        if not isinstance(given, FileForcing):
+        forcing = experiment.forcing
+        if not isinstance(forcing, FileForcing):
             raise InputError(
-                f"its forcing is of kind {given.kind!r}", where=f"--for {name}", remedy="It needs no files"
+                f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
             )
         end = experiment.start + timedelta(days=experiment.days)
-        products = {str(Path(name).parent / entry.file): entry.product for entry in given.entries}
-        left_out = {"ssh"} if given.sea_level == "none" else set()
-        left_out |= {"ua", "va"} if given.wind == "none" else set()
-        max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (given.max_gap, given.hold))
+        products = {str(Path(name).parent / entry.file): entry.product for entry in forcing.entries}
+        left_out = {"ssh"} if forcing.sea_level == "none" else set()
+        left_out |= {"ua", "va"} if forcing.wind == "none" else set()
+        max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Asked(
-            given.longitude, given.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
+            forcing.longitude, forcing.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
     return _asked_a68a(name)
@@ -127,7 +127,7 @@ def _asked_a68a(name: str) -> Asked:
     return asked._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
 
 
-def _path(run: Path | None) -> list[tuple[float, float]] | None:
+def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
     """Return the daily positions of a run."""
     if run is None:
         return None

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from riftberg.diagnostics.observed import Observed
+    from riftberg.diagnostics.observed import Observations
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
 ObservedFile = Annotated[
@@ -34,24 +34,24 @@ Dates = Annotated[
 ]
 
 
-def beside(run: Path, given: Path | None, name: str) -> Path:
+def beside(run: Path, wished: Path | None, name: str) -> Path:
     """Return where a picture goes: where it was asked for, else beside the run."""
     folder = run if run.is_dir() else run.parent
-    return given if given is not None else folder / name
+    return wished if wished is not None else folder / name
 
 
-def seen(path: Path | None) -> Observed:
+def seen(path: Path | None) -> Observations:
     """Return observed outlines, none where no file was named."""
-    from riftberg.diagnostics.observed import Observed, read_observed
+    from riftberg.diagnostics.observed import Observations, read_observed
 
     if path is None:
-        return Observed("")
-    found = read_observed(path)
-    if not found.outlines:
+        return Observations("")
+    observations = read_observed(path)
+    if not observations.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"
         )
-    return found
+    return observations
 
 
 def outlines(path: Path | None) -> dict[str, list[Any]]:
@@ -59,7 +59,7 @@ def outlines(path: Path | None) -> dict[str, list[Any]]:
     return seen(path).rings_by_day()
 
 
-def moments(dates: list[str] | None, run: xr.Dataset, observed: Observed) -> list[np.datetime64]:
+def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) -> list[np.datetime64]:
     """Return dates from the command line.
 
     A day alone means the time of its observed outline; where that has none, the hour of the start of the run, as in
@@ -71,10 +71,10 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observed) -> lis
 
     start = run["time"].values[0]
     hour = start - start.astype("datetime64[D]")
-    found = []
+    days = []
     for text in dates or ():
         when, day_only = parse_date(text, where="--date")
         timed = sorted(o.when for o in observed.outlines if not o.day_only and o.when.date() == when.date())
         moment = np.datetime64((timed[0] if day_only and timed else when).isoformat())
-        found.append(moment + hour if day_only and not timed else moment)
-    return found
+        days.append(moment + hour if day_only and not timed else moment)
+    return days

@@ -33,12 +33,12 @@ def plot(
     for name in kind or ():
         if name not in KINDS:
             raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
-    found = seen(observed)
-    shown = found.rings_by_day()
+    observations = seen(observed)
+    shown = observations.rings_by_day()
     folder = output or (run if run.is_dir() else run.parent)
     folder.mkdir(parents=True, exist_ok=True)
     with open_run(run) as dataset:
-        when = moments(date, dataset, found)
+        when = moments(date, dataset, observations)
         kinds = kind or [name for name in KINDS if name != "damage" or "damage" in dataset]
         if "dates" in kinds:
             typer.echo(draw_dates(dataset, folder / "dates.png", dates=when, observed=shown, dpi=dpi))

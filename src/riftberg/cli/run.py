@@ -104,9 +104,9 @@ def _run_both(
         session.run(options.days if options.days is not None else info.days, hours, quiet)
         session.report(draw=draw)
     assert folder is not None
-    found = comparison(folders, BOTH)
-    show(found)
-    files = [found.write(folder / "comparison.json")]
+    table = comparison(folders, BOTH)
+    show(table)
+    files = [table.write(folder / "comparison.json")]
     if draw:
         files += joined_maps(folders, folder / "comparison.png")
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
@@ -165,10 +165,10 @@ def make_options(
     return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
 
 
-def output_folder(given: Path | None, name: str, holds: str = "run.nc") -> Path:
+def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path:
     """Return the folder of the results; without a wish, one that holds no earlier run."""
-    if given is not None:
-        return given
+    if wished is not None:
+        return wished
     folder, number = Path("riftberg-out") / name, 1
     while (folder / holds).exists():
         number += 1

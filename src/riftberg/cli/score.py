@@ -62,23 +62,23 @@ def score(
     folder.mkdir(parents=True, exist_ok=True)
     with open_run(run) as dataset:
         seen = read_observed(observed, date=date, variable=variable)
-        found = score_run(
-            dataset, seen, hour=hour, between=_between(between), together=_numbers(together), interpolated=interpolated
+        result = score_run(
+            dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
         )
         title = heading(dataset, f"run against {observed.name}")
     if as_json:
-        typer.echo(json.dumps(found.as_dict(), indent=1))
+        typer.echo(json.dumps(result.as_dict(), indent=1))
     else:
-        _print(found)
-    written = [found.write(folder / "score.json")]
+        _print_score(result)
+    written = [result.write(folder / "score.json")]
     if figure:
         from riftberg.viz.score import draw_score
 
-        written.append(draw_score(found, folder / "score.png", title=title))
+        written.append(draw_score(result, folder / "score.png", title=title))
     say("Written: " + ", ".join(str(path) for path in written))
 
 
-def _between(text: str | None) -> tuple[datetime, datetime] | None:
+def _span(text: str | None) -> tuple[datetime, datetime] | None:
     from riftberg.cli.spans import dates
 
     span = dates(text, "--between")
@@ -96,11 +96,13 @@ def _numbers(text: str | None) -> list[int]:
         raise InputError(f"{text!r} are no numbers", where="--together", remedy="For example --together 1,6") from error
 
 
-def table_of(found: Score) -> Table:
+def table_of(result: Score) -> Table:
     """Return the table of a score."""
     from rich.table import Table
 
-    table = Table(title=f"Run against {found.observed}")
+    from riftberg.diagnostics.dates import minute
+
+    table = Table(title=f"Run against {result.observed}")
     for name in (
         "time",
         "piece",
@@ -114,17 +116,17 @@ def table_of(found: Score) -> Table:
         "IoU",
     ):
         table.add_column(name, justify="left" if name in ("time", "piece", "fragments") else "right", no_wrap=True)
-    for day in found.days:
+    for day in result.days:
         for k, match in enumerate(day.matches):
             table.add_row(
-                day.time.replace("T", " ")[:16] if k == 0 else "",
-                *_cells(match),
+                minute(day.time) if k == 0 else "",
+                *_match_cells(match),
                 style="bold" if match is day.berg else "",
             )
     return table
 
 
-def _cells(m: Match) -> list[str]:
+def _match_cells(m: Match) -> list[str]:
     def text(value: float | None, form: str) -> str:
         return "" if value is None else format(value, form)
 
@@ -135,9 +137,9 @@ def _cells(m: Match) -> list[str]:
     ]  # fmt: skip
 
 
-def sentence(found: Score) -> str:
+def sentence(result: Score) -> str:
     """Return the summary in a sentence."""
-    s = found.summary()
+    s = result.summary()
     if not s["days"]:
         return "The berg itself was not observed during the run."
     parts = [f"centroid {s['distance_km_rms']:.1f} km off (rms; at most {s['distance_km_max']:.1f} km)"]
@@ -150,12 +152,12 @@ def sentence(found: Score) -> str:
     return f"{s['days']} times: " + ", ".join(parts) + "."
 
 
-def _print(found: Score) -> None:
+def _print_score(result: Score) -> None:
     from rich.console import Console
 
     console = Console()
     # A file or a pipe has no width of its own; the table needs 110 columns.
     if not console.is_terminal:
         console = Console(width=120)
-    console.print(table_of(found))
-    console.print(sentence(found), highlight=False)
+    console.print(table_of(result))
+    console.print(sentence(result), highlight=False)

@@ -58,7 +58,7 @@ def why(
         for paragraph, breakup in zip(words(reasons), [*reasons.breakups, None], strict=False):
             typer.echo(paragraph)
             if breakup is not None:
-                _print(breakup)
+                _print_breakup(breakup)
     written = [reasons.write(folder / "why.json")]
     if figure:
         from riftberg.viz.why import draw_reasons
@@ -99,17 +99,17 @@ def add_controls(
             control.close()
 
 
-def _experiment(given: str) -> tuple[str, tuple[str, ...]]:
+def _experiment(name: str) -> tuple[str, tuple[str, ...]]:
     """Return the experiment as `riftberg.experiments.build` takes it, and its parts; files have none."""
     from riftberg.experiments import find
 
-    if Path(given).is_file():
-        return given, ()
+    if Path(name).is_file():
+        return name, ()
     try:
-        entry = find(given)
+        entry = find(name)
     except InputError as error:
         raise InputError(
-            f"{given!r} is no built-in experiment",
+            f"{name!r} is no built-in experiment",
             where="--controls",
             remedy="Name the YAML file of the run by --experiment FILE",
         ) from error
@@ -148,7 +148,7 @@ def _control(
     return open_run(path)
 
 
-def _print(b: Breakup) -> None:
+def _print_breakup(b: Breakup) -> None:
     """Print the budget and the load of one break-up as tables."""
     from rich.console import Console
     from rich.table import Table

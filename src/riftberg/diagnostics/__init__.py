@@ -1,1 +1,1 @@
-"""What a run means: fragments, tracks, scores against observations, reasons of break-ups, speed."""
+"""What a run means: summary, scores against observations, reasons of break-ups, speed."""

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from riftberg.diagnostics.dates import minute
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.overlap import axis_difference, distance
 from riftberg.diagnostics.side_by_side import Event, aligned, differences
@@ -51,7 +52,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Day:
+class RunDay:
     """One run at one observed time.
 
     Attributes
@@ -73,12 +74,12 @@ class Day:
 
 
 @dataclass(frozen=True)
-class Told:
+class ComparedRun:
     """One run: its name, its summary, and its days."""
 
     name: str
     summary: dict[str, Any]
-    days: list[Day]
+    days: list[RunDay]
 
     def rms(self) -> tuple[float, float] | None:
         """Return root mean squares of distance (km) and of the difference of the axes (degrees); None without days."""
@@ -97,12 +98,12 @@ class Comparison:
     columns : list of str
         Headings; the first column holds the labels of the rows.
     rows : list of (label, cells)
-    runs : list of Told
+    runs : list of ComparedRun
     """
 
     columns: list[str]
     rows: list[tuple[str, list[str]]]
-    runs: list[Told]
+    runs: list[ComparedRun]
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
@@ -127,7 +128,7 @@ class Comparison:
         return path
 
 
-def read_told(folder: Path, name: str, fixes: Sequence[Fix]) -> Told:
+def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     """Read a run from its folder and compare it with the observed positions.
 
     Raises
@@ -143,18 +144,18 @@ def read_told(folder: Path, name: str, fixes: Sequence[Fix]) -> Told:
     summary = json.loads(path.read_text(encoding="utf-8"))
     with open_run(folder) as dataset:
         scene = Scene(dataset)
-        days = [day for fix in fixes if (day := _day(scene, fix)) is not None] if scene.latlon else []
-    return Told(name, summary, days)
+        days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
+    return ComparedRun(name, summary, days)
 
 
-def _day(scene: Scene, fix: Fix) -> Day | None:
+def _day_of_fix(scene: Scene, fix: Fix) -> RunDay | None:
     apart = np.abs(scene.times - np.datetime64(fix.when)) / np.timedelta64(1, "h")
     record = int(np.argmin(apart))
     if apart[record] > 1.0:
         return None
     made = observed_part(scene, record, fix.area)
     turned = axis_difference(made.azimuth, fix.azimuth)
-    return Day(
+    return RunDay(
         fix.when.isoformat(),
         distance(made.lon, made.lat, fix.lon, fix.lat, scene.radius) / 1e3,
         None if math.isnan(turned) else turned,
@@ -186,18 +187,18 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
     return berg_position(scene.x[record][rows], scene.y[record][rows], scene.area[rows], radius=scene.radius)
 
 
-def compare(runs: Sequence[Told], known: Known | None = None) -> Comparison:
+def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparison:
     """Return runs side by side.
 
     Parameters
     ----------
-    runs : sequence of Told
-        From `read_told`.
+    runs : sequence of ComparedRun
+        From `read_compared`.
     known : Known, optional
         Columns of the published run and of the observations.
     """
     known = known or Known()
-    seen = {_stamp(fix.when.isoformat()): _place(fix) for fix in known.fixes}
+    seen = {minute(fix.when.isoformat()): _place_of_fix(fix) for fix in known.fixes}
     beside = {name: texts for name, texts in (("published", known.published), ("observed", known.observed)) if texts}
     if seen:
         beside["observed"] = {**known.observed, **seen}
@@ -206,7 +207,7 @@ def compare(runs: Sequence[Told], known: Known | None = None) -> Comparison:
     large = [[event for event in run.summary["breakups"] if event["area_km2"] >= SMALL] for run in runs]
     events = aligned(large, runs[0].summary["numerics"]["earth"]) if runs else []
     for k, run in enumerate(runs):
-        for label, text in _cells(run, events[k]).items():
+        for label, text in _run_cells(run, events[k]).items():
             cells.setdefault(label, [""] * len(runs))[k] = text
     order = sorted(cells, key=lambda label: (_RANK.get(label, 1 if label.startswith(_BREAK_UP) else 7), label))
     rows = [(label, [*(texts.get(label, "") for texts in beside.values()), *cells[label]]) for label in order]
@@ -227,7 +228,7 @@ _RANK: Final = {
 }
 
 
-def _cells(run: Told, events: Sequence[Event | None]) -> dict[str, str]:
+def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, str]:
     """Return the cells of a run by label; ``events`` are its break-ups by row, None where it has none."""
     s = run.summary
     latlon = s["numerics"]["earth"]["latlon"]
@@ -242,7 +243,7 @@ def _cells(run: Told, events: Sequence[Event | None]) -> dict[str, str]:
     rows["bonds broken"] = f"{s['bonds_broken']} of {s['bonds_total']} = {share:.1f} %"
     if s["seconds_per_day"] is not None:
         rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
-    rows |= {_stamp(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
+    rows |= {minute(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
     means = run.rms()
     if means is not None:
         rows["rms of the days"] = f"{means[0]:.1f} km, {means[1]:.0f}°"
@@ -258,13 +259,9 @@ def _event(event: dict[str, Any], latlon: bool) -> str:
     return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {place}"
 
 
-def _place(fix: Fix) -> str:
+def _place_of_fix(fix: Fix) -> str:
     turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
     return f"{latitude(fix.lat, 2)} {longitude(fix.lon, 2)}{turned}"
-
-
-def _stamp(time: str) -> str:
-    return f"{datetime.fromisoformat(time):%Y-%m-%d %H:%M}"
 
 
 def _apart(kilometres: float, turned: float | None) -> str:

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from riftberg.diagnostics.breakup import Breakup, Budget, FirstBond, Load
 from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 
@@ -74,12 +74,12 @@ class Cut:
 
     def breakup(self) -> Breakup | None:
         """Return the reasons; None where the records are too few to tell."""
-        found = members_at_birth(self.scene, self.row)
+        members = members_at_birth(self.scene, self.row)
         before = int(np.searchsorted(self.scene.times, self.birth)) - 1
-        if found is None or before < 0:
+        if members is None or before < 0:
             return None
         self.inside = np.zeros(self.run.sizes["trajectory"], bool)
-        self.inside[found[0]] = True
+        self.inside[members[0]] = True
         first, second = self.run["first"].values, self.run["second"].values
         rest = ~self.inside & (self.scene.berg[before] == self.parent)
         across = (self.inside[first] & rest[second]) | (rest[first] & self.inside[second])
@@ -259,7 +259,7 @@ class _Geometry:
         lon, lat = scene.x[record], scene.y[record]
         weight = self.mass[body]
         centre = float(np.average(lon[body], weights=weight)), float(np.average(lat[body], weights=weight))
-        plane = Plane(*centre, scene.radius, scene.latlon)
+        plane = ConformalPlane(*centre, scene.radius, scene.latlon)
         x, y = plane.forward(lon, lat)
         self.x, self.y = x - np.average(x[body], weights=weight), y - np.average(y[body], weights=weight)
         self.angle = plane.eastward(lon, lat)

@@ -24,6 +24,11 @@ _WORDS: Final = re.compile(
 )
 
 
+def minute(text: str) -> str:
+    """Return an ISO date and time to the minute, as it stands in tables and titles."""
+    return text.replace("T", " ")[:16]
+
+
 def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
     """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD.
 
@@ -58,14 +63,14 @@ def date_in_text(text: str) -> tuple[datetime, bool] | None:
     day_only : bool
         None for both where there is no date, or more than one.
     """
-    found: set[tuple[datetime, bool]] = set()
+    dates: set[tuple[datetime, bool]] = set()
     for match in _NUMBERS.finditer(text):
         year, _, month, day, *clock = match.groups()
         hour, minute, second = clock[:3] if clock[0] else clock[3:]
-        found |= _moment(year, month, day, hour, minute, second)
+        dates |= _moment(year, month, day, hour, minute, second)
     for match in _WORDS.finditer(text):
-        found |= _moment(match[3], str(_MONTHS.index(match[2].lower()) + 1), match[1], None, None, None)
-    return found.pop() if len(found) == 1 else None
+        dates |= _moment(match[3], str(_MONTHS.index(match[2].lower()) + 1), match[1], None, None, None)
+    return dates.pop() if len(dates) == 1 else None
 
 
 def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
@@ -78,7 +83,7 @@ def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
 
 
 def find_date(
-    properties: Mapping[str, Any], names: Iterable[str], *, where: str, given: str | None = None
+    properties: Mapping[str, Any], names: Iterable[str], *, where: str, stated: str | None = None
 ) -> tuple[datetime, bool]:
     """Find the date of an outline: in its attributes, in its names, in the name of its file.
 
@@ -90,7 +95,7 @@ def find_date(
         Further names in which a date may stand, the nearest first; the last one is that of the file.
     where : str
         File and outline, for messages.
-    given : str, optional
+    stated : str, optional
         Date to take where the file has none.
 
     Raises
@@ -102,14 +107,15 @@ def find_date(
     for key in DATE_KEYS:
         if small.get(key) not in (None, ""):
             return _with_clock(
-                *parse_date(_text(small[key]), where=f"{where}, {key}"), _text(small.get(_clock(key), ""))
+                *parse_date(_text_of_value(small[key]), where=f"{where}, {key}"),
+                _text_of_value(small.get(_clock(key), "")),
             )
     for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
-        found = date_in_text(text)
-        if found is not None:
-            return found
-    if given:
-        return parse_date(given, where="--date")
+        dated = date_in_text(text)
+        if dated is not None:
+            return dated
+    if stated:
+        return parse_date(stated, where="--date")
     has = f"it has {', '.join(map(str, properties))}" if properties else "it has none"
     raise InputError(
         "no date",
@@ -132,7 +138,7 @@ def _with_clock(when: datetime, day_only: bool, clock: str) -> tuple[datetime, b
     return when + timedelta(hours=hour, minutes=minute, seconds=second), False
 
 
-def _text(value: Any) -> str:
+def _text_of_value(value: Any) -> str:
     """Return a value of a table as text; numbers without the point that tables give them."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)

@@ -76,7 +76,7 @@ class Fix:
 
 
 @dataclass(frozen=True)
-class Observed:
+class Observations:
     """Outlines and positions of a file."""
 
     source: str
@@ -91,7 +91,7 @@ class Observed:
         return days
 
 
-def read_observed(path: str | Path, *, date: str | None = None, variable: str | None = None) -> Observed:
+def read_observed(path: str | Path, *, date: str | None = None, variable: str | None = None) -> Observations:
     """Read outlines or positions.
 
     Parameters
@@ -113,17 +113,17 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
         raise InputError("no such file", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
     kind = path.suffix.lower()
     if kind in _DRAWINGS:
-        return Observed(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
+        return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
     if kind in _GRIDS:
-        return Observed(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
+        return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
     if kind in (".geojson", ".json"):
-        return Observed(path.name, outlines=_without_twins(_geojson(path)))
+        return Observations(path.name, outlines=_without_twins(_geojson(path)))
     if kind not in _TABLES:
         raise InputError(f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
     return _table(path)
 
 
-def _table(path: Path) -> Observed:
+def _table(path: Path) -> Observations:
     rows = [
         {str(k).strip().lower(): v.strip() for k, v in row.items() if k is not None and v is not None}
         for row in rows_of_csv(path)[0]
@@ -134,8 +134,8 @@ def _table(path: Path) -> Observed:
     if not date:
         raise _unknown(path, rows[0], "no column of dates")
     if any(name in rows[0] for name in _VERTEX):
-        return Observed(path.name, outlines=_without_twins(_vertices(path, rows, date)))
-    return Observed(path.name, fixes=list(_positions(path, rows, date)))
+        return Observations(path.name, outlines=_without_twins(_vertices(path, rows, date)))
+    return Observations(path.name, fixes=list(_fixes(path, rows, date)))
 
 
 def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
@@ -162,11 +162,11 @@ def _geojson(path: Path) -> Iterator[Outline]:
             raise InputError("no date", where=where, remedy="Give every feature a property 'date'")
         when, day_only = parse_date(date, where=where)
         name = next((str(properties[n]) for n in NAMES if properties.get(n)), "")
-        for ring in _rings(feature.get("geometry") or {}):
+        for ring in _outer_rings(feature.get("geometry") or {}):
             yield Outline(name, when, day_only, checked_ring(ring, where))
 
 
-def _rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
+def _outer_rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
     """Yield the outer rings; lines (rifts) and points are left alone."""
     if geometry.get("type") == "Polygon":
         yield geometry["coordinates"][0]
@@ -175,7 +175,7 @@ def _rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
             yield polygon[0]
     elif geometry.get("type") == "GeometryCollection":
         for part in geometry["geometries"]:
-            yield from _rings(part)
+            yield from _outer_rings(part)
 
 
 def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
@@ -193,13 +193,15 @@ def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Out
     groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for number, row in enumerate(rows):
         key = row.get(date, ""), row.get(name, "")
-        groups.setdefault(key, []).append((_number(row, lon, path, number), _number(row, lat, path, number)))
+        groups.setdefault(key, []).append(
+            (_number_of_row(row, lon, path, number), _number_of_row(row, lat, path, number))
+        )
     for (day, berg), points in groups.items():
-        when, day_only = _when(day, date, str(path))
+        when, day_only = _date_of_text(day, date, str(path))
         yield Outline(berg, when, day_only, checked_ring(points, f"{path}, {day}"))
 
 
-def _when(text: str, column: str, where: str) -> tuple[datetime, bool]:
+def _date_of_text(text: str, column: str, where: str) -> tuple[datetime, bool]:
     """Read a date; only in a column of the US National Ice Center is ``12/10/2020`` known to be the tenth of December."""
     if column in _UPDATED:
         try:
@@ -216,7 +218,7 @@ def _plain_columns(path: Path, row: Mapping[str, str]) -> tuple[str, str]:
     raise _unknown(path, row, "no columns of latitude and longitude")
 
 
-def _number(row: Mapping[str, str], column: str, path: Path, number: int) -> float:
+def _number_of_row(row: Mapping[str, str], column: str, path: Path, number: int) -> float:
     text = row.get(column, "")
     try:
         return float(text) if text else math.nan
@@ -224,16 +226,16 @@ def _number(row: Mapping[str, str], column: str, path: Path, number: int) -> flo
         raise InputError(f"{text!r} is not a number", where=f"{path}, line {number + 2}, {column}") from error
 
 
-def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
+def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
     sensors = _sensor_columns(rows[0])
     plain = None if sensors else _plain_columns(path, rows[0])
     name = next((n for n in NAMES if n in rows[0]), "")
     azimuth = next((c for c in rows[0] if "azimuth" in c), "")
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
-        when, day_only = _when(row.get(date, ""), date, where)
+        when, day_only = _date_of_text(row.get(date, ""), date, where)
         lat, lon, interpolated = (
-            (_number(row, plain[0], path, number), _number(row, plain[1], path, number), False)
+            (_number_of_row(row, plain[0], path, number), _number_of_row(row, plain[1], path, number), False)
             if plain
             else _best_sensor(row, sensors, path, number)
         )
@@ -241,21 +243,21 @@ def _positions(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fi
             continue
         if abs(lat) > 90.0:
             raise InputError(f"latitude {lat:g}", where=where)
-        area = _number(row, "area_km2", path, number) * 1e6
+        area = _number_of_row(row, "area_km2", path, number) * 1e6
         yield Fix(
             row.get(name) or path.stem.upper(), when, day_only, lon, lat,
-            _number(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated,
+            _number_of_row(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated,
         )  # fmt: skip
 
 
 def _sensor_columns(row: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """Return columns of latitude, longitude and flag of the sensors in a table."""
-    found = []
+    columns = []
     for sensor in SENSORS:
         for lat, lon, flag in (("_1", "_2", "_3"), ("_lat", "_lon", "_observed")):
             if sensor + lat in row and sensor + lon in row:
-                found.append((sensor + lat, sensor + lon, sensor + flag))
-    return found
+                columns.append((sensor + lat, sensor + lon, sensor + flag))
+    return columns
 
 
 def _best_sensor(
@@ -264,7 +266,7 @@ def _best_sensor(
     """Return the position of the first sensor that saw the berg, else the first interpolated one."""
     second = math.nan, math.nan, True
     for lat_name, lon_name, flag in sensors:
-        lat, lon = _number(row, lat_name, path, number), _number(row, lon_name, path, number)
+        lat, lon = _number_of_row(row, lat_name, path, number), _number_of_row(row, lon_name, path, number)
         if not (math.isfinite(lat) and math.isfinite(lon)) or (lat == 0.0 and lon == 0.0):
             continue  # 0, 0 stands for no data in these tables
         if row.get(flag, "1") in ("1", "1.0", ""):

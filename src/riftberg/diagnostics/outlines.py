@@ -95,7 +95,7 @@ def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
     for number, feature in enumerate(polygons):
         where = f"{path}, outline {number}"
-        when, day_only = find_date(feature.properties, [path.stem], where=where, given=date)
+        when, day_only = find_date(feature.properties, [path.stem], where=where, stated=date)
         for part in getattr(feature.geometry, "geoms", [feature.geometry]):
             ring = checked_ring(part.exterior.coords, where, "Add the .prj file that tells its coordinate system")
             yield Outline(_name(feature.properties), when, day_only, ring)
@@ -140,7 +140,7 @@ def outlines_of_grid(path: Path, date: str | None = None, variable: str | None =
     tables = {str(n): t for n, v in data.data_vars.items() if (t := _corners(v)) is not None}
     if tables and variable is None:
         for name, table in tables.items():
-            when, day_only = find_date({**data.attrs, **data[name].attrs}, [path.stem], where=str(path), given=date)
+            when, day_only = find_date({**data.attrs, **data[name].attrs}, [path.stem], where=str(path), stated=date)
             if not name.lower().startswith(_LINES):
                 yield Outline(name, when, day_only, checked_ring(table, f"{path}, {name}"))
         return
@@ -185,8 +185,8 @@ def _dated_pieces(mask: xr.DataArray, attributes: Mapping[str, Any], path: Path,
     # A day is written as its midnight, which is no time of day.
     midnight = all(time.endswith("00:00:00") for time in times)
     for field, time in zip(fields, times, strict=True):
-        told = {"time": time[:10] if midnight else time} if time else {**attributes, **mask.attrs}
-        when, day_only = find_date(told, [path.stem], where=where, given=date)
+        stated = {"time": time[:10] if midnight else time} if time else {**attributes, **mask.attrs}
+        when, day_only = find_date(stated, [path.stem], where=where, stated=date)
         for name, ring in pieces_of(read_raster(field.drop_vars("time", errors="ignore")), mask.attrs, where):
             yield Outline(name, when, day_only, ring)
 
@@ -215,7 +215,7 @@ def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[t
             f"values from {values.min():g} to {values.max():g} are no mask", where=where,
             remedy="A mask has 0 and 1, fractions between, per cent (with units), or whole numbers that number the pieces",
         )  # fmt: skip
-    areas = [_area(ring) for _, ring in pieces]
+    areas = [_ring_area(ring) for _, ring in pieces]
     if not pieces:
         raise BergError("no ice in the mask", where=where, remedy="Cells of ice have values above one half")
     return [piece for piece, area in zip(pieces, areas, strict=True) if area >= SMALLEST * sum(areas)]
@@ -242,7 +242,7 @@ def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:
     return [np.asarray(ring, np.float64) for ring in rings if len(ring) >= 3]
 
 
-def _area(ring: Floats) -> float:
+def _ring_area(ring: Floats) -> float:
     """Return the area of a ring, in squares of a degree of latitude."""
     x, y = ring[:, 0] * np.cos(np.radians(ring[:, 1].mean())), ring[:, 1]
     return 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))

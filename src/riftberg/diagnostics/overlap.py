@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import shapely
+from shapely.affinity import translate
 
 from riftberg.diagnostics.assignment import best_pairs
-from riftberg.errors import InputError
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def group_fragments(
     list of list of int
         Numbers of fragments for each piece; empty where none may be it.
     """
-    union = shapely_module().union_all
+    union = shapely.union_all
     numbers, before = list(shapes), before or {}
     cost = np.empty((len(pieces), len(numbers)))
     for (k, piece), (i, number) in product(enumerate(pieces), enumerate(numbers)):
@@ -105,7 +106,7 @@ def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -
     """
     if min(shape.area, piece.area) <= 0.0:
         return math.inf
-    iou, ratio = overlap(shape, piece), float(shape.area / piece.area)
+    iou, ratio = intersection_over_union(shape, piece), float(shape.area / piece.area)
     diameters = [2.0 * math.sqrt(a.area / math.pi) for a in (shape, piece)]
     away = float(shape.centroid.distance(piece.centroid)) / (REACH * 0.5 * sum(diameters))
     unlike = abs(math.log(ratio)) / math.log(LARGEST_RATIO)
@@ -114,7 +115,7 @@ def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -
     return 1.0 - iou + min(away, 1.0) + min(unlike, 1.0)
 
 
-def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
+def intersection_over_union(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines."""
     common = float(a.intersection(b).area)
     whole = float(a.area) + float(b.area) - common
@@ -123,10 +124,8 @@ def overlap(a: BaseGeometry, b: BaseGeometry) -> float:
 
 def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines whose centroids are laid on each other."""
-    from shapely.affinity import translate
-
     here, there = a.centroid, b.centroid
-    return overlap(translate(a, there.x - here.x, there.y - here.y), b)
+    return intersection_over_union(translate(a, there.x - here.x, there.y - here.y), b)
 
 
 def axis_difference(first: float, second: float) -> float:
@@ -190,9 +189,8 @@ def rectangle_azimuth(shape: BaseGeometry) -> float:
     return float(np.degrees(np.arctan2(x, y)) % 180.0)
 
 
-def polygon_on(plane: Plane, ring: Floats) -> BaseGeometry:
+def polygon_on(plane: ConformalPlane, ring: Floats) -> BaseGeometry:
     """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
-    shapely = shapely_module()
     x, y = plane.forward(ring[:, 0], ring[:, 1])
     polygon = shapely.Polygon(np.column_stack([x, y]))
     if not polygon.is_valid:
@@ -209,17 +207,6 @@ def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, Bas
     """Return the pieces largest first, without those drawn twice."""
     kept: list[tuple[str, BaseGeometry]] = []
     for name, piece in sorted(pieces, key=lambda p: -p[1].area):
-        if not any(overlap(piece, other) > TWINS for _, other in kept):
+        if not any(intersection_over_union(piece, other) > TWINS for _, other in kept):
             kept.append((name, piece))
     return kept
-
-
-def shapely_module() -> Any:
-    """Return shapely, or say how to come by it."""
-    try:
-        import shapely
-    except ImportError as error:
-        raise InputError(
-            "outlines need the package shapely", remedy="Install it with: pip install 'riftberg[outline]'"
-        ) from error
-    return shapely

@@ -23,25 +23,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import shapely
 import xarray as xr
 
 from riftberg.diagnostics.assignment import best_pairs
-from riftberg.diagnostics.observed import Fix, Observed
+from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
     REACH,
     axis_difference,
     distance,
     group_fragments,
-    overlap,
+    intersection_over_union,
     polygon_moments,
     polygon_on,
     same_pieces,
-    shapely_module,
     without_twins,
 )
 from riftberg.errors import InputError
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
 from riftberg.state import Floats
@@ -102,7 +102,7 @@ class Match:
 
 
 @dataclass(frozen=True)
-class Day:
+class ScoredDay:
     """Comparison at one time.
 
     Attributes
@@ -136,20 +136,20 @@ class Score:
     ----------
     observed : str
         File of the observations.
-    days : list of Day
+    days : list of ScoredDay
     """
 
     observed: str
-    days: list[Day]
+    days: list[ScoredDay]
 
     def summary(self) -> dict[str, Any]:
         """Return means over the days, for the berg itself."""
         rows = [berg for day in self.days if (berg := day.berg) is not None]
         return {
             "days": len(rows),
-            "distance_km_rms": _rms(m.distance_km for m in rows),
+            "distance_km_rms": root_mean_square(m.distance_km for m in rows),
             "distance_km_max": max((m.distance_km for m in rows if m.distance_km is not None), default=None),
-            "azimuth_rms": _rms(m.azimuth_difference for m in rows),
+            "azimuth_rms": root_mean_square(m.azimuth_difference for m in rows),
             "area_ratio_mean": _mean(
                 m.area_km2 / m.area_observed_km2 if m.area_km2 and m.area_observed_km2 else None for m in rows
             ),
@@ -169,7 +169,7 @@ class Score:
 
 def score_run(
     run: xr.Dataset,
-    observed: Observed,
+    observed: Observations,
     *,
     hour: float | None = None,
     between: tuple[datetime, datetime] | None = None,
@@ -182,7 +182,7 @@ def score_run(
     ----------
     run : xarray.Dataset
         From `riftberg.runs.run_file.open_run`, on a sphere.
-    observed : Observed
+    observed : Observations
         From `riftberg.diagnostics.observed.read_observed`.
     hour : float, optional
         Hour of the day (UTC) at which observations without a time are compared; by default that of the start.
@@ -253,7 +253,7 @@ class _Judge:
         order = np.argsort(-area, kind="stable")
         return [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
 
-    def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> Day:
+    def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> ScoredDay:
         """Compare at one time."""
         outlines = [item for item in items if isinstance(item, Outline)]
         if outlines:
@@ -262,13 +262,13 @@ class _Judge:
             matches = [self._fix(record, item, names) for item in items if isinstance(item, Fix)]
             used = {n for m in matches for n in m.fragments}
             unmatched = [n for n in self.fragments(record) if n not in used]
-        return Day(when.isoformat(), matches, self.fragments(record)[0], unmatched)
+        return ScoredDay(when.isoformat(), matches, self.fragments(record)[0], unmatched)
 
     # --- outlines --------------------------------------------------------------------------------------------------
 
     def _outlines(self, record: int, outlines: list[Outline]) -> tuple[list[Match], list[int]]:
         here = self.position(record, self.fragments(record)[:1])
-        plane = Plane(here.lon, here.lat, self.scene.radius)
+        plane = ConformalPlane(here.lon, here.lat, self.scene.radius)
         pieces = without_twins([(o.name, polygon_on(plane, o.ring)) for o in outlines])
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
@@ -289,13 +289,12 @@ class _Judge:
         used = {n for group in groups for n in group}
         return matches, [n for n in shapes if n not in used]
 
-    def _answers_before(self, plane: Plane, pieces: list[BaseGeometry]) -> dict[int, int]:
+    def _answers_before(self, plane: ConformalPlane, pieces: list[BaseGeometry]) -> dict[int, int]:
         """Return the fragments that answered to these pieces when they were seen the time before."""
         earlier = [polygon_on(plane, ring) for ring, _ in self._before]
         return {k: self._before[i][1] for k, i in same_pieces(earlier, pieces).items()}
 
-    def _union(self, plane: Plane, polygons: Floats) -> BaseGeometry:
-        shapely = shapely_module()
+    def _union(self, plane: ConformalPlane, polygons: Floats) -> BaseGeometry:
         x, y = plane.forward(polygons[..., 0], polygons[..., 1])
         squares = shapely.polygons(np.stack([x, y], axis=-1))
         return shapely.buffer(
@@ -305,7 +304,7 @@ class _Judge:
     def _piece(
         self,
         record: int,
-        plane: Plane,
+        plane: ConformalPlane,
         name: str,
         piece: BaseGeometry,
         group: list[int],
@@ -315,7 +314,7 @@ class _Judge:
         lon, lat = (float(a) for a in plane.inverse(np.array(x), np.array(y)))
         # The meridians converge: north at the piece is not north at the model's berg, on whose plane all lie.
         azimuth = (azimuth + float(np.degrees(plane.eastward(np.array(lon), np.array(lat))))) % 180.0
-        iou = overlap(shapely_module().union_all([shapes[n] for n in group]), piece) if group else None
+        iou = intersection_over_union(shapely.union_all([shapes[n] for n in group]), piece) if group else None
         seen = Position(lon, lat, azimuth, float(piece.area))
         return self._match(name or "berg", group, record, seen, iou)
 
@@ -407,7 +406,8 @@ def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
-def _rms(values: Iterable[float | None]) -> float | None:
+def root_mean_square(values: Iterable[float | None]) -> float | None:
+    """Return the root of the mean square of the values that there are; None where there is none."""
     there = [v for v in values if v is not None]
     return math.sqrt(sum(v * v for v in there) / len(there)) if there else None
 

@@ -87,10 +87,10 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     if names:
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         rows["parameters that differ"] = [
-            ", ".join(f"{name} {_value(one.get(name))}" for name in names[:MOST_NAMED]) + more for one in flat
+            ", ".join(f"{name} {_value_text(one.get(name))}" for name in names[:MOST_NAMED]) + more for one in flat
         ]
     return rows
 
 
-def _value(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -14,6 +14,7 @@ import xarray as xr
 
 from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
+from riftberg.diagnostics.dates import minute
 from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
@@ -52,21 +53,21 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         Fragments below this part of the whole area are counted, not explained.
     """
     scene = Scene(run)
-    whole, found, small = float(scene.area.sum()), [], 0
+    whole, breakups, small = float(scene.area.sum()), [], 0
     for row in np.argsort(run["fragment_birth_time"].values, kind="stable"):
         if int(run["fragment_parent"].values[row]) <= 0:
             continue
-        told = float(run["fragment_area"].values[row]) >= smallest * whole
-        breakup = Cut(scene, int(row)).breakup() if told else None
+        large = float(run["fragment_area"].values[row]) >= smallest * whole
+        breakup = Cut(scene, int(row)).breakup() if large else None
         if breakup is None:
             small += 1
         else:
-            found.append(breakup)
+            breakups.append(breakup)
     fracture = scene.parameters.fracture
     return Reasons(
         experiment=str(run.attrs.get("experiment", "")),
         forcing=str(run.attrs.get("forcing_title", "")),
-        breakups=found,
+        breakups=breakups,
         small=small,
         strength=fracture.normal_strength if fracture.enabled else None,
     )
@@ -95,10 +96,10 @@ def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> 
     area = float(scene.area[mine].sum())
     pieces: list[tuple[float, float, str]] = []  # area in common and area of each fragment (m2), time of its birth
     for row in range(control.sizes["fragment"]):
-        found = members_at_birth(scene, row) if int(control["fragment_parent"].values[row]) > 0 else None
-        if found is None:
+        members = members_at_birth(scene, row) if int(control["fragment_parent"].values[row]) > 0 else None
+        if members is None:
             continue
-        theirs = np.isin(ids, ids[found[0]])
+        theirs = np.isin(ids, ids[members[0]])
         if (mine & theirs).any():
             birth = iso(control["fragment_birth_time"].values[row])
             pieces.append((float(scene.area[mine & theirs].sum()), float(scene.area[theirs].sum()), birth))
@@ -107,10 +108,10 @@ def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> 
     common, other, birth = max(pieces, key=lambda piece: piece[0] / (area + piece[1] - piece[0]))
     if common <= 0.5 * area:
         return f"breaks off only in part, {common / 1e6:.0f} of {area / 1e6:.0f} km2 at {birth}"
-    told = f"breaks off at {birth}"
+    birth_text = f"breaks off at {birth}"
     if abs(other - area) > alike * area or common < (1.0 - alike) * area:
-        told += f" with another area, {other / 1e6:.0f} km2 instead of {area / 1e6:.0f} km2"
-    return told
+        birth_text += f" with another area, {other / 1e6:.0f} km2 instead of {area / 1e6:.0f} km2"
+    return birth_text
 
 
 def words(reasons: Reasons) -> list[str]:
@@ -132,12 +133,12 @@ def _paragraph(b: Breakup) -> str:
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
     text = [
-        f"{_when(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
+        f"{minute(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
         f"{where}.",
-        f"{b.bonds} bonds failed from {_when(b.first_break)} on, the first at {_place(first.lat, first.lon)}"
+        f"{b.bonds} bonds failed from {minute(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
-        f"Across the cut of {load.cut_km:.1f} km the load at {_when(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
+        f"Across the cut of {load.cut_km:.1f} km the load at {minute(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
         + _share_words(b.causes)
         + ".",
     ]
@@ -161,14 +162,14 @@ def _paragraph(b: Breakup) -> str:
 
 def _sudden_words(b: Breakup) -> str:
     """Return how a break came that the record before does not show."""
-    told = f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before"
+    sentence = f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before"
     if b.decisive.aground:
-        return told + ": it broke within the long step, on impact."
+        return sentence + ": it broke within the long step, on impact."
     hint = "." if b.controls else " (--controls tries half the long step)."
     if b.peak is None:
-        return told + ": it broke within the long step, in the ringing after the kick of the slow forces" + hint
+        return sentence + ": it broke within the long step, in the ringing after the kick of the slow forces" + hint
     return (
-        told + f", but {b.peak / 1e3:.1f} kPa between that and the one before it: it broke in the ringing after the"
+        sentence + f", but {b.peak / 1e3:.1f} kPa between that and the one before it: it broke in the ringing after the"
         " kicks of the slow forces" + hint
     )
 
@@ -197,13 +198,13 @@ def _stress_words(bond: FirstBond) -> str:
     if not bond.tension:
         return f"No record shows its stress; its strength is {bond.strength / 1e3:.3g} kPa."
     stress = bond.peak or bond.tension
-    told = [f"{stress[-1] / 1e3:.1f} kPa {abs(bond.hours[-1]):.1f} h before"]
+    words = [f"{stress[-1] / 1e3:.1f} kPa {abs(bond.hours[-1]):.1f} h before"]
     for hours in (6.0, 24.0):
         k = int(np.argmin(np.abs(np.array(bond.hours) + hours)))
         if abs(bond.hours[k] + hours) < 0.5 * hours and k != len(bond.hours) - 1:
-            told.append(f"{stress[k] / 1e3:.1f} kPa {-bond.hours[k]:.0f} h before")
+            words.append(f"{stress[k] / 1e3:.1f} kPa {-bond.hours[k]:.0f} h before")
     which = "largest tensile stress between records" if bond.peak else "tensile stress"
-    return f"Its {which} was {', '.join(reversed(told))}; its strength is {bond.strength / 1e3:.3g} kPa."
+    return f"Its {which} was {', '.join(reversed(words))}; its strength is {bond.strength / 1e3:.3g} kPa."
 
 
 def _share_words(causes: Sequence[tuple[str, float]]) -> str:
@@ -211,11 +212,7 @@ def _share_words(causes: Sequence[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {value / 1e3:+.1f} kPa" for name, value in causes if abs(value) >= 0.02 * large)
 
 
-def _when(text: str) -> str:
-    return text.replace("T", " ")[:16]
-
-
-def _place(lat: float, lon: float) -> str:
+def _place_text(lat: float, lon: float) -> str:
     if abs(lat) > 90.0 or abs(lon) > 360.0:
         return f"x {lon / 1e3:.1f} km, y {lat / 1e3:.1f} km"
     lon = (lon + 180.0) % 360.0 - 180.0

@@ -65,7 +65,7 @@ def story_model(
     from riftberg.model import Model
 
     own = options.own
-    given = ocean or StoryOcean(
+    ocean_here = ocean or StoryOcean(
         OWN if own else REFERENCE, shoal="shoal" not in options.without, shear="shear" not in options.without
     )
     berg = a68a_berg(radius, packing)
@@ -75,7 +75,7 @@ def story_model(
     if radius != 1500.0 or packing != "square":
         # The number of sub-steps of the publication belongs to its lattice.
         parameters = parameters.changed(stepping={"substeps": None})
-    return Model(berg, given, options.apply(parameters))
+    return Model(berg, ocean_here, options.apply(parameters))
 
 
 def build(options: Options) -> tuple[Model, Info]:

@@ -16,7 +16,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
 from riftberg.experiments.a68a_files import BERG, GRID, data_folder
 from riftberg.experiments.options import Info, Options
-from riftberg.kid.ncfile import opened
+from riftberg.kid.ncfile import opened_dataset
 from riftberg.kid.restart import read_restart
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
@@ -39,9 +39,9 @@ ZONE = (-37.51, -55.2166)
 """Corner (degrees) of the publication's grounding zone, all of the water to its north and east."""
 
 
-def _field(path: Path, name: str) -> Floats:
+def _field_of_file(path: Path, name: str) -> Floats:
     """Read one two-dimensional field; gaps become NaN."""
-    with opened(path) as file:
+    with opened_dataset(path) as file:
         if name not in file.variables:
             raise ForcingError(f"no variable {name!r}", where=str(path), remedy=f"It holds {', '.join(file.variables)}")
         values = np.ma.filled(np.ma.asarray(file.variables[name][:], dtype=np.float64), np.nan).squeeze()
@@ -50,15 +50,15 @@ def _field(path: Path, name: str) -> Floats:
 
 def forcing_of(folder: Path) -> GriddedForcing:
     """Return the mean forcing on the publication's grid, whose corners carry the currents and the wind."""
-    lon, lat = _field(folder / FILES["grid"], "longitude"), _field(folder / FILES["grid"], "latitude")
+    lon, lat = _field_of_file(folder / FILES["grid"], "longitude"), _field_of_file(folder / FILES["grid"], "latitude")
     grid = Grid.from_corners(lon + 360.0, lat)
     currents, wind = folder / FILES["currents"], folder / FILES["wind"]
     fields = grid.fields(
-        uo=_field(currents, "uo"),
-        vo=_field(currents, "vo"),
-        ua=_field(wind, "ua"),
-        va=_field(wind, "va"),
-        ssh=_field(folder / FILES["sea level"], "SSH"),
+        uo=_field_of_file(currents, "uo"),
+        vo=_field_of_file(currents, "vo"),
+        ua=_field_of_file(wind, "ua"),
+        va=_field_of_file(wind, "va"),
+        ssh=_field_of_file(folder / FILES["sea level"], "SSH"),
     )
     return GriddedForcing(grid, fields, depth_rule="zone", zone=ZONE, source="ORAS5 and JRA-55, means of December 2020")
 

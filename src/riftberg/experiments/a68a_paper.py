@@ -80,7 +80,7 @@ def forcing_of(
         raise ForcingError(error.what, where=error.where, remedy=f"{error.remedy}; {REMEDY}") from error
     last = START_RECORD + math.ceil(days * 24.0)
     for file in files:
-        _check(file, grid, days, last)
+        _check_file(file, grid, days, last)
     still = grid.fields(depth=UNKNOWN_DEPTH)
     records, times = hourly_records(files, Assembler(grid, still), START_RECORD)
     return GriddedForcing(
@@ -96,7 +96,7 @@ def forcing_of(
     )
 
 
-def _check(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
+def _check_file(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
     """Refuse a file that is too short, of another place, or without believable values."""
     if file.count < last:
         raise ForcingError(
@@ -104,7 +104,7 @@ def _check(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
             where=f"{file.path}, variable {file.names[0]}",
             remedy=f"The published file has 744 (wind 739); {REMEDY}; or shorten the run with --days",
         )
-    _check_positions(file.path, grid)
+    _check_against_grid(file.path, grid)
     for number in (START_RECORD - 1, last - 1):
         for name, values in file.record(number).items():
             top = float(np.max(np.abs(values), where=np.isfinite(values), initial=-1.0))
@@ -117,7 +117,7 @@ def _check(file: HourlyFile, grid: Grid, days: float, last: int) -> None:
                 )
 
 
-def _check_positions(path: Path, grid: Grid) -> None:
+def _check_against_grid(path: Path, grid: Grid) -> None:
     """Compare the positions that a file gives itself, if any, with those of the grid."""
     rows, columns = grid.domain
     there = {"lon": grid.arrays.lon[rows, columns][0], "lat": grid.arrays.lat[rows, columns][:, 0]}
@@ -125,11 +125,11 @@ def _check_positions(path: Path, grid: Grid) -> None:
         for name, right in there.items():
             if name not in dataset.variables or dataset[name].shape != right.shape:
                 continue
-            given = np.asarray(dataset[name][:], np.float64)
-            away = float(np.abs((given - right + 180.0) % 360.0 - 180.0).max())
+            stored = np.asarray(dataset[name][:], np.float64)
+            away = float(np.abs((stored - right + 180.0) % 360.0 - 180.0).max())
             if not away <= AWAY:
                 raise ForcingError(
-                    f"its {name} runs from {given[0]:g} to {given[-1]:g}, {away:g} degrees away from the grid's",
+                    f"its {name} runs from {stored[0]:g} to {stored[-1]:g}, {away:g} degrees away from the grid's",
                     where=str(path),
                     remedy=f"It must lie on the grid of {GRID}; {REMEDY}",
                 )

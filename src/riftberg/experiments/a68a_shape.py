@@ -14,9 +14,10 @@ import numpy as np
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import Lattice, along, cells_of_rows, cells_region, fill
-from riftberg.bergs.placement import ReferencePlane, TangentPlane
+from riftberg.bergs.placement import ReferencePlane
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.parameters import Packing
+from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats
 
 A68A_RADIUS = 1500.0
@@ -85,7 +86,7 @@ def a68a_berg(
             A68A_ROWS, placement=(_into(lon0, west), lat0), table_radius=A68A_RADIUS, radius=radius, **body
         )
     else:
-        lon, lat = _positions(along(fill(region, radius, packing)), position, column, row)
+        lon, lat = _published_positions(along(fill(region, radius, packing)), position, column, row)
         berg = Iceberg.from_points(_into(lon, west), lat, radius=radius, **body)
     made = {
         "source": "A68a, 9 December 2020 (Huth et al. 2022)",
@@ -96,28 +97,28 @@ def a68a_berg(
     return replace(berg, report=made)
 
 
-def _cells(column: Any, row: Any) -> Lattice:
+def _cell_corners(column: Any, row: Any) -> Lattice:
     side = 2.0 * A68A_RADIUS
     return Lattice(side * (column + 0.5), side * (row + 0.5), column, row)
 
 
-def _positions(lattice: Lattice, position: Position, column: Any, row: Any) -> tuple[Floats, Floats]:
+def _published_positions(lattice: Lattice, position: Position, column: Any, row: Any) -> tuple[Floats, Floats]:
     """Longitude (0 to 360) and latitude of plane points by the rules of the published run."""
     lon, lat = _published(lattice)
     if position == "published":
         return lon, lat
-    middle = float(_published(_cells(column, row))[0].mean())
+    middle = float(_published(_cell_corners(column, row))[0].mean())
     north = lat + _NORTHWARD
     return middle + (lon - middle) * np.cos(lat * DEGREE) / np.cos(north * DEGREE), north
 
 
 def _centre(column: Any, row: Any, position: Position) -> tuple[float, float]:
     """Point of contact of the tangent plane that gives the elements the mean position of the published ones."""
-    table = _cells(column, row)
-    lon, lat = (a.mean() for a in _positions(table, position, column, row))
+    table = _cell_corners(column, row)
+    lon, lat = (a.mean() for a in _published_positions(table, position, column, row))
     x, y = table.x - table.x.mean(), table.y - table.y.mean()
     # Rows are great circles now, whose ends lie nearer to the equator than the parallel at their middle.
-    placed = [a.mean() for a in TangentPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
+    placed = [a.mean() for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
     return float(2 * lon - placed[0]), float(2 * lat - placed[1])
 
 

@@ -103,7 +103,7 @@ def plain_value(value: Any, field: FieldInfo) -> Any:
     if isinstance(value, list):
         if any(get_origin(kind) is list for kind in kinds_of(field.annotation)):
             return value  # names of files or of parts, and rows of whole numbers, carry no units
-        return [_number(item, field) if isinstance(item, str) else item for item in value]
+        return [_number_of_field(item, field) if isinstance(item, str) else item for item in value]
     if not isinstance(value, str):
         return value
     kinds = kinds_of(field.annotation)
@@ -113,9 +113,9 @@ def plain_value(value: Any, field: FieldInfo) -> Any:
     if bool in kinds:
         return _flag(value)
     if any(get_origin(kind) is tuple for kind in kinds):
-        return [_number(part, field) for part in value.strip("()[] ").split(",")]
+        return [_number_of_field(part, field) for part in value.strip("()[] ").split(",")]
     if float in kinds or int in kinds:
-        return _number(value, field)
+        return _number_of_field(value, field)
     return value
 
 
@@ -126,7 +126,7 @@ def _flag(text: str) -> bool:
     return words[text.lower()]
 
 
-def _number(text: str, field: FieldInfo) -> float | int:
+def _number_of_field(text: str, field: FieldInfo) -> float | int:
     if not looks_like_quantity(text):
         raise ValueError(f"{text!r} is not a number")
     number = to_unit(text, unit_of(field))

@@ -18,7 +18,7 @@ SHAPES = ("outline", "mask", "rectangle", "lattice")
 """Ways to give the shape of a berg."""
 
 
-class Outline(Section):
+class OutlineFile(Section):
     """Shape from a polygon."""
 
     file: str = key(..., "", "GeoJSON, shapefile, CSV (lon, lat) or KML")
@@ -93,10 +93,10 @@ class Strength(Section):
 
     @model_validator(mode="after")
     def _one_way(self) -> Strength:
-        given = [name for name in STRENGTHS if getattr(self, name) is not None]
-        if len(given) != 1:
+        ways = [name for name in STRENGTHS if getattr(self, name) is not None]
+        if len(ways) != 1:
             raise ValueError(f"the strength needs exactly one of {', '.join(STRENGTHS)}")
-        if given[0] == "file" and "seed" in self.model_fields_set:
+        if ways[0] == "file" and "seed" in self.model_fields_set:
             raise ValueError("a map of strength has no seed")
         return self
 
@@ -104,7 +104,7 @@ class Strength(Section):
 class Berg(Section):
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
-    outline: Outline | None = None
+    outline: OutlineFile | None = None
     mask: Mask | None = None
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
@@ -121,12 +121,12 @@ class Berg(Section):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Berg:
-        given = [name for name in SHAPES if getattr(self, name) is not None]
-        if len(given) != 1:
-            count = f"has {len(given)} shapes ({', '.join(given)})" if given else "has no shape"
+        shapes = [name for name in SHAPES if getattr(self, name) is not None]
+        if len(shapes) != 1:
+            count = f"has {len(shapes)} shapes ({', '.join(shapes)})" if shapes else "has no shape"
             raise ValueError(f"the berg {count}; give exactly one of {', '.join(SHAPES)}")
-        if given[0] in ("rectangle", "lattice") and self.placement is None:
-            raise ValueError(f"a berg from a {given[0]} needs placement: [longitude, latitude]")
+        if shapes[0] in ("rectangle", "lattice") and self.placement is None:
+            raise ValueError(f"a berg from a {shapes[0]} needs placement: [longitude, latitude]")
         return self
 
 

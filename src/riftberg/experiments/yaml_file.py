@@ -253,13 +253,13 @@ def _field_at(place: Place) -> FieldInfo | None:
 
 def _parameters(experiment: Experiment, document: Document) -> Parameters:
     """Return the preset with the changes of the file; packing follows the berg."""
-    given = dict(experiment.parameters)
-    preset = given.pop("preset", "a68a-2022")
+    groups = dict(experiment.parameters)
+    preset = groups.pop("preset", "a68a-2022")
     if preset not in PRESETS:
         raise document.error(f"preset {preset!r} is not known", ("parameters", "preset"),
                              f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
     base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[preset]
-    changes = {group: _group(group, values, document) for group, values in given.items()}
+    changes = {group: _group(group, values, document) for group, values in groups.items()}
     packing = experiment.berg.packing
     shape: dict[str, Any] = {"packing": packing, "max_bonds": 6 if packing == "hexagonal" else 4}
     changes["bonds"] = {**shape, **changes.get("bonds", {})}
@@ -321,16 +321,16 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> 
     """Build the berg of an experiment, with its rifts and the strengths of its bonds."""
     berg = _whole_berg(experiment, parameters, folder)
     for index, rift in enumerate(experiment.berg.rifts):
-        with _named(f"berg.rifts.{index}"):
+        with _key_named(f"berg.rifts.{index}"):
             berg = _with_rift(berg, rift, folder)
     if experiment.berg.strength is not None:
-        with _named("berg.strength"):
+        with _key_named("berg.strength"):
             berg = _with_strength(berg, experiment.berg.strength, folder)
     return berg
 
 
 @contextmanager
-def _named(key: str) -> Iterator[None]:
+def _key_named(key: str) -> Iterator[None]:
     """Name the key of the file in errors about what it holds."""
     try:
         yield
@@ -372,9 +372,9 @@ def _whole_berg(experiment: Experiment, parameters: Parameters, folder: Path) ->
         "earth_radius": parameters.earth.radius,
     }  # fmt: skip
     if berg.outline is not None:
-        given = berg.outline
+        outline = berg.outline
         return Iceberg.from_outline(
-            folder / given.file, feature=given.feature, date=given.date, crs=given.crs, repair=given.repair,
+            folder / outline.file, feature=outline.feature, date=outline.date, crs=outline.crs, repair=outline.repair,
             placement=berg.placement, shift=berg.shift, **common,
         )  # fmt: skip
     if berg.mask is not None:
@@ -396,28 +396,28 @@ def build_forcing(
     experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, ice_density: float
 ) -> Forcing:
     """Build the forcing of an experiment."""
-    given = experiment.forcing
-    if options.without and not isinstance(given, ExperimentForcing):
+    forcing = experiment.forcing
+    if options.without and not isinstance(forcing, ExperimentForcing):
         raise InputError(
-            f"cannot leave out {min(options.without)!r}: forcing of kind {given.kind!r} has no named parts",
+            f"cannot leave out {min(options.without)!r}: forcing of kind {forcing.kind!r} has no named parts",
             where="--without",
             remedy="Change the file instead",
         )
-    if isinstance(given, ConstantForcing):
+    if isinstance(forcing, ConstantForcing):
         from riftberg.ocean.analytic import Steady
 
-        return Steady(given.current, given.wind, given.slope, given.sea_ice, given.depth)
-    if isinstance(given, FileForcing):
+        return Steady(forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth)
+    if isinstance(forcing, FileForcing):
         from riftberg.ocean.files_forcing import Run, forcing_from_files
 
         if options.grid is not None:
-            given = given.model_copy(update={"spacing": options.grid})
+            forcing = forcing.model_copy(update={"spacing": options.grid})
         run = Run.of(experiment.start, days, berg.elements.thickness, ice_density)
-        return forcing_from_files(given, folder, run)
+        return forcing_from_files(forcing, folder, run)
     if options.grid is not None:
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
-    without = frozenset(given.without) | options.without
-    model, _ = find(given.name).load()(Options(without=without, data=options.data))
+    without = frozenset(forcing.without) | options.without
+    model, _ = find(forcing.name).load()(Options(without=without, data=options.data))
     return model.forcing
 
 

@@ -69,7 +69,7 @@ def fetch_gebco(
     """
     _check_box(lon, lat)
     target = folder / f"gebco_2020_{lon[0]:g}_{lon[1]:g}_{lat[0]:g}_{lat[1]:g}.nc"
-    if target.exists() and not _fault(target, lon, lat):
+    if target.exists() and not _fault_of_floor(target, lon, lat):
         return [target]
     cells = [round((ends[1] - ends[0]) * _PER_DEGREE) + 2 for ends in (lon, lat)]
     size = 2.0 * cells[0] * cells[1]
@@ -82,7 +82,7 @@ def fetch_gebco(
     tell(f"{target.name}: {cells[0]} x {cells[1]} cells, {size / 1e6:.1f} MB")
     with progressing(progress) as show:
         Resuming(show)(base_url + gebco_query(lon, lat), target)
-    fault = _fault(target, lon, lat)
+    fault = _fault_of_floor(target, lon, lat)
     if fault:
         target.unlink()
         raise ForcingError(
@@ -111,7 +111,7 @@ def _check_box(lon: Span, lat: Span) -> None:
         )
 
 
-def _fault(path: Path, lon: Span, lat: Span) -> str:
+def _fault_of_floor(path: Path, lon: Span, lat: Span) -> str:
     """Return what is wrong with a file of elevations over a box; empty = nothing."""
     try:
         with netCDF4.Dataset(path) as ds:

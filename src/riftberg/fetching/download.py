@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from riftberg.errors import ForcingError
-from riftberg.fetching.parts import Part, Version, content_range, seconds
+from riftberg.fetching.parts import PartFile, Version, content_range, seconds
 
 if TYPE_CHECKING:
     import pooch  # type: ignore[import-untyped, unused-ignore]
@@ -74,17 +74,17 @@ class Resuming:
         target = Path(output_file)
         path = part_of(target.parent, url)
         large = self.large_files(url) if self.large_files is not None else url
-        part = Part(path, large)
+        part = PartFile(path, large)
         if part.version is None:  # else an earlier run has followed the pointer already
-            part = Part(path, url)
+            part = PartFile(path, url)
         self.fetch(part)
         if part.url != large and is_pointer(path):
             part.drop()
-            part = Part(path, large)
+            part = PartFile(path, large)
             self.fetch(part)
         part.finish(target)
 
-    def fetch(self, part: Part) -> None:
+    def fetch(self, part: PartFile) -> None:
         """Fetch the whole of a part's file, continuing what is there if it is of the version that the server has."""
         import requests
 
@@ -145,7 +145,7 @@ class Resuming:
             return f"it was written anew there on {answer.headers['Last-Modified']}"
         return "" if size or dated is not None else None
 
-    def _continue(self, part: Part) -> bool:
+    def _continue(self, part: PartFile) -> bool:
         """Fetch the rest of a file; tell whether it is complete."""
         import requests
 
@@ -181,7 +181,7 @@ class Resuming:
     def _write(self, answer: requests.Response, path: Path, start: int, total: int) -> int:
         """Write the answer behind the first ``start`` bytes of ``path``; return the size reached."""
         written = start
-        with opened(path, start) as stream:
+        with opened_part(path, start) as stream:
             for block in answer.iter_content(BLOCK):
                 stream.write(block)
                 written += len(block)
@@ -190,7 +190,7 @@ class Resuming:
         return written
 
 
-def opened(path: Path, start: int) -> BinaryIO:
+def opened_part(path: Path, start: int) -> BinaryIO:
     """Open a part for writing behind its first ``start`` bytes."""
     stream = path.open("r+b" if start else "wb")
     stream.seek(start)
@@ -356,7 +356,7 @@ def fetch_one(
     try:
         return Path(store.fetch(short, downloader=downloader))
     except ValueError as error:
-        Part(part_of(folder, name), base_url + name).drop()
+        PartFile(part_of(folder, name), base_url + name).drop()
         raise ForcingError(
             f"its checksum is wrong: {error}",
             where=base_url + name,

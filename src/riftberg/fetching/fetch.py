@@ -261,8 +261,8 @@ def check_hourly(path: Path, field: Hourly) -> None:
         if missing:
             raise ForcingError(f"lacks {', '.join(missing)}", where=str(path), remedy=remedy)
         if ds.sizes.get("time") != field.records:
-            found = ds.sizes.get("time", 0)
-            raise ForcingError(f"holds {found} records instead of {field.records}", where=str(path), remedy=remedy)
+            hours = ds.sizes.get("time", 0)
+            raise ForcingError(f"holds {hours} records instead of {field.records}", where=str(path), remedy=remedy)
         _check_hours(ds, path, remedy)
         for name in field.variables:
             _check_range(ds[name], field.limit, path, remedy)
@@ -287,5 +287,5 @@ def _check_range(data: xr.DataArray, limit: float, path: Path, remedy: str) -> N
         block = data.isel(time=slice(start, start + 24)).values
         lowest, highest = min(lowest, float(np.nanmin(block))), max(highest, float(np.nanmax(block)))
     if not (-limit <= lowest <= highest <= limit) or lowest == highest:
-        told = f"{data.name} runs from {lowest:g} to {highest:g}; within +-{limit:g} and not constant is right"
-        raise ForcingError(told, where=str(path), remedy=remedy)
+        fault = f"{data.name} runs from {lowest:g} to {highest:g}; within +-{limit:g} and not constant is right"
+        raise ForcingError(fault, where=str(path), remedy=remedy)

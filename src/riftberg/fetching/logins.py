@@ -64,21 +64,21 @@ def climate_data_store() -> None:
     """Raise `ForcingError` if cdsapi would find no address and key in its variables and ``~/.cdsapirc`` together."""
     path = Path(os.environ.get("CDSAPI_RC") or Path.home() / ".cdsapirc")
     lines = path.read_text().splitlines() if path.is_file() else []
-    given = {name.strip() for name, colon, value in (line.partition(":") for line in lines) if colon and value.strip()}
-    lacking = [name for name in ("url", "key") if name not in given and not _set(f"CDSAPI_{name.upper()}")]
+    keys = {name.strip() for name, colon, value in (line.partition(":") for line in lines) if colon and value.strip()}
+    lacking = [name for name in ("url", "key") if name not in keys and not _set(f"CDSAPI_{name.upper()}")]
     if lacking:
-        told = f"; {path} lacks {' and '.join(lacking)}" if path.is_file() else ""
+        lacking_text = f"; {path} lacks {' and '.join(lacking)}" if path.is_file() else ""
         raise missing_login(
             "the Climate Data Store",
             "Make a free account at https://cds.climate.copernicus.eu and write the two lines url and key, which its page "
             "'how to api' shows, to ~/.cdsapirc",
-            told,
+            lacking_text,
         )
 
 
-def missing_login(service: str, remedy: str, told: str = "") -> ForcingError:
+def missing_login(service: str, remedy: str, detail: str = "") -> ForcingError:
     """Return the error that says that a service wants a login and how to come by one."""
-    return ForcingError(f"{service} wants a login and none was found{told}", where="fetch", remedy=remedy)
+    return ForcingError(f"{service} wants a login and none was found{detail}", where="fetch", remedy=remedy)
 
 
 def _set(*names: str) -> bool:

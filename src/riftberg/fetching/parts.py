@@ -59,7 +59,7 @@ class Version:
         return bool(self.modified and other.modified and self.modified != other.modified)
 
 
-class Part:
+class PartFile:
     """An unfinished file and its record.
 
     Parameters
@@ -110,10 +110,10 @@ class Part:
 
 def content_range(headers: Mapping[str, str]) -> tuple[int | None, int]:
     """Return the first byte of a partial answer (None = not told) and the size of the whole file (0 = not told)."""
-    found = _RANGE.fullmatch(headers.get("Content-Range", "").strip())
-    if found is None:
+    match = _RANGE.fullmatch(headers.get("Content-Range", "").strip())
+    if match is None:
         return None, 0
-    first, total = found["first"], found["total"]
+    first, total = match["first"], match["total"]
     return (None if first is None else int(first)), (0 if total == "*" else int(total))
 
 

@@ -170,8 +170,8 @@ def _asking(service: str, remedy: str) -> Iterator[None]:
     except ForcingError:
         raise
     except Exception as error:
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise ForcingError(f"{service} did not give the data ({told})", where="fetch", remedy=remedy) from error
+        message = " ".join(str(error).split()) or type(error).__name__
+        raise ForcingError(f"{service} did not give the data ({message})", where="fetch", remedy=remedy) from error
 
 
 def _fetch_oscar(wanted: Wanted) -> list[Path]:
@@ -189,14 +189,14 @@ def _fetch_oscar(wanted: Wanted) -> list[Path]:
     if not getattr(login, "authenticated", False):
         raise refused
     with _asking("NASA PO.DAAC", "Run again: files that are there are not fetched twice"):
-        found = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=wanted.days)
-        if not found:
+        granules = client.search_data(short_name="OSCAR_L4_OC_FINAL_V2.0", temporal=wanted.days)
+        if not granules:
             raise ForcingError(
                 f"no OSCAR file for {'..'.join(wanted.days)}",
                 where="fetch",
                 remedy="Check the dates (from 1993; the final version appears more than a year later)",
             )
-        return sorted(Path(path) for path in client.download(found, local_path=str(wanted.folder)))
+        return sorted(Path(path) for path in client.download(granules, local_path=str(wanted.folder)))
 
 
 def _fetch_copernicus(wanted: Wanted) -> list[Path]:

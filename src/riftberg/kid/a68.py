@@ -16,7 +16,7 @@ import numpy as np
 from riftberg.errors import ForcingError
 from riftberg.kid.hours import HourlyFile
 from riftberg.kid.namelist import NamelistGroup
-from riftberg.kid.ncfile import opened, unpacked
+from riftberg.kid.ncfile import opened_dataset, unpacked
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.loading import celsius, wind_from_stress
@@ -37,7 +37,7 @@ VARIABLES: Final = {WIND_FILE: ("ua", "va"), OCEAN_FILE: ("uo", "vo"), SEA_LEVEL
 """Files of the hourly fields and what is read of them."""
 
 
-def data_folder(driver: NamelistGroup, case: Path) -> Path:
+def case_data(driver: NamelistGroup, case: Path) -> Path:
     """Return the folder of the data; ``data_dir`` counts from the run folder."""
     return Path(case) / driver.text("data_dir")
 
@@ -54,7 +54,7 @@ def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
     period : float
         Zonal period, degrees; the domain itself is not cyclic.
     """
-    return read_grid(data_folder(driver, case) / GRID_FILE, radius=driver.number("REarth"), period=period)
+    return read_grid(case_data(driver, case) / GRID_FILE, radius=driver.number("REarth"), period=period)
 
 
 def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
@@ -69,7 +69,7 @@ def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
     period : float
         Zonal period, degrees.
     """
-    with opened(path) as dataset:
+    with opened_dataset(path) as dataset:
         lon, lat = unpacked(dataset, path, "longitude"), unpacked(dataset, path, "latitude")
     if lon.ndim != 2 or lon.shape != lat.shape:
         raise ForcingError(
@@ -135,7 +135,7 @@ def a68_records(
     if start < 1:
         raise driver.error(f"transient_a68_data_start_ind = {start} with a68_test", "Give the first record, from 1")
     _check_depth(icebergs)
-    files = open_hours(data_folder(driver, case), grid)
+    files = open_hours(case_data(driver, case), grid)
     varying = [file for file in files if file.count > 1]
     if varying and dt != HALF_HOUR:
         remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.bonding import Metric, count_bonds, separation
 from riftberg.errors import BergError, InputError
 from riftberg.kid.identifiers import cell_indices, join_id, split_id
-from riftberg.kid.ncfile import Column, column, dimension, opened, whole_column, write_restart_file
+from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole_column, write_restart_file
 from riftberg.ocean.grid import Grid
 from riftberg.state import Bonds, Elements, Ints, new_bonds
 
@@ -60,7 +60,7 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
         If a bond names an unknown element, or lacks its mirror.
     """
     path = Path(path)
-    with opened(path) as dataset:
+    with opened_dataset(path) as dataset:
         _refuse_obsolete(dataset, path)
         size = dimension(dataset, path)
         first = _rows(dataset, path, elements, "first", size)
@@ -142,13 +142,13 @@ def directed(bonds: Bonds, dem: bool) -> dict[str, NDArray[Any]]:
     """
     listed = bonds.status != GONE
     a, b = bonds.first[listed], bonds.second[listed]
-    found: dict[str, NDArray[Any]] = {"first": np.concatenate([a, b]), "other": np.concatenate([b, a])}
+    columns: dict[str, NDArray[Any]] = {"first": np.concatenate([a, b]), "other": np.concatenate([b, a])}
     if dem:
         for name, field in DEM_FIELDS.items():
             values = getattr(bonds, field)[listed]
-            found[name] = np.concatenate([values, -values if name in _MIRRORED else values])
-        found["broken"] = np.tile(bonds.status[listed], 2)
-    return found
+            columns[name] = np.concatenate([values, -values if name in _MIRRORED else values])
+        columns["broken"] = np.tile(bonds.status[listed], 2)
+    return columns
 
 
 def write_bonds(path: Path, elements: Elements, bonds: Bonds, grid: Grid, *, dem: bool) -> None:

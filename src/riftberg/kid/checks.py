@@ -15,7 +15,7 @@ from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import split_id
 from riftberg.kid.namelist import NamelistGroup
-from riftberg.kid.ncfile import opened, unpacked
+from riftberg.kid.ncfile import opened_dataset, unpacked
 from riftberg.kid.restart import Origin
 from riftberg.state import Elements, Floats
 
@@ -82,7 +82,7 @@ def check_calving_store(folder: Path, group: NamelistGroup) -> None:
     path = folder / CALVING_FILE
     if not path.is_file():
         return
-    with opened(path) as dataset:
+    with opened_dataset(path) as dataset:
         stored = unpacked(dataset, path, "stored_ice")
     classes = stored.reshape(-1, *stored.shape[-3:])[0]
     northern = "_n" if group.flag("separate_distrib_for_n_hemisphere") else ""

@@ -127,7 +127,7 @@ def _ring_corners(ni: int, nj: int, spacing: float, offset: float) -> tuple[Floa
     return x, y
 
 
-def build_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) -> GriddedForcing:
+def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) -> GriddedForcing:
     """Return the driver's forcing.
 
     ``sample`` at the start time of a step gives the fields that the driver hands over in that step.

@@ -68,11 +68,11 @@ def _integer(entry: Entry, raw: object, where: str) -> int:
 
 
 def _reals(entry: Entry, raw: object, where: str, start: int) -> tuple[float, ...]:
-    given = raw if isinstance(raw, list) else [raw]
+    items = raw if isinstance(raw, list) else [raw]
     values = list(entry.default) if isinstance(entry.default, tuple) else []
-    if start < 1 or start - 1 + len(given) > REALS_SIZE:
+    if start < 1 or start - 1 + len(items) > REALS_SIZE:
         raise _wrong(entry, raw, where, f"a list of at most {REALS_SIZE} numbers")
-    for k, item in enumerate(given):
+    for k, item in enumerate(items):
         if item is not None:
             values[start - 1 + k] = _real(entry, item, where)
     return tuple(values)

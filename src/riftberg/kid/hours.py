@@ -15,7 +15,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.kid.ncfile import opened, packing_of, raw_values, shape_of, unpack
+from riftberg.kid.ncfile import opened_dataset, packing_of, raw_values, shape_of, true_values
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats
 
@@ -54,15 +54,15 @@ class HourlyFile:
     def __init__(self, path: Path, names: Sequence[str], grid: Grid) -> None:
         self.path, self.names = path, tuple(names)
         cells = (grid.arrays.nj, grid.arrays.ni)
-        with opened(path) as dataset:
+        with opened_dataset(path) as dataset:
             shapes = {name: _fitting(shape_of(dataset, path, name), cells, path, name) for name in self.names}
             self._packing = {name: packing_of(dataset, name) for name in self.names}
             self._block = min(_block_length(dataset.variables[name]) for name in self.names)
         self.count = min(shape[0] for shape in shapes.values())
         if any(shape[0] != self.count for shape in shapes.values()):
-            told = ", ".join(f"{name} {shape[0]}" for name, shape in shapes.items())
+            sizes = ", ".join(f"{name} {shape[0]}" for name, shape in shapes.items())
             raise ForcingError(
-                f"its variables have different numbers of records ({told})",
+                f"its variables have different numbers of records ({sizes})",
                 where=str(path),
                 remedy="Give all of them over the same hours",
             )
@@ -77,7 +77,7 @@ class HourlyFile:
         number = number if self.count > 1 else 0
         if not self._held or not self._first <= number < self._first + self._length():
             self._read(number // self._block * self._block)
-        return {name: unpack(raw[number - self._first], self._packing[name]) for name, raw in self._held.items()}
+        return {name: true_values(raw[number - self._first], self._packing[name]) for name, raw in self._held.items()}
 
     def _length(self) -> int:
         return len(next(iter(self._held.values())))
@@ -85,7 +85,7 @@ class HourlyFile:
     def _read(self, first: int) -> None:
         self._held = {}  # let go of the old block before the new one is read
         hours = slice(first, min(first + self._block, self.count))
-        with opened(self.path) as dataset:
+        with opened_dataset(self.path) as dataset:
             self._held = {name: raw_values(dataset, self.path, name, hours) for name in self.names}
         self._first = first
 

@@ -146,12 +146,12 @@ def check_supported(namelist: KidNamelist) -> None:
     (``Iceberg_melt_without_decay``) while nothing of the melt returns as calving (``passive_mode``).
     """
     group = namelist.icebergs
-    found = refused(GROUPS[group.name], group.values)
+    refusals = refused(GROUPS[group.name], group.values)
     if group.flag("Iceberg_melt_without_decay") and group.flag("passive_mode"):
-        found = [pair for pair in found if pair[0].name != "set_melt_rates_to_zero"]
-    if found:
-        what = "; ".join(f"{e.name} = {_fortran(value)}: {e.note}" for e, value in found)
-        remedy = "; ".join(f"{e.name}: {e.remedy}" for e, _ in found)
+        refusals = [pair for pair in refusals if pair[0].name != "set_melt_rates_to_zero"]
+    if refusals:
+        what = "; ".join(f"{e.name} = {_fortran(value)}: {e.note}" for e, value in refusals)
+        remedy = "; ".join(f"{e.name}: {e.remedy}" for e, _ in refusals)
         raise group.error(what, f"Remedy: {remedy}")
 
 
@@ -172,13 +172,13 @@ def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> Namelis
     raw = _parse(name, bodies[0], where)
     starts = raw.pop("_start_index", {})
     values: dict[str, Value] = {entry.name: entry.default for entry in GROUPS[name]}
-    given = set()
+    names = set()
     for key, value in raw.items():
         entry = find_entry(name, key, where)
         first = starts.get(key.lower(), [1])[0]
         values[entry.name] = convert(entry, value, where, 1 if first is None else int(first))
-        given.add(entry.name)
-    return NamelistGroup(name, values, frozenset(given), where)
+        names.add(entry.name)
+    return NamelistGroup(name, values, frozenset(names), where)
 
 
 def _parse(name: str, body: str, where: str) -> dict[str, Any]:

@@ -31,7 +31,7 @@ class Column(NamedTuple):
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[netCDF4.Dataset]:
+def opened_dataset(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a NetCDF file for reading; errors of the library become `InputError` with the file's name."""
     if not path.is_file():
         raise InputError("no such file", where=str(path), remedy="Put it there, or correct the path in the namelist")
@@ -57,16 +57,16 @@ def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
 def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
     """Return the size of a dimension."""
     if name not in dataset.dimensions:
-        found = ", ".join(dataset.dimensions) or "none"
-        raise InputError(f"no dimension '{name}' (found: {found})", where=str(path), remedy="KID files have it")
+        present = ", ".join(dataset.dimensions) or "none"
+        raise InputError(f"no dimension '{name}' (found: {present})", where=str(path), remedy="KID files have it")
     return len(dataset.dimensions[name])
 
 
 def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
     """Return the shape of a variable that must be there."""
     if name not in dataset.variables:
-        found = ", ".join(sorted(dataset.variables))
-        raise InputError(f"no variable '{name}' (found: {found})", where=str(path), remedy=f"Add '{name}'")
+        present = ", ".join(sorted(dataset.variables))
+        raise InputError(f"no variable '{name}' (found: {present})", where=str(path), remedy=f"Add '{name}'")
     return tuple(dataset.variables[name].shape)
 
 
@@ -87,7 +87,7 @@ def packing_of(dataset: netCDF4.Dataset, name: str) -> dict[str, Any]:
     return {key: variable.getncattr(key) for key in _UNPACK if key in variable.ncattrs()}
 
 
-def unpack(raw: NDArray[Any], packing: Mapping[str, Any]) -> Floats:
+def true_values(raw: NDArray[Any], packing: Mapping[str, Any]) -> Floats:
     """Return stored numbers in double precision, integer x ``scale_factor`` + ``add_offset``; missing ones are NaN."""
     values = raw.astype(np.float64)
     if "scale_factor" in packing:
@@ -101,9 +101,9 @@ def unpack(raw: NDArray[Any], packing: Mapping[str, Any]) -> Floats:
 
 
 def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> Floats:
-    """Return a variable in double precision, as `unpack` does."""
+    """Return a variable in double precision, as `true_values` does."""
     raw = raw_values(dataset, path, name, selection)
-    return unpack(raw, packing_of(dataset, name))
+    return true_values(raw, packing_of(dataset, name))
 
 
 def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: float | None = None) -> Floats:

@@ -71,25 +71,25 @@ def scheme(group: NamelistGroup) -> Scheme:
 
 def contact_stiffness(group: NamelistGroup) -> float:
     """Return the stiffness between bergs (s-2); ``spring_coef`` where none is given."""
-    given = group.number("contact_spring_coef")
-    return given if given > 0 else group.number("spring_coef")
+    stated = group.number("contact_spring_coef")
+    return stated if stated > 0 else group.number("spring_coef")
 
 
 def zonal_period(group: NamelistGroup) -> float:
     """Return the zonal period; the default of 360 means none on a Cartesian grid."""
-    given = group.number("Lx")
-    return -1.0 if given == 360.0 and not group.flag("grid_is_latlon") else given
+    stated = group.number("Lx")
+    return -1.0 if stated == 360.0 and not group.flag("grid_is_latlon") else stated
 
 
 def substeps(group: NamelistGroup, dt: float) -> int:
     """Return the number of sub-steps; -1 asks for ``ceil(dt / (0.3 / sqrt(spring_coef)))``."""
-    given = group.whole("mts_sub_steps")
-    if given >= 1 or not group.flag("mts"):
-        return max(given, 1)
+    stated = group.whole("mts_sub_steps")
+    if stated >= 1 or not group.flag("mts"):
+        return max(stated, 1)
     spring = group.number("spring_coef")
-    if given != -1 or spring <= 0:
+    if stated != -1 or spring <= 0:
         raise group.error(
-            f"mts_sub_steps = {given} with spring_coef = {spring} gives no sub-steps", "Give a positive mts_sub_steps"
+            f"mts_sub_steps = {stated} with spring_coef = {spring} gives no sub-steps", "Give a positive mts_sub_steps"
         )
     return math.ceil(dt / (0.3 / math.sqrt(spring)))
 
@@ -108,10 +108,10 @@ def _check_scheme(group: NamelistGroup) -> None:
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     return {
         "ice": {"density": group.number("rho_bergs")},
-        "drag": _drag(group),
+        "drag": _drag_parameters(group),
         "grounding": _grounding(group),
         "contact": _contact(group),
-        "bonds": _bonds(group),
+        "bonds": _bond_parameters(group),
         "fracture": _fracture(group),
         "stepping": _stepping(group, dt),
         "earth": _earth(group),
@@ -119,7 +119,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     }
 
 
-def _drag(group: NamelistGroup) -> dict[str, Any]:
+def _drag_parameters(group: NamelistGroup) -> dict[str, Any]:
     return {
         "ocean_scale": group.number("ocean_drag_scale"),
         "sides_by_bonds": group.flag("internal_bergs_for_drag"),
@@ -154,7 +154,7 @@ def _contact(group: NamelistGroup) -> dict[str, Any]:
     }
 
 
-def _bonds(group: NamelistGroup) -> dict[str, Any]:
+def _bond_parameters(group: NamelistGroup) -> dict[str, Any]:
     return {
         "law": bond_law(group),
         "packing": "hexagonal" if group.flag("hexagonal_icebergs") else "square",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import cell_indices, join_id, new_identifiers, split_id
-from riftberg.kid.ncfile import Column, column, dimension, opened, whole_column, write_restart_file
+from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole_column, write_restart_file
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats, Ints, new_elements
@@ -111,8 +111,8 @@ def read_restart(path: Path, grid: Grid) -> tuple[Elements, Origin]:
         If an element is impossible, outside the grid, on land, or not unique.
     """
     path = Path(path)
-    with opened(path) as dataset:
-        elements = _read_elements(dataset, path)
+    with opened_dataset(path) as dataset:
+        elements = _read_bergs(dataset, path)
         origin = _read_origin(dataset, path, len(elements.id))
         _refuse_footloose(dataset, path, len(elements.id))
         _check_values(elements, path)
@@ -122,7 +122,7 @@ def read_restart(path: Path, grid: Grid) -> tuple[Elements, Origin]:
     return elements, origin
 
 
-def _read_elements(dataset: netCDF4.Dataset, path: Path) -> Elements:
+def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
     size = dimension(dataset, path)
     if size == 0:
         raise BergError("no element in the file", where=str(path), remedy="A run needs at least one")
@@ -206,12 +206,14 @@ def _check_unique(elements: Elements, path: Path) -> None:
 
 def _columns(elements: Elements, origin: Origin, grid: Grid) -> dict[str, NDArray[Any]]:
     """Return all variables by KID's names."""
-    found: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
-    found.update(origin._asdict())
-    found["ine"], found["jne"] = cell_indices(elements, grid)
-    found["id_cnt"], found["id_ij"] = split_id(elements.id)
-    found["static_berg"] = np.where(elements.static >= 0.5, 1.0, np.where(elements.in_contact != 0, CONTACT_FLAG, 0.0))
-    return found
+    columns: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
+    columns.update(origin._asdict())
+    columns["ine"], columns["jne"] = cell_indices(elements, grid)
+    columns["id_cnt"], columns["id_ij"] = split_id(elements.id)
+    columns["static_berg"] = np.where(
+        elements.static >= 0.5, 1.0, np.where(elements.in_contact != 0, CONTACT_FLAG, 0.0)
+    )
+    return columns
 
 
 _BASE: Final = (

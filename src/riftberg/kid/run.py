@@ -14,7 +14,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.kid.bond_restart import read_bonds, write_bonds
 from riftberg.kid.checks import check_bits, check_calving_store, check_rolling, order_sides
-from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_forcing, build_grid
+from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
 from riftberg.kid.restart import Origin, read_restart, write_restart
@@ -106,11 +106,11 @@ def load_case(case_dir: Path) -> KidCase:
     parameters = to_parameters(namelist)
     clock = build_clock(namelist)
     grid = build_grid(namelist, folder)
-    forcing = build_forcing(namelist, grid, folder, clock)
+    forcing = driver_forcing(namelist, grid, folder, clock)
     restarts = folder / namelist.icebergs.text("restart_input_dir")
     elements, origin = read_restart(restarts / RESTART, grid)
     notes = _prepare_elements(elements, origin, namelist.icebergs, restarts)
-    bonds = _bonds(elements, namelist.icebergs, parameters, restarts)
+    bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
     check_rolling(elements, namelist.icebergs, breakable=parameters.fracture.enabled)
     origin = _start_beam_test(elements, origin, namelist.icebergs)
     berg = _iceberg(elements, bonds, parameters, restarts / RESTART)
@@ -125,7 +125,7 @@ def _prepare_elements(elements: Elements, origin: Origin, group: NamelistGroup, 
     return [f"length and width exchanged in {turned} elements, as KID does in its first step"] if turned else []
 
 
-def _bonds(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
+def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
     """Form the bonds by rule or read them, as the namelist says; none if bonds are off."""
     if not group.flag("iceberg_bonds_on"):
         none: Ints = np.zeros(0, dtype=np.int64)
@@ -168,7 +168,7 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
     """Run a KID case and write its files.
 
     Written are the trajectory, beside it ``<stem>_restart.nc`` and, with bonds, ``<stem>_bonds_restart.nc``; with
-    ``save_bond_traj`` also ``<stem>_bonds.nc``. Existing files of these names are replaced; the case folder is only
+    ``save_bond_traj`` also ``<stem>_formed_or_read.nc``. Existing files of these names are replaced; the case folder is only
     read.
 
     Parameters

@@ -225,13 +225,13 @@ class TrajectoryRecorder(_Sampler):
             self._look_around(model)
         e = model.elements
         rows = np.flatnonzero(recorded(e, self.group, self.origin, model.parameters.ice.density, date.year))
-        found: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
-        found.update(_stamp(date, len(rows)))
-        found["id_cnt"], found["id_ij"] = split_id(e.id[rows])
+        columns: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
+        columns.update(_stamp_of_file(date, len(rows)))
+        columns["id_cnt"], columns["id_ij"] = split_id(e.id[rows])
         for name in ("start_mass", "mass_of_bits", "heat_density"):
-            found[name] = getattr(self.origin, name)[rows]
-        found["halo_berg"] = np.zeros(len(rows))
-        return found
+            columns[name] = getattr(self.origin, name)[rows]
+        columns["halo_berg"] = np.zeros(len(rows))
+        return columns
 
     def _look_around(self, model: Model) -> None:
         """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
@@ -244,7 +244,7 @@ class TrajectoryRecorder(_Sampler):
             model.elements.depth[:] = depth
 
 
-def _stamp(date: Date, size: int) -> dict[str, NDArray[Any]]:
+def _stamp_of_file(date: Date, size: int) -> dict[str, NDArray[Any]]:
     return {"year": np.full(size, date.year), "day": np.full(size, date.year_day())}
 
 
@@ -285,16 +285,16 @@ class BondRecorder(_Sampler):
 
     def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
         e, p = model.elements, model.parameters
-        found = directed(model.bonds, self.group.flag("dem"))
+        columns = directed(model.bonds, self.group.flag("dem"))
         length = model.bonds.bond_length if p.bonds.law == "dem" else self._first_length
-        found["length"] = np.tile(length[model.bonds.status != GONE], 2)
-        keep = recorded(e, self.group, self.origin, p.ice.density, date.year)[found["first"]]
-        found = {name: values[keep] for name, values in found.items()}
-        a, b = found["first"], found["other"]
+        columns["length"] = np.tile(length[model.bonds.status != GONE], 2)
+        keep = recorded(e, self.group, self.origin, p.ice.density, date.year)[columns["first"]]
+        columns = {name: values[keep] for name, values in columns.items()}
+        a, b = columns["first"], columns["other"]
         metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
         dx, dy = separation(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
-        found["n1"], found["n2"] = dx / e.length[a], dy / e.length[a]
-        found["lon"], found["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
+        columns["n1"], columns["n2"] = dx / e.length[a], dy / e.length[a]
+        columns["lon"], columns["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
         for k, rows in ((1, a), (2, b)):
-            found[f"id_cnt{k}"], found[f"id_ij{k}"] = split_id(e.id[rows])
-        return {**found, **_stamp(date, len(a))}
+            columns[f"id_cnt{k}"], columns[f"id_ij{k}"] = split_id(e.id[rows])
+        return {**columns, **_stamp_of_file(date, len(a))}

@@ -1,1 +1,1 @@
-"""Everything around the bergs: grids and interpolation, forcing by formula or from files, readers of data products."""
+"""What acts on the bergs: grids, cells and interpolation, forcing by formula and from files."""

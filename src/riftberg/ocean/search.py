@@ -83,11 +83,11 @@ def search_nearby(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
     Starts from the cell of an evenly spaced grid, then from the nearest of a coarse choice of cells.
     """
     i, j = _guess_cell(x, y, grid)
-    i, j, found = _walk(x, y, i, j, 1e6, grid)
-    if not found:
+    i, j, cell = _walk(x, y, i, j, 1e6, grid)
+    if not cell:
         i, j = _nearest_of_some(x, y, grid)
-        i, j, found = _walk(x, y, i, j, 4.0, grid)
-    return (i, j) if found else (-1, -1)
+        i, j, cell = _walk(x, y, i, j, 4.0, grid)
+    return (i, j) if cell else (-1, -1)
 
 
 @kernel

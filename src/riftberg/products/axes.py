@@ -27,10 +27,10 @@ def name_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
         File, for messages.
     """
     for target, key in _KEYS.items():
-        found = _axis_called(ds, target, key)
-        if found and found != target:
+        axis = _axis_called(ds, target, key)
+        if axis and axis != target:
             ds = ds.drop_vars(target, errors="ignore") if target in ds.variables and target not in ds.dims else ds
-            ds = ds.rename({found: target})
+            ds = ds.rename({axis: target})
     if "y" not in ds.dims and not {"lat", "lon"} <= set(ds.dims):
         raise ForcingError(
             f"no one-dimensional latitude and longitude among {sorted(map(str, ds.variables))}",

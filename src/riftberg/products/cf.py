@@ -59,8 +59,8 @@ def _name_of(ds: xr.Dataset, quantity: str) -> str | None:
 
 
 def _found(ds: xr.Dataset) -> dict[str, str]:
-    found = {quantity: _name_of(ds, quantity) for quantity in _STANDARD}
-    return {name: quantity for quantity, name in found.items() if name is not None}
+    names = {quantity: _name_of(ds, quantity) for quantity in _STANDARD}
+    return {name: quantity for quantity, name in names.items() if name is not None}
 
 
 def _matches(ds: xr.Dataset) -> bool:

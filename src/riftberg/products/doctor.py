@@ -202,7 +202,7 @@ def _examined(
     if outside:
         found.problems.append(f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area")
     sample = _sampled(part, empty, found)
-    found.fields = [_field(sample[name], path, crs) for name in sample.data_vars]
+    found.fields = [_field_report(sample[name], path, crs) for name in sample.data_vars]
     return found
 
 
@@ -346,7 +346,7 @@ def _end_problems(
         )
 
 
-def _field(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) -> FieldFinding:
+def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) -> FieldFinding:
     """Return range, missing share and problems of one field in the experiment."""
     quantity = QUANTITIES[str(data.name)]
     values = data.values

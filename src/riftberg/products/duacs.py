@@ -13,8 +13,8 @@ from riftberg.products.product import Evidence, Product, Source, text_of
 
 
 def _matches(ds: xr.Dataset) -> bool:
-    told = "duacs" in text_of(ds, "title", "summary", "source", "comment") or "allsat" in text_of(ds, "title")
-    return "adt" in ds.variables or ("sla" in ds.variables and told)
+    words = "duacs" in text_of(ds, "title", "summary", "source", "comment") or "allsat" in text_of(ds, "title")
+    return "adt" in ds.variables or ("sla" in ds.variables and words)
 
 
 _VARIANTS: tuple[tuple[str, Evidence], ...] = (("1/8 degree", "documentation"),)

@@ -28,8 +28,8 @@ _OWN = {"u10", "v10", "swh", "mwp", "mwd", "iews", "inss", "siconc", "ci", "sst"
 
 def _matches(ds: xr.Dataset) -> bool:
     names = set(map(str, ds.variables))
-    told = text_of(ds, "history", "institution", "GRIB_centre", "title", "source")
-    ecmwf = any(word in told for word in ("grib_to_netcdf", "ecmf", "era5", "ecmwf", "cfgrib", "earthkit"))
+    words = text_of(ds, "history", "institution", "GRIB_centre", "title", "source")
+    ecmwf = any(word in words for word in ("grib_to_netcdf", "ecmf", "era5", "ecmwf", "cfgrib", "earthkit"))
     arco = (
         any(name.startswith("10m_u_component") for name in names)
         or "significant_height_of_combined_wind_waves_and_swell" in names

@@ -16,9 +16,9 @@ _NAMES = {"uo", "vo", "zos", "siconc", "sithick", "usi", "vsi", "thetao", "so"}
 
 
 def _matches(ds: xr.Dataset) -> bool:
-    told = text_of(ds, "title", "source", "institution", "references", "product", "id", "credit")
+    words = text_of(ds, "title", "source", "institution", "references", "product", "id", "credit")
     mercator = any(
-        word in told for word in ("mercator", "glorys", "global_multiyear_phy", "global_analysisforecast_phy")
+        word in words for word in ("mercator", "glorys", "global_multiyear_phy", "global_analysisforecast_phy")
     )
     return mercator and bool(_NAMES & set(ds.variables))
 

@@ -15,9 +15,9 @@ _CRS = "EPSG:9354"
 
 
 def _matches(ds: xr.Dataset) -> bool:
-    told = text_of(ds, "title", "summary", "source", "history", "project", "references", "comment", "id")
+    words = text_of(ds, "title", "summary", "source", "history", "project", "references", "comment", "id")
     return "z" in ds.variables and (
-        "ibcso" in told or ({"x", "y"} <= set(ds.dims) and "ibcso" in str(ds.encoding.get("source", "")).lower())
+        "ibcso" in words or ({"x", "y"} <= set(ds.dims) and "ibcso" in str(ds.encoding.get("source", "")).lower())
     )
 
 

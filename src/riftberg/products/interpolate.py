@@ -76,7 +76,7 @@ def to_grid(
         If dates lie outside the records or in a longer gap, or targets outside the source.
     """
     target = _Target.of(lon, lat)
-    source = _averaged(_prepared(_near(ds, target, fill_cells)), target)
+    source = _averaged(_averageable(_around_target(ds, target, fill_cells)), target)
     stencil = _stencil(source, target)
     if outside == "raise" and stencil.outside.any():
         _raise_outside(ds, target, stencil)
@@ -124,7 +124,7 @@ class _Target:
         return (float(self.lon.min()), float(self.lon.max())), (float(self.lat.min()), float(self.lat.max()))
 
 
-def _near(ds: xr.Dataset, target: _Target, fill_cells: int) -> xr.Dataset:
+def _around_target(ds: xr.Dataset, target: _Target, fill_cells: int) -> xr.Dataset:
     """Cut the source to the surroundings of the target, on its branch of longitudes."""
     step = step_of(ds["lat"].values) if "lat" in ds.dims else 0.5
     east_west, south_north = target.box
@@ -133,7 +133,7 @@ def _near(ds: xr.Dataset, target: _Target, fill_cells: int) -> xr.Dataset:
     return window(ds, east_west, south_north, margin=(fill_cells + 1) * step + target.step)
 
 
-def _prepared(ds: xr.Dataset) -> xr.Dataset:
+def _averageable(ds: xr.Dataset) -> xr.Dataset:
     """Make fields that may be averaged: depth 0 over land, wave direction as sine and cosine."""
     if "depth_below_surface" in ds.data_vars:
         depth = ds["depth_below_surface"]
@@ -245,7 +245,7 @@ def _check_gaps(
         raise gap_error(ds, Gap(records[before[k]], records[after[k]]), longest, dates[k])
 
 
-class _Records:
+class _RecordBlocks:
     """Records of a field, read in blocks: one by one, each would read (and unpack) a whole chunk of the file again."""
 
     def __init__(self, field: xr.DataArray) -> None:
@@ -273,7 +273,7 @@ def _on_target(
         return values, origin, lead
     rest = tuple(name for name in lead if name != "time")
     field = field.transpose("time", *rest, *plane)
-    records = _Records(field)
+    records = _RecordBlocks(field)
     gridded: dict[int, tuple[Floats, Flags]] = {}
     series: list[Floats] = []
     origins: list[Flags] = []
@@ -283,13 +283,13 @@ def _on_target(
             del gridded[record]
         for record in {before, after} - set(gridded):
             gridded[record] = stencil.wet(records[record], fill_cells)
-        value, origin = _between(gridded[before], gridded[after], share)
+        value, origin = _mixed(gridded[before], gridded[after], share)
         series.append(value)
         origins.append(origin)
     return np.stack(series), np.stack(origins), ("time", *rest)
 
 
-def _between(before: tuple[Floats, Flags], after: tuple[Floats, Flags], share: float) -> tuple[Floats, Flags]:
+def _mixed(before: tuple[Floats, Flags], after: tuple[Floats, Flags], share: float) -> tuple[Floats, Flags]:
     """Mix two records; where only one knows a value (ice came or went) that one is taken."""
     (first, known_first), (last, known_last) = before, after
     mixed = (1.0 - share) * first + share * last

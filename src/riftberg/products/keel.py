@@ -75,8 +75,8 @@ def keel_mean(ds: xr.Dataset, draft: float | xr.DataArray) -> xr.Dataset:
         total = water.sum("depth")
         mean = (ds[name].fillna(0.0) * water).sum("depth") / total.where(total > 0.0)
         means[name] = labelled(mean, QUANTITIES[name]).assign_attrs(cell_methods="depth: mean (surface to draft)")
-    told = f"{float(draft):g} m" if np.ndim(draft) == 0 else "a draft that varies"
-    history = f"currents averaged from the surface to {told}; {ds.attrs.get('history', '')}"
+    draft_text = f"{float(draft):g} m" if np.ndim(draft) == 0 else "a draft that varies"
+    history = f"currents averaged from the surface to {draft_text}; {ds.attrs.get('history', '')}"
     return ds.drop_vars([*names, "depth"]).assign(means).assign_attrs(history=history)
 
 

@@ -16,20 +16,20 @@ _WINDS = (Source("ua", ("uwnd",), "m/s"), Source("va", ("vwnd",), "m/s"))
 _HEADINGS = ("title", "dataset", "dataset_title", "description", "source", "References")
 
 
-def _told(ds: xr.Dataset) -> str:
+def _stated_here(ds: xr.Dataset) -> str:
     variables = " ".join(str(variable.attrs.get("dataset", "")) for variable in ds.variables.values()).lower()
     return f"{text_of(ds, *_HEADINGS)} {variables}"
 
 
 def _matches_r2(ds: xr.Dataset) -> bool:
-    told = _told(ds)
-    named = any(word in told for word in ("reanalysis-2", "reanalysis 2", "ncep/doe", "reanalysis2"))
+    words = _stated_here(ds)
+    named = any(word in words for word in ("reanalysis-2", "reanalysis 2", "ncep/doe", "reanalysis2"))
     return named or (("uwnd" in ds.variables or "vwnd" in ds.variables) and ds.sizes.get("level", 0) == 1)
 
 
 def _matches_r1(ds: xr.Dataset) -> bool:
-    told = _told(ds)
-    named = any(word in told for word in ("nmc reanalysis", "ncep reanalysis", "ncep/ncar"))
+    words = _stated_here(ds)
+    named = any(word in words for word in ("nmc reanalysis", "ncep reanalysis", "ncep/ncar"))
     winds = bool({"uwnd", "vwnd"} & set(ds.variables)) and {"lat", "lon"} <= set(ds.dims)
     return (named or winds) and not _matches_r2(ds)
 
@@ -37,10 +37,10 @@ def _matches_r1(ds: xr.Dataset) -> bool:
 def _at_ten_metres(ds: xr.Dataset) -> xr.Dataset:
     """Drop the single level; refuse winds that are not at 10 m."""
     for name in {"uwnd", "vwnd"} & set(ds.variables):
-        told = " ".join(str(ds[name].attrs.get(key, "")) for key in ("long_name", "level_desc", "var_desc")).lower()
-        if "sigma" in told or "pressure" in told or "995" in told:
+        words = " ".join(str(ds[name].attrs.get(key, "")) for key in ("long_name", "level_desc", "var_desc")).lower()
+        if "sigma" in words or "pressure" in words or "995" in words:
             raise ForcingError(
-                f"{name} is not the wind at 10 m ({told.strip()})",
+                f"{name} is not the wind at 10 m ({words.strip()})",
                 where=str(ds.encoding.get("source", "")),
                 remedy="Use the files uwnd.10m.gauss.YYYY.nc and vwnd.10m.gauss.YYYY.nc of the folder surface_gauss",
             )

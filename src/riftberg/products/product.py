@@ -109,9 +109,9 @@ class Product:
             if source.quantity in chosen:
                 held.setdefault(source.evidence or self.evidence, []).append(source.quantity)
         single = len(held) < 2
-        told = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in held.items()]
+        kinds = [f"{EVIDENCE[kind]}" + ("" if single else f" ({', '.join(q)})") for kind, q in held.items()]
         others = [f"{name}: {EVIDENCE[kind]}" for name, kind in self.variants]
-        return "; ".join([*(told or [EVIDENCE[self.evidence]]), *others])
+        return "; ".join([*(kinds or [EVIDENCE[self.evidence]]), *others])
 
 
 def text_of(ds: xr.Dataset, *names: str) -> str:

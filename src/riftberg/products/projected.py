@@ -40,7 +40,7 @@ def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
         attributes = {"standard_name": f"projection_{axis}_coordinate", "units": "m", "axis": axis.upper()}
         ds = ds.assign_coords({axis: (axis, values, attributes)})
     if {"lat", "lon"} <= set(ds.variables):
-        _check_positions(ds, crs)
+        _check_projection(ds, crs)
     return ds.assign_attrs(crs_wkt=crs.to_wkt())
 
 
@@ -74,7 +74,7 @@ def to_projection(crs: Any, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
     return np.asarray(x, float), np.asarray(y, float)
 
 
-def _check_positions(ds: xr.Dataset, crs: Any) -> None:
+def _check_projection(ds: xr.Dataset, crs: Any) -> None:
     """Compare a sample of the file's positions with the projection; half a cell is the most that they may differ."""
     lat, lon = ds["lat"], ds["lon"]
     pick = {dim: slice(None, None, max(1, size // 8)) for dim, size in lat.sizes.items()}

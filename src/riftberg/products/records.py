@@ -53,8 +53,8 @@ def own_interval(ds: xr.Dataset) -> float:
     """Return the interval (s) of the product: the shortest that files state, records show or means stand for; 0 if unknown."""
     if "interval_seconds" in ds.attrs:
         return float(ds.attrs["interval_seconds"])
-    told = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
-    known = [float(value) for value in (*told, usual_interval(ds["time"].values)) if float(value) > 0.0]
+    stated = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
+    known = [float(value) for value in (*stated, usual_interval(ds["time"].values)) if float(value) > 0.0]
     return min(known, default=0.0)
 
 
@@ -154,15 +154,15 @@ def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
 
 def empty_by_field(ds: xr.Dataset) -> dict[str, NDArray[np.bool_]]:
     """Return the records without values of each field with time, sea ice excepted; of a vector with either component."""
-    found = {
+    empty = {
         str(name): empty_records(field)
         for name, field in ds.data_vars.items()
         if "time" in field.dims and str(name) not in MAY_BE_EMPTY
     }
     for east, north in VECTORS:
-        if east in found and north in found:
-            found[east] = found[north] = found[east] | found[north]
-    return found
+        if east in empty and north in empty:
+            empty[east] = empty[north] = empty[east] | empty[north]
+    return empty
 
 
 def without_empty(ds: xr.Dataset) -> list[xr.Dataset]:

@@ -87,14 +87,14 @@ def recognise(path: str | Path) -> Product:
 
 def expand(paths: Paths) -> list[str]:
     """Return the files that ``paths`` names: patterns are expanded, addresses and Zarr stores kept."""
-    given: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
+    patterns: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
     files: list[str] = []
-    for path in map(str, given):
+    for path in map(str, patterns):
         pattern = any(sign in path for sign in "*?[") and "://" not in path
-        found = sorted(glob(path)) if pattern else [path]
-        if not found:
+        matches = sorted(glob(path)) if pattern else [path]
+        if not matches:
             raise ForcingError("no file matches", where=path, remedy="Check the folder and the pattern")
-        files.extend(found)
+        files.extend(matches)
     if not files:
         raise ForcingError("no files were given", where="forcing", remedy="Give at least one file")
     return files
@@ -124,11 +124,11 @@ def open_product(paths: Paths, product: str | Product | None = None) -> xr.Datas
     """
     parts = open_all(paths, product)
     if len(parts) > 1:
-        told = "; ".join(
+        served = "; ".join(
             f"{part.attrs['product']}: {', '.join(map(str, part.data_vars))} {dict(part.sizes)}" for part in parts
         )
         raise ForcingError(
-            f"these files make {len(parts)} datasets with different products, grids or records ({told})",
+            f"these files make {len(parts)} datasets with different products, grids or records ({served})",
             where=", ".join(expand(paths)[:4]),
             remedy="Open each set by itself, or use open_all",
         )

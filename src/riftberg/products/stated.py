@@ -68,19 +68,19 @@ def _bounds(raw: xr.Dataset) -> float:
 
 def iso_seconds(text: str) -> float:
     """Return the length of an ISO 8601 duration (``P1D``, ``PT6H``) in seconds; 0 if it is none."""
-    found = _ISO.match(text.strip().upper())
-    if found is None:
+    match = _ISO.match(text.strip().upper())
+    if match is None:
         return 0.0
-    return sum(int(count) * unit for count, unit in zip(found.groups(), _ISO_SECONDS, strict=True) if count)
+    return sum(int(count) * unit for count, unit in zip(match.groups(), _ISO_SECONDS, strict=True) if count)
 
 
 def _delta(raw: xr.Dataset) -> float:
     """Return NOAA's ``delta_t``: year-month-day hour:minute:second."""
     text = str(raw.variables["time"].attrs.get("delta_t", "")) if "time" in raw.variables else ""
-    found = re.match(r"^(\d+)-(\d+)-(\d+) (\d+):(\d+):(\d+)", text)
-    if found is None:
+    match = re.match(r"^(\d+)-(\d+)-(\d+) (\d+):(\d+):(\d+)", text)
+    if match is None:
         return 0.0
-    years, months, days, hours, minutes, seconds = map(int, found.groups())
+    years, months, days, hours, minutes, seconds = map(int, match.groups())
     return float((12 * years + months) * MONTH_SECONDS + days * DAY_SECONDS + 3600 * hours + 60 * minutes + seconds)
 
 

@@ -64,8 +64,8 @@ class Stencil:
         if turn:
             to_x = (to_x - x[0]) % turn + x[0]
             x = np.append(x, x[0] + turn)
-        columns, fx = _between(x, to_x)
-        rows, fy = _between(y, to_y)
+        columns, fx = _brackets(x, to_x)
+        rows, fy = _brackets(y, to_y)
         nx = x.size - 1 if turn else x.size
         right, up = np.minimum(columns + 1, x.size - 1), np.minimum(rows + 1, y.size - 1)
         corners = [(rows, columns), (rows, right), (up, columns), (up, right)]
@@ -125,7 +125,7 @@ class Stencil:
         """Give targets without wet corners the value of the nearest wet point within ``reach`` cells."""
         rows, columns = self.source
         inside = ~np.isnan(self.weight[0])
-        for dj, di in _rings(reach):
+        for dj, di in _offsets_by_distance(reach):
             wanted, target = np.nonzero((origin == MISSING) & inside)
             if target.size == 0:
                 return
@@ -133,23 +133,23 @@ class Stencil:
             column = column % columns if self.periodic else column
             valid = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
             wanted, target, row, column = wanted[valid], target[valid], row[valid], column[valid]
-            found = flat[wanted, row * columns + column]
-            known = np.isfinite(found)
-            values[wanted[known], target[known]] = found[known]
+            nearest_values = flat[wanted, row * columns + column]
+            known = np.isfinite(nearest_values)
+            values[wanted[known], target[known]] = nearest_values[known]
             origin[wanted[known], target[known]] = NEAREST
 
     def _flat(self, field: Floats) -> Floats:
         return np.asarray(field, float).reshape(-1, self.source[0] * self.source[1])
 
 
-def _rings(reach: int) -> list[tuple[int, int]]:
+def _offsets_by_distance(reach: int) -> list[tuple[int, int]]:
     """Return offsets (rows, columns) within ``reach`` cells, the nearest first."""
     span = range(-reach, reach + 1)
     offsets = [(dj, di) for dj in span for di in span if dj * dj + di * di <= reach * reach]
     return sorted(offsets, key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset))
 
 
-def _between(axis: Floats, at: Floats) -> tuple[Integers, Floats]:
+def _brackets(axis: Floats, at: Floats) -> tuple[Integers, Floats]:
     """Return the lower neighbour of each position and the fraction of the way to the next; NaN outside."""
     if axis.size == 1:
         return np.zeros(at.size, dtype=np.int64), np.where(np.isclose(at, axis[0]), 0.0, np.nan)

@@ -1,1 +1,1 @@
-"""Files of runs: trajectories and restarts of Riftberg, and in `kid` the directories of the reference."""
+"""A run as a file and in memory: run file, restart, provenance, tracks, and the scene that pictures are drawn from."""

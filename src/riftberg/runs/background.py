@@ -171,10 +171,10 @@ class StoredWater:
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at points; NaN outside the stored box."""
-        return bilinear(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
+        return on_even_grid(self.floor_x, self.floor_y, self.floor, self._near(lon), np.asarray(lat))
 
     def _at(self, field: Floats, lon: Floats, lat: Floats) -> Floats:
-        return bilinear(self.x, self.y, field, self._near(lon), np.asarray(lat))
+        return on_even_grid(self.x, self.y, field, self._near(lon), np.asarray(lat))
 
     def _near(self, lon: Floats) -> Floats:
         """Bring longitudes to the branch of the stored ones."""
@@ -183,7 +183,7 @@ class StoredWater:
         return lon - 360.0 * np.round((lon - middle) / 360.0) if self.degrees else lon
 
 
-def bilinear(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
+def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
     """Interpolate on an even grid; NaN outside and beside missing values.
 
     Parameters

@@ -117,7 +117,7 @@ def load_state(path: str | Path) -> RestartState:
         If the file is missing, not a restart file of Riftberg, or of a newer layout.
     """
     path = Path(path)
-    with _open(path) as file:
+    with _open_restart(path) as file:
         file.set_auto_mask(False)
         _check_header(file, path)
         return RestartState(
@@ -193,7 +193,7 @@ def _to_disk(path: Path) -> None:
         os.fsync(handle.fileno())
 
 
-def _open(path: Path) -> netCDF4.Dataset:
+def _open_restart(path: Path) -> netCDF4.Dataset:
     try:
         return netCDF4.Dataset(path)
     except OSError as error:
@@ -221,18 +221,20 @@ def _check_header(file: netCDF4.Dataset, path: Path) -> None:
 
 def _read_elements(file: netCDF4.Dataset, path: Path) -> Elements:
     elements = new_elements(file.dimensions["element"].size)
-    _fill(file, "element", ELEMENT_VARIABLES, elements, path)
+    _fill_arrays(file, "element", ELEMENT_VARIABLES, elements, path)
     return elements
 
 
 def _read_bonds(file: netCDF4.Dataset, path: Path) -> Bonds:
     empty = np.zeros(file.dimensions["bond"].size, dtype="i8")
     bonds = new_bonds(empty, empty)
-    _fill(file, "bond", BOND_VARIABLES, bonds, path)
+    _fill_arrays(file, "bond", BOND_VARIABLES, bonds, path)
     return bonds
 
 
-def _fill(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds, path: Path) -> None:
+def _fill_arrays(
+    file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds, path: Path
+) -> None:
     for v in variables:
         if v.restart:
             name = f"{dim}_{v.name}"

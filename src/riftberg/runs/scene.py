@@ -28,13 +28,6 @@ class Box:
     south: float
     north: float
 
-    def grown(self, part: float) -> Box:
-        """Return the box with a margin of ``part`` of its longer side all around."""
-        width, height = self.east - self.west, self.north - self.south
-        stretch = 1.0 / max(0.05, math.cos(math.radians(0.5 * (self.south + self.north))))
-        margin = part * max(height, width / stretch)
-        return Box(self.west - margin * stretch, self.east + margin * stretch, self.south - margin, self.north + margin)
-
 
 class Scene:
     """Geometry of a run for drawing.
@@ -59,7 +52,11 @@ class Scene:
 
     def _joined(self, x: Floats) -> Floats:
         """Put longitudes on one branch, so that a berg on the date line stays in one piece."""
-        period = self.parameters.earth.period if self.parameters.earth.period > 0.0 else 360.0
+        period = self.parameters.earth.period
+        if period <= 0.0:
+            if not self.latlon:
+                return x
+            period = 360.0
         joined: Floats = x - period * np.round((x - x[0, 0]) / period)
         return joined
 
@@ -115,7 +112,14 @@ class Scene:
 
     def stretch(self, y: float) -> float:
         """Units of x per unit of y for the same distance at ``y``."""
-        return 1.0 / math.cos(math.radians(y)) if self.latlon else 1.0
+        return 1.0 / max(0.05, math.cos(math.radians(y))) if self.latlon else 1.0
+
+    def grown(self, box: Box, part: float) -> Box:
+        """Return a box with a margin of ``part`` of its longer side all around."""
+        stretch = self.stretch(0.5 * (box.south + box.north))
+        margin = part * max(box.north - box.south, (box.east - box.west) / stretch)
+        wide = margin * stretch
+        return Box(box.west - wide, box.east + wide, box.south - margin, box.north + margin)
 
     def units_per_km(self) -> float:
         """Units of y in a kilometre."""

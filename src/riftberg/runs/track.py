@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg import constants
+from riftberg.plane import OrthographicPlane
 from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:
@@ -41,38 +42,6 @@ class Position:
     lat: float
     azimuth: float
     area: float
-
-
-def to_plane(lon: Floats, lat: Floats, lon0: float, lat0: float, radius: float) -> tuple[Floats, Floats]:
-    """Project orthographically onto the plane that touches the sphere at ``(lon0, lat0)``.
-
-    Parameters
-    ----------
-    lon, lat : array
-        Points, degrees.
-    lon0, lat0 : float
-        Point of contact, degrees.
-    radius : float
-        Radius of the sphere, m.
-
-    Returns
-    -------
-    x, y : array
-        Metres east and north of the point of contact.
-    """
-    east, north, north0 = np.radians(lon - lon0), np.radians(lat), math.radians(lat0)
-    x = np.cos(north) * np.sin(east)
-    y = np.sin(north) * math.cos(north0) - np.cos(north) * math.sin(north0) * np.cos(east)
-    return radius * x, radius * y
-
-
-def from_plane(x: float, y: float, lon0: float, lat0: float, radius: float) -> tuple[float, float]:
-    """Invert `to_plane` for one point."""
-    a, b, north0 = x / radius, y / radius, math.radians(lat0)
-    up = math.sqrt(max(0.0, 1.0 - a * a - b * b))
-    lat = math.asin(b * math.cos(north0) + up * math.sin(north0))
-    lon = math.atan2(a, up * math.cos(north0) - b * math.sin(north0))
-    return lon0 + math.degrees(lon), math.degrees(lat)
 
 
 def long_axis(x: Floats, y: Floats, weight: Floats) -> float:
@@ -119,10 +88,11 @@ def berg_position(
     # A berg on the date line: differences to the first element are small, longitudes need not be.
     near = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0
     lon0, lat0 = float(np.average(near, weights=area)), float(np.average(lat, weights=area))
-    x, y = to_plane(near, lat, lon0, lat0, radius)
+    plane = OrthographicPlane(lon0, lat0, radius)
+    x, y = plane.forward(near, lat)
     mean = float(np.average(x, weights=area)), float(np.average(y, weights=area))
-    lon_c, lat_c = from_plane(*mean, lon0, lat0, radius)
-    return Position(lon_c, lat_c, long_axis(x, y, area), float(area.sum()))
+    lon_c, lat_c = plane.inverse(*(np.array(part) for part in mean))
+    return Position(float(lon_c), float(lat_c), long_axis(x, y, area), float(area.sum()))
 
 
 def main_berg(berg: Ints, area: Floats) -> int:

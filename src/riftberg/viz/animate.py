@@ -15,11 +15,12 @@ import xarray as xr
 
 from riftberg.errors import InputError
 from riftberg.runs.background import stored_water
-from riftberg.runs.scene import Box, Scene
+from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.viz import style
-from riftberg.viz.panels import Panel, Water, day_text, fragment_colours
-from riftberg.viz.plots import fragment_name, heading, new_figure
+from riftberg.viz.panels import Panel, Water, day_text, fragment_colours, fragment_name, speed_top, widened
+from riftberg.viz.plots import heading
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -152,16 +153,14 @@ class _Film:
         steps: int | None = None,
     ) -> None:
         self.scene, self.water, self.observed, self.steps = scene, water, observed, steps
-        self.box = scene.box().grown(0.06)
-        self.box = _wide(self.box, scene, 1.45)
+        self.box = widened(scene.grown(scene.box(), 0.06), scene, 1.45)
         self.figure = new_figure(9.6, 7.2, dpi)
         self.ax = self.figure.add_axes((0.065, 0.12, 0.915, 0.77))
         self.figure.text(0.065, 0.985, heading(scene.run, "drift and break-up"), va="top", fontsize=11)
         self.colours = fragment_colours(scene)
         self._legend()
         some = range(0, len(scene.times), max(1, len(scene.times) // 12))
-        probe = Panel(self.ax, scene, self.box, water)
-        self.top = max(0.05, *(probe.fastest(k) for k in some))
+        self.top = speed_top([Panel(self.ax, scene, self.box, water)] * len(some), some)
 
     def draw(self, record: int) -> None:
         """Draw one record."""
@@ -186,11 +185,3 @@ class _Film:
         self.figure.legend(
             handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.06, 0.0), ncols=2, frameon=False
         )
-
-
-def _wide(box: Box, scene: Scene, shape: float) -> Box:
-    """Return the box widened to a shape (width over height on the ground)."""
-    x, y = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
-    stretch = scene.stretch(y)
-    half = 0.5 * max(box.north - box.south, (box.east - box.west) / stretch / shape)
-    return Box(x - half * shape * stretch, x + half * shape * stretch, y - half, y + half)

@@ -58,7 +58,7 @@ def draw_coast(ax: Axes, box: Box, *, latlon: bool = True, zorder: float = 3.6) 
         return False
     areas, lines = coast_in(box)
     for colour in (LAND, SHELF):
-        paths = [_path(polygon) for polygon, shown in areas if shown == colour]
+        paths = [_polygon_path(polygon) for polygon, shown in areas if shown == colour]
         # The extent of the map is that of the run, not of the continent.
         ax.add_collection(PathCollection(paths, facecolors=colour, edgecolors="none", zorder=zorder), autolim=False)
     shore = LineCollection(
@@ -124,8 +124,8 @@ def natural_earth(resolution: str, name: str) -> Path | None:
         return None
     # Cartopy's own path() downloads what it does not find; these two only tell where it would be.
     finder = Downloader.from_config(("shapefiles", "natural_earth", resolution, "physical", name))
-    told = {"config": config, "category": "physical", "name": name, "resolution": resolution}
-    places = (finder.pre_downloaded_path(told), finder.target_path(told))
+    request = {"config": config, "category": "physical", "name": name, "resolution": resolution}
+    places = (finder.pre_downloaded_path(request), finder.target_path(request))
     return next((Path(place) for place in places if place is not None and Path(place).is_file()), None)
 
 
@@ -144,7 +144,7 @@ def _clipped(path: Path | None, box: Box) -> list[Any]:
 
     # Cut a little outside of the map, so that the cuts are not seen on it.
     wide, high = 0.05 * (box.east - box.west), 0.05 * (box.north - box.south)
-    found: list[Any] = []
+    pieces: list[Any] = []
     for turn in (-360.0, 0.0, 360.0):
         bounds = box.west - wide - turn, box.south - high, box.east + wide - turn, box.north + high
         for shape in _shapes(path):
@@ -156,11 +156,11 @@ def _clipped(path: Path | None, box: Box) -> list[Any]:
             moved = shapely.transform(
                 shapely.clip_by_rect(sound, *bounds), lambda xy, turn=turn: xy + np.array([turn, 0.0])
             )
-            found += [part for part in getattr(moved, "geoms", [moved]) if not part.is_empty]
-    return found
+            pieces += [part for part in getattr(moved, "geoms", [moved]) if not part.is_empty]
+    return pieces
 
 
-def _path(polygon: Any) -> Any:
+def _polygon_path(polygon: Any) -> Any:
     """Return a polygon with its holes as a path of matplotlib."""
     from matplotlib.path import Path as Curve
 

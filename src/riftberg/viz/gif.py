@@ -52,8 +52,8 @@ def film_palette(frames: Sequence[Image.Image], exact: Iterable[str]) -> Image.I
         together.paste(frame, (0, place * height))
     kept = [_shade(colour, part) for colour in exact for part in SHADES]
     kept = list(dict.fromkeys([*kept, (0, 0, 0), (255, 255, 255)]))
-    found = together.quantize(COLOURS - len(kept), dither=Image.Dither.NONE).getpalette() or []
-    kept += [c for c in zip(found[0::3], found[1::3], found[2::3], strict=True) if not _near(c, kept)]
+    shades = together.quantize(COLOURS - len(kept), dither=Image.Dither.NONE).getpalette() or []
+    kept += [c for c in zip(shades[0::3], shades[1::3], shades[2::3], strict=True) if not _alike(c, kept)]
     palette = Image.new("P", (1, 1))
     palette.putpalette([part for colour in kept for part in colour])
     return palette
@@ -64,7 +64,7 @@ def _shade(colour: str, part: float) -> Colour:
     return red, green, blue
 
 
-def _near(colour: Colour, others: Sequence[Colour]) -> bool:
+def _alike(colour: Colour, others: Sequence[Colour]) -> bool:
     return any(max(abs(a - b) for a, b in zip(colour, other, strict=True)) < SAME for other in others)
 
 

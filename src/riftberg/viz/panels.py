@@ -19,8 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import Colormap, Normalize
+    from matplotlib.figure import Figure
 
 Water = Forcing | StoredWater
+
+NO_WATER: Final = "#D9D9D9"
+"""Under the currents: shows where there are none."""
 
 ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 
@@ -66,14 +70,20 @@ class Panel:
         Extent.
     water : Forcing or StoredWater, optional
         Gives currents and depth.
+    ticks : int, optional
+        About how many ticks an axis has.
+    labels : bool, optional
+        Axes say what they are.
     """
 
-    def __init__(self, ax: Axes, scene: Scene, box: Box, water: Water | None = None) -> None:
+    def __init__(
+        self, ax: Axes, scene: Scene, box: Box, water: Water | None = None, *, ticks: int = 4, labels: bool = False
+    ) -> None:
         self.ax, self.scene, self.box, self.water = ax, scene, box, water
         ax.set_xlim(box.west, box.east)
         ax.set_ylim(box.south, box.north)
         ax.set_aspect(scene.stretch(0.5 * (box.south + box.north)))
-        style.geographic_axes(ax, latlon=scene.latlon, ticks=4, labels=False)
+        style.geographic_axes(ax, latlon=scene.latlon, ticks=ticks, labels=labels)
         ax.set_facecolor("#F4F7FA")
         draw_coast(ax, box, latlon=scene.latlon)
 
@@ -99,6 +109,7 @@ class Panel:
         if not np.isfinite(speed).any():
             return
         b = self.box
+        self.ax.set_facecolor(NO_WATER)
         self.ax.imshow(
             np.ma.masked_invalid(speed), cmap=style.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
@@ -114,7 +125,7 @@ class Panel:
             headaxislength=3.4, minshaft=1.6, color="#35506B", minlength=0.4, zorder=2,
         )  # fmt: skip
 
-    def draw_floor(self) -> bool:
+    def draw_floor(self, *, isobaths: bool = True) -> bool:
         """Draw isobaths and hatch what the keel touches; returns whether there is such a place."""
         if self.water is None:
             return False
@@ -124,7 +135,8 @@ class Panel:
             return False
         low, high = float(np.nanmin(depth)), float(np.nanmax(depth))
         levels = [d for d in ISOBATHS if low < d < high]
-        if levels:
+        # A floor of steps, such as a zone that is simply declared dry, has no isobaths.
+        if isobaths and levels and len(np.unique(depth[np.isfinite(depth)])) >= 50:
             lines = self.ax.contour(x, y, depth, levels=levels, colors="#8A8A8A", linewidths=0.6, zorder=2)
             self.ax.clabel(lines, fmt="%d m", fontsize=6)
         draft = self.scene.draft()
@@ -136,7 +148,9 @@ class Panel:
         self.ax.contour(x, y, depth, levels=[draft], colors=style.GROUND_COLOUR, linewidths=1.2, zorder=6)
         return True
 
-    def draw_ice(self, record: int, colours: dict[int, str], *, alpha: float = 1.0) -> PolyCollection:
+    def draw_ice(
+        self, record: int, colours: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0
+    ) -> PolyCollection:
         """Draw the elements in the colours of their fragments."""
         from matplotlib.collections import PolyCollection
         from matplotlib.colors import to_rgba
@@ -149,7 +163,7 @@ class Panel:
             facecolors=faces,
             edgecolors=(0, 0, 0, 0.4 * alpha),
             linewidths=thin,
-            zorder=5,
+            zorder=zorder,
         )
         self.ax.add_collection(ice)
         return ice
@@ -206,16 +220,54 @@ def fragment_colours(scene: Scene) -> dict[int, str]:
     return dict(zip(scene.numbers, style.FRAGMENT_COLOURS, strict=False))
 
 
+def fragment_name(scene: Scene, number: int) -> str:
+    """Return what a fragment is, in a few words."""
+    area, birth = scene.area_of(number) / 1e6, scene.birth(number)
+    size = f"{area:,.0f} km²" if area >= 10.0 else f"{area:.2g} km²"
+    if birth is None:
+        return f"berg {number}: {size} at the end"
+    return f"fragment {number}: {size}, off on {day_text(birth[0])}" + (", aground" if birth[1] else ", afloat")
+
+
+def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:
+    """Return the end of the speed scale of panels at these records, m s-1; still water has one too."""
+    return max(0.05, *(panel.fastest(record) for panel, record in zip(panels, records, strict=True)))
+
+
+def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: float) -> None:
+    """Draw the scale of the speed of the currents, as `Panel.draw_currents` colours it, at a place of a figure."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
+
+    ax = figure.add_axes(place)
+    bar = figure.colorbar(ScalarMappable(Normalize(0.0, top), style.speed_map()), cax=ax, orientation="horizontal")
+    bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
+    bar.ax.tick_params(labelsize=8, length=2)
+    long = place[2] * figure.get_figwidth()
+    bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6, steps=[1, 2, 5, 10]))
+
+
 def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:
-    """Return extents of one size, each centred on the named fragments of its record."""
-    single = [scene.box(record).grown(margin) for record in records]
+    """Return square extents of one size, each centred on the named fragments of its record."""
+    single = [scene.grown(scene.box(record), margin) for record in records]
     stretch = scene.stretch(0.5 * (single[0].south + single[0].north))
     half = 0.5 * max(max(b.north - b.south, (b.east - b.west) / stretch) for b in single)
-    boxes = []
-    for b in single:
-        x, y = 0.5 * (b.west + b.east), 0.5 * (b.south + b.north)
-        boxes.append(Box(x - half * scene.stretch(y), x + half * scene.stretch(y), y - half, y + half))
-    return boxes
+    return [_centred(b, scene, half) for b in single]
+
+
+def widened(box: Box, scene: Scene, shape: float) -> Box:
+    """Return the box widened to a shape (width over height on the ground), so that a map fills its place."""
+    stretch = scene.stretch(0.5 * (box.south + box.north))
+    half = 0.5 * max(box.north - box.south, (box.east - box.west) / stretch / shape)
+    return _centred(box, scene, half, shape)
+
+
+def _centred(box: Box, scene: Scene, half: float, shape: float = 1.0) -> Box:
+    """Return the box around the same centre that reaches ``half`` (units of y) north and south."""
+    x, y = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
+    wide = half * shape * scene.stretch(y)
+    return Box(x - wide, x + wide, y - half, y + half)
 
 
 def nearest_record(scene: Scene, moment: np.datetime64) -> int:

@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.errors import InputError
 from riftberg.runs.background import stored_water
-from riftberg.runs.scene import Scene
+from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.panels import (
@@ -22,10 +22,15 @@ from riftberg.viz.panels import (
     damage_map,
     day_text,
     fragment_colours,
+    fragment_name,
     nearest_record,
     root_scale,
+    speed_bar,
+    speed_top,
     stress_map,
+    widened,
 )
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,16 +41,6 @@ Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
 
 OBSERVED_COLOURS = ("#332288", "#117733", "#AA4499", "#88CCEE", "#999933", "#882255")
-
-
-def new_figure(width: float, height: float, dpi: int) -> Figure:
-    """Return a figure that needs no display."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=dpi)
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def heading(run: xr.Dataset, what: str) -> str:
@@ -103,7 +98,7 @@ def draw_dates(
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
     boxes = common_boxes(scene, records)
     panels = [Panel(ax, scene, box, water) for ax, box in zip(places[bool(shown) :], boxes, strict=True)]
-    top = max(0.05, *(panel.fastest(record) for panel, record in zip(panels, records, strict=True)))
+    top = speed_top(panels, records)
     for panel, record in zip(panels, records, strict=True):
         _date_panel(panel, record, top, shown)
     if shown:
@@ -140,10 +135,9 @@ def _observed_panel(
 ) -> None:
     """Draw all outlines over the currents of the one in the middle of their days."""
     rings = np.concatenate([ring for day in shown.values() for ring in day])
-    box = scene.box().grown(0.03)
-    x, y = 0.5 * (rings[:, 0].min() + rings[:, 0].max()), 0.5 * (rings[:, 1].min() + rings[:, 1].max())
-    half = 0.56 * max(np.ptp(rings[:, 1]), np.ptp(rings[:, 0]) / scene.stretch(y))
-    box = type(box)(x - half * scene.stretch(y), x + half * scene.stretch(y), y - half, y + half)
+    west, east, south, north = (f(rings[:, k]) for k in (0, 1) for f in (np.min, np.max))
+    around = Box(float(west), float(east), float(south), float(north))
+    box = widened(scene.grown(around, 0.06), scene, 1.0)
     panel = Panel(ax, scene, box, water)
     seen = [record for record in records if str(scene.times[record])[:10] in shown]
     middle = seen[len(seen) // 2]
@@ -160,10 +154,8 @@ def _observed_panel(
 
 def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
     """Explain the fragments, and above that draw the scale of the current; return the height of both with the ticks (inches)."""
-    from matplotlib.cm import ScalarMappable
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
-    from matplotlib.ticker import MaxNLocator
 
     handles: list[Any] = [
         Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(scene, number))
@@ -179,22 +171,9 @@ def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
     )
     if top > 0.0:
         long = min(4.2, width - 1.2)
-        place = figure.add_axes((0.62 / width, (high + 0.4) / height, long / width, 0.1 / height))
-        bar = figure.colorbar(ScalarMappable(root_scale(top), style.speed_map()), cax=place, orientation="horizontal")
-        bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
-        bar.ax.tick_params(labelsize=8, length=2)
-        bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6, steps=[1, 2, 5, 10]))
+        speed_bar(figure, (0.62 / width, (high + 0.4) / height, long / width, 0.1 / height), top)
         high += 0.5
     return high + 0.4
-
-
-def fragment_name(scene: Scene, number: int) -> str:
-    """Return what a fragment is, in a few words."""
-    area, birth = scene.area_of(number) / 1e6, scene.birth(number)
-    size = f"{area:,.0f} km²" if area >= 10.0 else f"{area:.2g} km²"
-    if birth is None:
-        return f"berg {number}: {size} at the end"
-    return f"fragment {number}: {size}, off on {day_text(birth[0])}" + (", aground" if birth[1] else ", afloat")
 
 
 def draw_stress(

@@ -19,8 +19,8 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.plane import Plane
-from riftberg.runs.background import StoredWater, bilinear, stored_water
+from riftberg.plane import ConformalPlane
+from riftberg.runs.background import StoredWater, on_even_grid, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.version import __version__
@@ -104,12 +104,12 @@ class ReplayContent:
         self.records: Ints = chosen_records(self.run.sizes["time"], self.run.sizes["trajectory"], self.largest)
 
     @cached_property
-    def plane(self) -> Plane:
+    def plane(self) -> ConformalPlane:
         """Plane through the middle of the path."""
         x, y = self.scene.x[self.records], self.scene.y[self.records]
         if not self.scene.latlon:
-            return Plane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
-        return Plane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
+            return ConformalPlane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
+        return ConformalPlane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
 
     @cached_property
     def damage(self) -> Floats | None:
@@ -292,7 +292,7 @@ class ReplayContent:
         """Return rings around places that the keel touches, from the finest mesh there is."""
         assert self.water is not None
         xs, ys, _, _, lon, lat = self._mesh(max(self.water.floor.shape))
-        depth = bilinear(self.water.floor_x, self.water.floor_y, self.water.floor, lon, lat)
+        depth = on_even_grid(self.water.floor_x, self.water.floor_y, self.water.floor, lon, lat)
         # Outside of the box it is deep, so that rings close at its edge.
         depth = np.pad(np.where(np.isfinite(depth), depth, 1e5), 1, constant_values=1e5)
         dx, dy = xs[1] - xs[0], ys[1] - ys[0]
@@ -303,7 +303,7 @@ class ReplayContent:
         """Return meridians and parallels as lines on the plane."""
         if not self.scene.latlon:
             return []
-        box = self.scene.box().grown(0.8)
+        box = self.scene.grown(self.scene.box(), 0.8)
         lines = []
         step_x, step_y = nice_step((box.east - box.west) / 6.0), nice_step((box.north - box.south) / 6.0)
         south, north = max(box.south, -90.0), min(box.north, 90.0)

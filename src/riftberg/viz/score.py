@@ -13,7 +13,7 @@ from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.plots import new_figure
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
     grid = figure.add_gridspec(
         4, 2, left=0.07, right=0.97, top=0.875, bottom=0.075, wspace=0.2, hspace=0.16, width_ratios=(1.0, 1.15)
     )
-    _tracks(figure.add_subplot(grid[:, 0]), score)
+    _draw_tracks(figure.add_subplot(grid[:, 0]), score)
     rows = [(day.time, berg) for day in score.days if (berg := day.berg) is not None]
     times = np.array([time for time, _ in rows], dtype="datetime64[s]")
     matches = [match for _, match in rows]
@@ -60,12 +60,12 @@ def _values(matches: Sequence[Match], name: str) -> Floats:
     return np.array([np.nan if getattr(m, name) is None else getattr(m, name) for m in matches], np.float64)
 
 
-def _distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+def _draw_distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     ax.plot(times, _values(berg, "distance_km"), "o-", color=MODEL, ms=4)
     ax.set_ylim(bottom=0.0)
 
 
-def _azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+def _draw_azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     """Draw both headings without jumps at 180 degrees, each followed from day to day, the model's from near the observed one."""
     seen, off = _values(berg, "azimuth_observed"), _values(berg, "azimuth_difference")
     known = np.isfinite(seen)
@@ -75,13 +75,13 @@ def _azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
         ax.plot(times[there], np.unwrap(values[there], period=180.0), look, color=colour, ms=4)
 
 
-def _area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+def _draw_area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     ax.plot(times, _values(berg, "area_observed_km2"), "s-", color=OBSERVED, ms=4)
     ax.plot(times, _values(berg, "area_km2"), "o-", color=MODEL, ms=4)
     ax.set_ylim(0.0, 1.1 * ax.get_ylim()[1])
 
 
-def _overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
+def _draw_overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     values = _values(berg, "iou")
     ax.plot(times, values, "o-", color=MODEL, ms=4)
     ax.set_ylim(0.0, 1.0)
@@ -90,14 +90,14 @@ def _overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
 
 
 _CURVES: Final = (
-    ("distance of\ncentroids (km)", _distance),
-    ("long axis\n(degrees from N)", _azimuth),
-    ("area (km²)", _area),
-    ("overlap (IoU)", _overlap),
+    ("distance of\ncentroids (km)", _draw_distance),
+    ("long axis\n(degrees from N)", _draw_azimuth),
+    ("area (km²)", _draw_area),
+    ("overlap (IoU)", _draw_overlap),
 )
 
 
-def _tracks(ax: Axes, score: Score) -> None:
+def _draw_tracks(ax: Axes, score: Score) -> None:
     """Draw the centroids of all pieces, model and observed, joined day by day."""
     ends: list[tuple[float, float]] = []
     labels = style.Labels(ax)

@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
 
 FRAGMENT_COLOURS = ("#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#8C510A")
 """Largest fragment first; colours of Okabe and Ito that are told apart with any colour vision, and from blue water."""
@@ -29,6 +30,16 @@ SMALL_COLOUR = "#666666"
 
 GROUND_COLOUR = "#A50026"
 """Sea floor that the keel touches."""
+
+
+def new_figure(width: float, height: float, dpi: int) -> Figure:
+    """Return a figure that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=dpi)
+    FigureCanvasAgg(figure)
+    return figure
 
 
 def speed_map(steps: int | None = None) -> Colormap:

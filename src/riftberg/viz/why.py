@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.diagnostics.breakup import Breakup, Reasons
+from riftberg.diagnostics.dates import minute
 from riftberg.diagnostics.forces import FORCES
-from riftberg.viz.plots import new_figure
+from riftberg.viz.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,9 +38,9 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
     figure = new_figure(15.0, 4.3 * rows + 1.2, dpi)
     grid = figure.subplots(rows, 3, squeeze=False, width_ratios=(1.0, 1.2, 1.0))
     for axes, breakup in zip(grid, shown, strict=False):
-        _forces(axes[0], breakup)
-        _load(axes[1], breakup)
-        _bonds(axes[2], breakup)
+        _draw_forces(axes[0], breakup)
+        _draw_load(axes[1], breakup)
+        _draw_first_bonds(axes[2], breakup)
     if not shown:
         for ax in grid[0]:
             ax.set_axis_off()
@@ -56,7 +57,7 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
     return Path(path)
 
 
-def _forces(ax: Axes, b: Breakup) -> None:
+def _draw_forces(ax: Axes, b: Breakup) -> None:
     """Draw the forces on fragment and rest as arrows from one point each."""
     reach = 0.0
     for k, name in enumerate(("fragment", "rest")):
@@ -85,13 +86,13 @@ def _forces(ax: Axes, b: Breakup) -> None:
     ax.legend(
         fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.2, frameon=False, handlelength=1.4
     )
-    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {_when(b.decisive.time)}", fontsize=9)
+    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute(b.decisive.time)}", fontsize=9)
     ax.set_ylabel(f"fragment {b.fragment}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
     ax.set_xlabel("east", fontsize=9)
     ax.tick_params(labelsize=7)
 
 
-def _load(ax: Axes, b: Breakup) -> None:
+def _draw_load(ax: Axes, b: Breakup) -> None:
     """Draw the shares of the forces in the nominal stress of the cut, until the break."""
     hours = [_hours(load.time, b.time) for load in b.history]
     for name in FORCES:
@@ -105,18 +106,18 @@ def _load(ax: Axes, b: Breakup) -> None:
     ax.axhline(0.0, color="#BBBBBB", lw=0.6)
     ax.legend(fontsize=7, loc="best", ncols=2, framealpha=0.85)
     ax.set_title(f"nominal stress of the cut of {b.decisive.cut_km:.0f} km (kPa), by force", fontsize=9)
-    ax.set_xlabel(f"hours before {_when(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours before {minute(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 
-def _bonds(ax: Axes, b: Breakup) -> None:
+def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     """Draw the stress of the first bonds to fail until they fail."""
     strength = b.first_bonds[0].strength / 1e3
     for k, bond in enumerate(b.first_bonds):
         end = _hours(bond.time, b.time)
         hours = [*(end + h for h in bond.hours), end]
         stress = [*(s / 1e3 for s in bond.peak or bond.tension), bond.strength / 1e3]
-        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{_when(bond.time)[5:]}")
+        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute(bond.time)[5:]}")
         if bond.peak:
             ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
         ax.plot(end, bond.strength / 1e3, "x", color="#A50026", ms=7, mew=1.8)
@@ -128,13 +129,9 @@ def _bonds(ax: Axes, b: Breakup) -> None:
     if b.first_bonds[0].peak:
         ax.set_ylabel("largest between records", fontsize=8)
     ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
-    ax.set_xlabel(f"hours before {_when(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours before {minute(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 
 def _hours(text: str, end: str) -> float:
     return float((np.datetime64(text) - np.datetime64(end)) / np.timedelta64(1, "s")) / 3600.0
-
-
-def _when(text: str) -> str:
-    return text.replace("T", " ")[:16]
