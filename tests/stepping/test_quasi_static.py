@@ -100,7 +100,7 @@ def test_stress_does_not_depend_on_youngs_modulus() -> None:
 def test_a_load_out_of_balance_is_refused() -> None:
     """The springs that hold a fragment must carry nothing; that they do is a fault, not a stress."""
     berg, force, p = floating(1, "square")
-    flat, lattice, alive, holds, load, *_, body = solved(berg, force, p)
+    flat, lattice, alive, holds, *_, body = solved(berg, force, p)
     factors = Factors(lattice, alive, holds, holds.springs(body, flat))
     with pytest.raises(RunError, match="not in equilibrium"):
         factors.solve(force)
@@ -111,7 +111,7 @@ def test_energy_is_that_of_the_springs() -> None:
     flat, lattice, alive, holds, load, sizes, *_, body = solved(berg, force, p)
     bend = Factors(lattice, alive, holds, holds.springs(body, flat)).solve(load)
     stored = 0.0
-    for b, (i, j) in enumerate(zip(berg.bonds.first, berg.bonds.second, strict=True)):
+    for i, j in zip(berg.bonds.first, berg.bonds.second, strict=True):
         t = berg.elements.thickness
         k, rows, *_ = twin.bond_matrix(
             flat[i], flat[j], sizes.bond_radius[i], sizes.bond_radius[j], t[i], t[j], p.youngs_modulus, p.poisson

@@ -36,7 +36,9 @@ def limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> Limits:
     normal, shear = np.empty(alive.size), np.empty(alive.size)
     for k in range(alive.size):
         b = alive[k]
-        normal[k], shear[k] = limits_left(p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b])
+        normal[k], shear[k] = limits_left(  # type: ignore[no-untyped-call]
+            p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b]
+        )
     return Limits(normal, shear)
 
 
@@ -52,7 +54,7 @@ def most_overloaded(stress: Floats, limits: Limits) -> tuple[int, float]:
 
 
 @kernel
-def _ratio(normal, shear, normal_limit, shear_limit):
+def _ratio(normal: float, shear: float, normal_limit: float, shear_limit: float) -> float:
     """Stress over strength; a bond without strength fails under the smallest stress."""
     a = normal / normal_limit if normal_limit > 0.0 else (np.inf if normal > 0.0 else 0.0)
     b = shear / shear_limit if shear_limit > 0.0 else (np.inf if shear > 0.0 else 0.0)
@@ -101,13 +103,18 @@ def first_break(
 
 
 @kernel
-def _fails(lattice, b, one, two, share, normal_limit, shear_limit, p):
+def _fails(
+    lattice: Lattice, b: int, one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float,
+    p: KernelParameters,
+) -> bool:  # fmt: skip
     """Whether a bond is overloaded at a part of the step."""
-    e, s, angle = one + share * (two - one)
+    e = one[0] + share * (two[0] - one[0])
+    s = one[1] + share * (two[1] - one[1])
+    angle = one[2] + share * (two[2] - one[2])
     rest = lattice.rest[b]
     normal = tensile_stress(p.youngs_modulus, rest, -0.5 * e, angle, lattice.width[b])
     shear = shear_stress_of(p.youngs_modulus, p.poisson, rest, abs(s))
-    return normal > normal_limit or shear > shear_limit
+    return bool(normal > normal_limit or shear > shear_limit)
 
 
 @kernel

@@ -342,9 +342,7 @@ def mean_bend(bodies: Bodies, bend: Floats, mass: Floats, inertia: Floats, latlo
 
 
 @kernel
-def without_mean(
-    bodies: Bodies, bend: Floats, mean: Floats, mass: Floats, latlon: bool, radius: float
-) -> None:
+def without_mean(bodies: Bodies, bend: Floats, mean: Floats, mass: Floats, latlon: bool, radius: float) -> None:
     """Take the mean displacement and turn off, in place: what is left is deformation alone."""
     flat = flat_shape(bodies.shape, latlon, radius)
     count = mean.shape[0]

@@ -166,7 +166,11 @@ def balanced_loads(
     load = np.zeros((body.size, 3))
     for e in range(body.size):
         b, c, s = body[e], turn[e, 0], turn[e, 1]
-        load[e, 0], load[e, 1], load[e, 2] = c * force[e, 0] + s * force[e, 1], c * force[e, 1] - s * force[e, 0], force[e, 2]
+        load[e, 0], load[e, 1], load[e, 2] = (
+            c * force[e, 0] + s * force[e, 1],
+            c * force[e, 1] - s * force[e, 0],
+            force[e, 2],
+        )
         total[b] += mass[e]
         for i in range(2):
             first[b, i] += mass[e] * flat[e, i]

@@ -42,7 +42,7 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
-from riftberg.stepping.neighbours import OTHER_BERG, find_pairs, no_pairs
+from riftberg.stepping.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.rigid_bodies import (
     Motion,
     element_velocities,
@@ -131,9 +131,7 @@ MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
 class LongStep:
     """One long step of a model."""
 
-    def __init__(
-        self, model: Model, bodies: Bodies | None, structure: Structure | None, now: Moment | None
-    ) -> None:
+    def __init__(self, model: Model, bodies: Bodies | None, structure: Structure | None, now: Moment | None) -> None:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes: Sizes = interaction_sizes(self.el, self.c)
         self.start, self.cracked = model.time, False
@@ -233,7 +231,7 @@ class LongStep:
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
         return Motion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
 
-    def _partners(self, bodies: Bodies):
+    def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
         el, c = self.el, self.c
         if not c.interactions or bodies.pose.shape[0] < 2:
@@ -243,7 +241,7 @@ class LongStep:
 
     def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
         """Inverse inertia; fragments with supports move only as these allow."""
-        mobility: Floats = np.linalg.inv(inertia)
+        mobility: Floats = np.asarray(np.linalg.inv(inertia), np.float64)
         s = self.structure
         for b, inside in self._supported(bodies):
             z = s.holds.modes(inside, s.flat)
@@ -313,7 +311,9 @@ class LongStep:
         """Break bonds until none is overloaded; ``first`` breaks in any case (-1: only if it is overloaded)."""
         s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
         stress = bond_stresses(s.lattice, s.alive, self.now.bodies.bend, self.c)
-        store_stresses(self.bonds, s.lattice, s.alive, self.now.bodies.bend, stress, self.now.motion.elements[:, 9:11], self.c)
+        store_stresses(
+            self.bonds, s.lattice, s.alive, self.now.bodies.bend, stress, self.now.motion.elements[:, 9:11], self.c
+        )
         row, ratio = most_overloaded(stress, limits)
         bond = first if first >= 0 and ratio <= 1.0 else (int(s.alive[row]) if ratio > 1.0 else -1)
         if bond < 0:

@@ -116,7 +116,16 @@ def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw)
             rx, ry = separation(lon[i], lat[i], lon[j], lat[j], law.latlon, law.earth_radius, law.period)
             du, dv = us[j] - us[i], vs[j] - vs[i]
             ix, iy, p11, p12, p22 = pair_terms(
-                COLLISION, rx, ry, sizes.radius[i] + sizes.radius[j], min(sizes.mass[i], sizes.mass[j]), du, dv, du, dv, law
+                COLLISION,
+                rx,
+                ry,
+                sizes.radius[i] + sizes.radius[j],
+                min(sizes.mass[i], sizes.mass[j]),
+                du,
+                dv,
+                du,
+                dv,
+                law,
             )
             if ix == 0.0 and iy == 0.0 and p11 == 0.0 and p22 == 0.0:
                 continue
@@ -169,9 +178,7 @@ def _medium(c: float, uk: float, vk: float, u: float, v: float) -> tuple[float, 
 
 
 @kernel
-def forces_and_slope(
-    body: Ints, motion: Floats, rate: Floats, load: Loading
-) -> tuple[Floats, Floats, Floats]:
+def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) -> tuple[Floats, Floats, Floats]:
     """Forces on all elements but those of sea floor and contact, their sums for each fragment, and minus the derivatives.
 
     Returns
@@ -308,7 +315,7 @@ class Motion(NamedTuple):
         for _ in range(MOST_PASSES):
             _, total, slope = self.forces(new)
             miss = rate + half * _times(p, total) - _times(w, new)
-            step = np.linalg.solve(w + half * (p @ slope), miss[:, :, None])[:, :, 0]
+            step: Floats = np.asarray(np.linalg.solve(w + half * (p @ slope), miss[:, :, None])[:, :, 0], np.float64)
             for members in islands:
                 step[members] = self._together(members, w, p, slope, miss, half)
             new = new + step
