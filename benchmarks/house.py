@@ -99,12 +99,12 @@ def lines_of_code(node: Function) -> int:
     return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 1
 
 
-def is_kernel(node: Function) -> bool:
-    """Return whether numba compiles the function."""
+def decorated(node: Function, *names_sought: str) -> bool:
+    """Return whether a function has one of these decorators: of kernels, or of commands, whose options are arguments."""
     names = {
         getattr(getattr(d, "func", d), "id", getattr(getattr(d, "func", d), "attr", "")) for d in node.decorator_list
     }
-    return bool(names & {"kernel", "stage", "njit"})
+    return bool(names & set(names_sought))
 
 
 def arguments(node: Function) -> int:
@@ -144,7 +144,7 @@ def main() -> None:
     found = list(functions(trees))
     lengths = [lines_of_code(node) for _, node, _ in found]
     many = [f"{name}.{node.name}: {arguments(node)}" for name, node, _ in found
-            if arguments(node) > MANY and not is_kernel(node)]  # fmt: skip
+            if arguments(node) > MANY and not decorated(node, "kernel", "stage", "njit", "reported")]  # fmt: skip
     largest = max(shares(options.folder).items(), key=lambda item: item[1])
     names = twice_named(trees)
     lists = {
@@ -152,7 +152,7 @@ def main() -> None:
         "imports that run upwards": [
             f"{a} -> {b}" for a, b in upward(edges, floors(home.parents[1] / "pyproject.toml"))
         ],
-        f"functions of more than {MANY} arguments (kernels apart)": many,
+        f"functions of more than {MANY} arguments (kernels and commands apart)": many,
         "names with more than one home": [f"{name}: {', '.join(homes)}" for name, homes in names.items()],
     }
     print(f"{'modules':>56}  {len(trees)}")

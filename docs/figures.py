@@ -22,7 +22,7 @@ LIFE = (
     ("Bonds", "Neighbours within reach are bonded; the length at that moment is the rest length. Rifts weaken or drop some.",
      "bergs/bonding, rifts, strength"),
     ("Long step", "The element finds its cell, takes what surrounds it, and the media push it: water, air, ice, waves, floor.",
-     "ocean, stepping/surroundings, long_kick"),
+     "ocean, stepping/media, long_kick"),
     ("Sub-steps", "Bonds pull, shear and bend, neighbours press, often enough to follow the lattice's ringing.",
      "stepping/substep, bond_law, physics"),
     ("Break", "A bond beyond its strength fails, for good. Parts that hang together no more get a number of their own.",

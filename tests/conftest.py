@@ -17,6 +17,12 @@ def shared_folder() -> Path | None:
     return folder if (folder / "reference").is_dir() else None
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Without compilation NumPy's scalars warn of what compiled code passes on in silence: infinities and NaN."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        config.addinivalue_line("filterwarnings", "ignore::RuntimeWarning")
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder of shared reference data; skips where it is absent, fails if the run demands it."""

@@ -137,6 +137,19 @@ class Model:
             return self.elements.u.copy(), self.elements.v.copy()
         return self._stepper.synchronised(self)
 
+    def applied_forces(self) -> Floats:
+        """Return the mean forces (N) on the elements over the last long step, as they were applied.
+
+        The drag of the sea floor in the sub-steps and the implicit solves are included. Zero before the first step, and for
+        elements that never move.
+
+        Returns
+        -------
+        array, shape (elements, forces, 2)
+            East and north, for each name of `riftberg.stepping.media.FORCES`.
+        """
+        return self.elements.mass[:, None, None] * self._stepper.applied
+
     def step(self) -> None:
         """Advance the state by one long step.
 

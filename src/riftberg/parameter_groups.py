@@ -40,7 +40,7 @@ class Ice(Group):
     """Properties of the ice."""
 
     density: float = quantity(
-        850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=1025
+        850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=constants.RHO_SEAWATER
     )
 
 
@@ -75,7 +75,9 @@ class Grounding(Group):
     ramp_height: float = quantity(
         0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0
     )
-    on_substeps: bool = quantity(True, "", "apply in every sub-step instead of the long step", "spec 6.4 3b")
+    on_substeps: bool = quantity(
+        True, "", "apply in every sub-step (explicit ones of mts) instead of the long step", "spec 6.4 3b"
+    )
     implicit: bool = quantity(
         True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg"
     )
@@ -162,7 +164,7 @@ class Damage(Group):
         0.3, "1", "stress over remaining strength below which nothing happens", "Riftberg", ge=0, lt=1
     )
     time_scale: float = quantity(
-        86400.0, "s", "time in which a stress at the strength takes all of it", "Riftberg", gt=0
+        constants.SECONDS_PER_DAY, "s", "time in which a stress at the strength takes all of it", "Riftberg", gt=0
     )
     exponent: float = quantity(2.0, "1", "power of the stress in the rate of damage", "Riftberg", gt=0)
 

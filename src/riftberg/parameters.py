@@ -56,6 +56,7 @@ __all__ = [
 class KernelParameters(NamedTuple):
     """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
 
+    multiple_steps: bool
     rho_ice: float
     ocean_scale: float
     sides_by_bonds: bool
@@ -178,7 +179,9 @@ class Parameters(Group):
         """Flatten the groups into the named tuple that compiled code reads."""
         p, c = self, self.compatibility
         hexagonal = p.bonds.packing == "hexagonal"
+        multiple = p.stepping.scheme in ("mts", "quasi_static")
         return KernelParameters(
+            multiple_steps=multiple,
             rho_ice=p.ice.density,
             ocean_scale=p.drag.ocean_scale,
             sides_by_bonds=p.drag.sides_by_bonds,
@@ -187,7 +190,8 @@ class Parameters(Group):
             max_sides=6 if hexagonal else 4,
             ground_coefficient=p.grounding.coefficient,
             ground_ramp=p.grounding.ramp_height,
-            ground_on_substeps=p.grounding.on_substeps,
+            # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
+            ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,
             ground_implicit=p.grounding.implicit,
             ground_torque=p.grounding.torque,
             contact_spring=p.contact.spring,

@@ -369,3 +369,18 @@ def test_thickness_may_be_a_list_with_one_number_per_element():
     count = len(Iceberg.from_outline(OUTLINE, thickness=200.0).elements.id)
     given = [200.0 + k for k in range(count)]
     np.testing.assert_array_equal(Iceberg.from_outline(OUTLINE, thickness=given).elements.thickness, given)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda **o: Iceberg.rectangle(9e3, 9e3, thickness=200.0, **o), "rotaton"),
+        (lambda **o: Iceberg.rectangle(9e3, 9e3, thickness=200.0, **o), "shift"),
+        (lambda **o: Iceberg.from_points([0.0], [0.0], thickness=200.0, **o), "rotation"),
+        (lambda **o: Iceberg.from_table([(0, 0, 1)], thickness=200.0, placement=(0.0, 0.0), **o), "offset"),
+        (lambda **o: Iceberg.from_outline(np.zeros((4, 2)), thickness=200.0, **o), "latlon"),
+    ],
+)
+def test_an_option_that_a_constructor_does_not_take_is_refused(make, name):
+    with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
+        make(**{name: 1.0})

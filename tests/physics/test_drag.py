@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physics.agreement import SEEDS, assert_same, between, quick, speed
-from riftberg.physics import drag
+from riftberg.physics import drag, floating
 from twins import drag as twin
 
 size = between(100, 10_000)
@@ -42,13 +42,13 @@ def test_all_coefficients_equal_their_twins_on_random_elements():
 @given(height=thickness, rho=between(500, 1024))
 def test_draft_equals_twin_and_is_below_the_thickness(height, rho):
     """Floating ice."""
-    assert_same(drag.draft_of(height, rho), twin.draft(height, rho))
-    assert 0 < drag.draft_of(height, rho) < height
+    assert_same(floating.draft_of(height, rho), twin.draft(height, rho))
+    assert 0 < floating.draft_of(height, rho) < height
 
 
 def test_draft_of_a68a():
     """Spec 10.5 names 165.85 m for 200 m of ice of 850 kg m-3."""
-    assert drag.draft_of(200.0, 850.0) == pytest.approx(165.85, abs=0.005)
+    assert floating.draft_of(200.0, 850.0) == pytest.approx(165.85, abs=0.005)
 
 
 @quick

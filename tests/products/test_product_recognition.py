@@ -90,7 +90,7 @@ def test_packed_archives_say_how_to_unpack(tmp_path: Path) -> None:
 def test_file_cut_short_is_reported_with_its_name(tmp_path: Path) -> None:
     path = files.oscar_v2(tmp_path)
     path.write_bytes(path.read_bytes()[:3000])
-    with pytest.raises(ForcingError, match=r"oscar_currents_final_20201216\.nc: cannot be opened"):
+    with pytest.raises(ForcingError, match=r"oscar_currents_final_20201216\.nc: the file is cut short: 3000 of"):
         open_product(path)
 
 

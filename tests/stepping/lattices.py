@@ -9,6 +9,7 @@ from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.interactions import Partners
+from riftberg.stepping.media import allocate_surroundings
 from riftberg.stepping.multiple import StepPlan, advance
 from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.schemes import without
@@ -150,7 +151,9 @@ def touching_pairs(el, bonds, p):
     return pairs
 
 
-def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None):
+def long_step(
+    el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None, around=None
+):
     """Call `riftberg.stepping.multiple.advance` once; changes the state in place."""
     n = el.mass.size
     plan = StepPlan(
@@ -172,6 +175,7 @@ def long_step(el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, ma
         partners_of(el, bonds, p, multiple=True),
         allocate_scratch(n),
         interaction_sizes(el, p),
+        allocate_surroundings(n) if around is None else around,
         np.arange(n) if rank is None else rank,
         plan,
         p,

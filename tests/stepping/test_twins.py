@@ -7,6 +7,7 @@ import pytest
 
 from riftberg.state import copy_state
 from riftberg.stepping import runge_kutta, verlet
+from riftberg.stepping.media import allocate_surroundings
 from riftberg.stepping.sizes import interaction_sizes
 from stepping.lattices import lattice, long_step, parameters, partners_of
 from twins import drag as twin_drag
@@ -72,8 +73,8 @@ def test_verlet_step_equals_twin(options):
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
         want = twin.verlet_step(unpack(el), unpack(bonds), p, 60.0)
-        sizes = interaction_sizes(el, p)
-        verlet.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, 60.0, p)
+        sizes, around = interaction_sizes(el, p), allocate_surroundings(el.mass.size)
+        verlet.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, around, 60.0, p)
         verlet.update_positions(el, 60.0, p)
         compare(el, want, ("lon", "lat", "u", "v", "ax", "ay", "bx", "by", "u_sync", "v_sync"))
 
@@ -81,11 +82,13 @@ def test_verlet_step_equals_twin(options):
 def run_stages(el, partners, sizes, dt, mean_speeds, p):
     """One Runge-Kutta step in the environment of its start."""
     stages = runge_kutta.allocate_stages(el.mass.size)
+    around = allocate_surroundings(el.mass.size)
     runge_kutta.begin(el, stages)
     for stage in range(4):
         if stage > 0:
             runge_kutta.go_to_stage(el, stages, stage, runge_kutta.AHEAD[stage], dt, p)
-        runge_kutta.evaluate(el, stages, stage, runge_kutta.FRACTION[stage], partners, sizes, dt, mean_speeds, p)
+        part = runge_kutta.FRACTION[stage]
+        runge_kutta.evaluate(el, stages, stage, part, partners, sizes, around, dt, mean_speeds, p)
     runge_kutta.finish(el, stages, dt, p)
 
 

@@ -10,7 +10,9 @@ import xarray as xr
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import element_area
+from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster
+from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
@@ -19,53 +21,32 @@ OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 
 
-def make_elements(
-    lon: Floats,
-    lat: Floats,
-    *,
-    radius: Any,
-    packing: Packing,
-    thickness: Any,
-    density: float,
-    velocity: tuple[Any, Any] = (0.0, 0.0),
-    spin: float = 0.0,
-    static: Any = False,
-    latlon: bool = True,
-) -> Elements:
+def make_elements(lon: Floats, lat: Floats, material: Material, *, static: Any = False) -> Elements:
     """Return elements at positions, with all that follows from radius, thickness and density.
 
     Parameters
     ----------
     lon, lat : ndarray
-        Positions, degrees (m if not ``latlon``).
-    radius, thickness : float or ndarray
-        Radius of the inscribed circle and ice thickness, m.
-    packing : {"square", "hexagonal"}
-        Packing, which gives the area of an element.
-    density : float
-        Ice density, kg m-3.
-    velocity : tuple
-        Eastward and northward velocity, m s-1.
-    spin : float
-        Angular velocity, rad s-1, counter-clockwise.
+        Positions, degrees (m if not ``material.latlon``).
+    material : Material
+        What the elements are made of.
     static : bool or ndarray
         Elements that never move.
-    latlon : bool
-        Whether positions are degrees.
     """
+    radius, density, velocity = material.radius, material.density, material.velocity
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(numbers(thickness, len(lon), "thickness"), lon.shape)
-    _check_elements(lon, lat, radius, thickness, density, latlon)
+    thickness = np.broadcast_to(numbers(material.thickness, len(lon), "thickness"), lon.shape)
+    _check_elements(lon, lat, radius, thickness, density, material.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
     for name in ("u", "u_sync", "u_pair"):
         getattr(elements, name)[:] = velocity[0]
     for name in ("v", "v_sync", "v_pair"):
         getattr(elements, name)[:] = velocity[1]
-    elements.spin[:] = spin
+    elements.spin[:] = material.spin
     elements.static[:] = np.asarray(static, dtype=np.float64)
     elements.thickness[:] = thickness
-    area = np.asarray([element_area(float(r), packing) for r in np.atleast_1d(radius)])
+    area = np.asarray([element_area(float(r), material.packing) for r in np.atleast_1d(radius)])
     elements.length[:] = elements.width[:] = np.sqrt(area)
     elements.mass[:] = thickness * density * area
     return elements
@@ -82,9 +63,10 @@ def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, de
         )
     if not (np.asarray(radius) > 0).all():
         raise BergError(f"radius {np.min(radius)} m", remedy="Give a positive radius in metres")
-    if not 0 < density < 1025:
+    if not 0 < density < RHO_SEAWATER:
         raise BergError(
-            f"ice density {density} kg m-3", remedy="Ice floats: give a density between 0 and 1025, usually 850 to 917"
+            f"ice density {density} kg m-3",
+            remedy=f"Ice floats: give a density between 0 and {RHO_SEAWATER:g}, usually 850 to 917",
         )
     bad = ~(thickness > 0) | ~np.isfinite(thickness)
     if bad.any():

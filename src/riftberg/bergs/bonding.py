@@ -202,7 +202,6 @@ def _search(
     pairs: Any,
 ) -> Any:
     count = 0
-    degree = math.pi / 180.0
     for a in range(lon.size):
         for r in range(max(row[a] - 1, 0), min(row[a] + 2, rows)):
             for shift in range(-1, 2):
@@ -223,8 +222,8 @@ def _search(
                     if wraps and abs(dx) > 0.5 * period:
                         dx -= period * round(dx / period)
                     if latlon:
-                        dx *= degree * radius * math.cos(0.5 * (lat[a] + lat[b]) * degree)
-                        dy *= degree * radius
+                        dx *= DEGREE * radius * math.cos(0.5 * (lat[a] + lat[b]) * DEGREE)
+                        dy *= DEGREE * radius
                     if math.sqrt(dx * dx + dy * dy) < reaches[a] + reaches[b]:
                         if count < pairs.shape[0]:
                             pairs[count, 0] = a

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
@@ -14,6 +14,14 @@ from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
+from riftberg.bergs.options import (
+    Material,
+    PointOptions,
+    RectangleOptions,
+    ShapeOptions,
+    TableOptions,
+    sorted_options,
+)
 from riftberg.bergs.placement import (
     FillingPlane,
     ReferencePlane,
@@ -25,24 +33,8 @@ from riftberg.bergs.placement import (
 from riftberg.bergs.raster import Raster, joined, read_raster
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe
-from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
-from riftberg.parameters import Packing
 from riftberg.plane import EqualAreaPlane
-
-
-class Body(NamedTuple):
-    """What a berg is made of, as all constructors are told; the names are those of `Iceberg.from_points`."""
-
-    thickness: Any
-    radius: float
-    packing: Packing
-    density: float
-    velocity: tuple[float, float]
-    spin: float
-    earth_radius: float
-    latlon: bool = True
-    pieces: Any = None
 
 
 @dataclass(frozen=True)
@@ -77,21 +69,11 @@ class Iceberg(BondedBerg):
         source: Any,
         *,
         thickness: Any,
-        radius: float = 1500.0,
-        packing: Packing = "square",
-        density: float = 850.0,
-        velocity: tuple[float, float] = (0.0, 0.0),
-        spin: float = 0.0,
         feature: int | str | None = None,
         date: str | None = None,
         crs: str | None = None,
-        rotation: float = 0.0,
-        shift: tuple[float, float] = (0.0, 0.0),
-        placement: tuple[float, float] | None = None,
-        offset: tuple[float, float] | None = None,
-        conformal: bool = True,
         repair: bool = False,
-        earth_radius: float = EARTH_RADIUS_A68,
+        **options: Unpack[ShapeOptions],
     ) -> Iceberg:
         """Fill an outline with elements.
 
@@ -106,59 +88,40 @@ class Iceberg(BondedBerg):
         thickness : float, path, DataArray or Raster
             Ice thickness, m; a map is sampled where the outline was drawn, before rotation and shift. Zeros and gaps of a
             map are left out of the bilinear mean.
-        radius : float
-            Radius of the inscribed circle of an element, m.
-        packing : {"square", "hexagonal"}
-            Packing.
-        density : float
-            Ice density, kg m-3.
-        velocity : tuple of float
-            Eastward and northward velocity, m s-1.
-        spin : float
-            Angular velocity, rad s-1, counter-clockwise.
         feature, date : optional
             Which outline of a file that holds several: number or property value; date as text.
         crs : str, optional
             Coordinate system of projected coordinates, for example ``"EPSG:3031"``.
-        rotation : float
-            Degrees by which the finished berg is turned counter-clockwise about its centroid.
-        shift : tuple of float
-            Degrees of longitude and latitude by which it is moved.
-        placement : tuple of float, optional
-            Longitude and latitude of the outline's centroid, instead of where it was drawn.
-        offset : tuple of float, optional
-            Shift of the lattice as parts of its pitch; by default that with the smallest error of area.
-        conformal : bool
-            Lay the lattice out so that bonds start without strain; False is the rule of the reference (spec 8.3.8).
         repair : bool
             Mend an outline that crosses itself instead of refusing it.
-        earth_radius : float
-            Radius of the sphere, m. The report gives areas on this sphere, not on the ellipsoid of a chart
-            (0.7 % less at 55 S for the radius of the A68a experiment).
+        **options
+            Radius, packing, density, velocity, spin, radius of the sphere (`riftberg.bergs.options.Material`); rotation, shift,
+            placement, offset, conformal (`riftberg.bergs.options.Layout`). The report gives areas on the sphere, not on the
+            ellipsoid of a chart (0.7 % less at 55 S for the radius of the A68a experiment).
 
         Raises
         ------
         BergError
             If the outline cannot be read, chosen or filled.
         """
+        material, layout = sorted_options(options, ShapeOptions, thickness)
         where = str(source) if isinstance(source, str) or hasattr(source, "__fspath__") else type(source).__name__
         chosen = outlines.select_outline(outlines.read_features(source, crs), where=where, feature=feature, date=date)
         geometry = outlines.check_outline(chosen.geometry, where=f"{where} ({chosen.label()})", repair=repair)
         plane: FillingPlane = filling_plane(
-            geometry.bounds, (geometry.centroid.x, geometry.centroid.y), conformal, earth_radius
+            geometry.bounds, (geometry.centroid.x, geometry.centroid.y), layout.conformal, material.earth_radius
         )
         region = outline_region(geometry, plane)
-        lattice = fill(region, radius, packing, offset)
+        lattice = fill(region, material.radius, material.packing, layout.offset)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
         heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
-        moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), placement, shift)
-        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], rotation)
+        moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), layout.placement, layout.shift)
+        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], layout.rotation)
         report = {
             "source": where, "feature": chosen.label(), "outline_area": region.area, "outline_pieces": region.pieces,
         }  # fmt: skip
-        piece = region.piece_of(lattice)
-        body = Body(heights, radius, packing, density, velocity, spin, earth_radius, pieces=piece)
-        return cls._placed(x + centre[0], y + centre[1], moved, body, conformal=conformal, report=report)
+        material = material._replace(thickness=heights, pieces=region.piece_of(lattice))
+        return cls._placed(x + centre[0], y + centre[1], moved, material, conformal=layout.conformal, report=report)
 
     @classmethod
     def from_mask(
@@ -169,20 +132,10 @@ class Iceberg(BondedBerg):
         variable: str | None = None,
         threshold: float | None = None,
         date: str | None = None,
-        radius: float = 1500.0,
-        packing: Packing = "square",
-        density: float = 850.0,
-        velocity: tuple[float, float] = (0.0, 0.0),
-        spin: float = 0.0,
-        rotation: float = 0.0,
-        shift: tuple[float, float] = (0.0, 0.0),
-        placement: tuple[float, float] | None = None,
-        offset: tuple[float, float] | None = None,
-        conformal: bool = True,
         rules: Literal["lattice", "makeberg"] = "lattice",
         reference_latitude: float | None = None,
         spacing: float = 500.0,
-        earth_radius: float = EARTH_RADIUS_A68,
+        **options: Unpack[ShapeOptions],
     ) -> Iceberg:
         """Fill a gridded mask or a gridded thickness with elements.
 
@@ -206,43 +159,38 @@ class Iceberg(BondedBerg):
             longitudes from 0 to 360, and neither rotation, placement nor offset.
         reference_latitude, spacing : float
             For ``"makeberg"``: latitude that scales longitudes, and spacing (m) of the resampled mask.
-        radius, packing, density, velocity, spin, rotation, shift, placement, offset, conformal, earth_radius
+        **options
             As in `from_outline`.
         """
+        material, layout = sorted_options(options, ShapeOptions, thickness)
         mask = source if isinstance(source, Raster) else read_raster(source, variable, date=date)
         threshold = (0.0 if thickness is None else 0.5) if threshold is None else threshold
         if rules == "makeberg":
             lattice, plane = makeberg_lattice(
-                mask,
-                radius,
-                packing,
-                spacing=spacing,
-                reference_latitude=reference_latitude,
-                threshold=threshold,
-                shift=shift,
-                earth_radius=earth_radius,
-            )
+                mask, material.radius, material.packing, spacing=spacing, reference_latitude=reference_latitude,
+                threshold=threshold, shift=layout.shift, earth_radius=material.earth_radius,
+            )  # fmt: skip
             # The script pairs mask points with positions half a cell further south-west; thickness follows the mask.
             lon, lat = plane.inverse(lattice.x, lattice.y)
-            heights = thickness_at(
-                mask if thickness is None else thickness, lon - shift[0], lat - shift[1], read_raster
-            )
-            body = Body(heights, radius, packing, density, velocity, spin, earth_radius)
+            lon, lat = lon - layout.shift[0], lat - layout.shift[1]
+            heights = thickness_at(mask if thickness is None else thickness, lon, lat, read_raster)
             made = {"source": mask.name, "rules": "makeberg"}
-            return cls._placed(lattice.x, lattice.y, plane, body, conformal=False, report=made)
+            material = material._replace(thickness=heights)
+            return cls._placed(lattice.x, lattice.y, plane, material, conformal=False, report=made)
         ice = IceMask.of(mask, threshold)
-        region, plane_of, centroid = mask_region(ice, lambda b, c: filling_plane(b, c, conformal, earth_radius))
-        lattice = fill(region, radius, packing, offset)
+        region, plane_of, centroid = mask_region(
+            ice, lambda b, c: filling_plane(b, c, layout.conformal, material.earth_radius)
+        )
+        lattice = fill(region, material.radius, material.packing, layout.offset)
         if thickness is None:
             thickness = joined(mask, ice_cells(mask, threshold)).above(threshold)
         heights = thickness_at(thickness, *plane_of.inverse(lattice.x, lattice.y), read_raster)
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
-        x, y = turned(lattice.x - cx, lattice.y - cy, rotation)
-        piece = region.piece_of(lattice)
-        body = Body(heights, radius, packing, density, velocity, spin, earth_radius, pieces=piece)
-        moved = centroid_moved(plane_of, centroid, placement, shift)
+        x, y = turned(lattice.x - cx, lattice.y - cy, layout.rotation)
+        material = material._replace(thickness=heights, pieces=region.piece_of(lattice))
+        moved = centroid_moved(plane_of, centroid, layout.placement, layout.shift)
         report = {"source": mask.name, "outline_area": region.area, "outline_pieces": region.pieces}
-        return cls._placed(x + cx, y + cy, moved, body, conformal=conformal, report=report)
+        return cls._placed(x + cx, y + cy, moved, material, conformal=layout.conformal, report=report)
 
     @classmethod
     def from_table(
@@ -252,15 +200,7 @@ class Iceberg(BondedBerg):
         thickness: Any,
         placement: tuple[float, float],
         table_radius: float = 1500.0,
-        radius: float | None = None,
-        packing: Packing = "square",
-        density: float = 850.0,
-        velocity: tuple[float, float] = (0.0, 0.0),
-        spin: float = 0.0,
-        rotation: float = 0.0,
-        conformal: bool = True,
-        latlon: bool = True,
-        earth_radius: float = EARTH_RADIUS_A68,
+        **options: Unpack[TableOptions],
     ) -> Iceberg:
         """Build a berg from the rows of a square lattice.
 
@@ -274,18 +214,20 @@ class Iceberg(BondedBerg):
             Half the side (m) of a cell of the table.
         radius : float, optional
             Radius of the elements, m; another than ``table_radius`` fills the union of the table's cells anew.
-        thickness, packing, density, velocity, spin, rotation, conformal, latlon, earth_radius
-            As in `from_outline`; ``thickness`` may be one value per element.
+        thickness, **options
+            Packing, density, velocity, spin, rotation, conformal, latlon, earth_radius, as in `from_outline`; ``thickness``
+            may be one value per element.
         """
-        radius = table_radius if radius is None else radius
+        material, layout = sorted_options(options, TableOptions, thickness)
+        if options.get("radius") is None:
+            material = material._replace(radius=table_radius)
         column, row = cells_of_rows(rows)
         region = cells_region(column, row, 2.0 * table_radius)
-        lattice = fill(region, radius, packing)
+        lattice = fill(region, material.radius, material.packing)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
-        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], rotation)
-        body = Body(thickness, radius, packing, density, velocity, spin, earth_radius, latlon)
+        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], layout.rotation)
         report = {"source": "table of lattice rows", "outline_area": region.area}
-        return cls._about(x, y, placement, body, conformal=conformal, report=report)
+        return cls._about(x, y, placement, material, conformal=layout.conformal, report=report)
 
     @classmethod
     def rectangle(
@@ -295,16 +237,7 @@ class Iceberg(BondedBerg):
         *,
         thickness: Any,
         placement: tuple[float, float] = (0.0, 0.0),
-        radius: float = 1500.0,
-        packing: Packing = "square",
-        density: float = 850.0,
-        velocity: tuple[float, float] = (0.0, 0.0),
-        spin: float = 0.0,
-        rotation: float = 0.0,
-        offset: tuple[float, float] | None = None,
-        conformal: bool = True,
-        latlon: bool = True,
-        earth_radius: float = EARTH_RADIUS_A68,
+        **options: Unpack[RectangleOptions],
     ) -> Iceberg:
         """Build an idealised rectangular berg.
 
@@ -314,15 +247,16 @@ class Iceberg(BondedBerg):
             Extents (m) along x (east) and y (north) before rotation.
         placement : tuple of float
             Longitude and latitude (x and y in m if not ``latlon``) of the centre.
-        thickness, radius, packing, density, velocity, spin, rotation, offset, conformal, latlon, earth_radius
-            As in `from_outline`; ``thickness`` may be one value per element.
+        thickness, **options
+            Radius, packing, density, velocity, spin, rotation, offset, conformal, latlon, earth_radius, as in `from_outline`;
+            ``thickness`` may be one value per element.
         """
+        material, layout = sorted_options(options, RectangleOptions, thickness)
         region = rectangle_region(length, width)
-        lattice = fill(region, radius, packing, offset)
-        x, y = turned(lattice.x, lattice.y, rotation)
-        body = Body(thickness, radius, packing, density, velocity, spin, earth_radius, latlon)
+        lattice = fill(region, material.radius, material.packing, layout.offset)
+        x, y = turned(lattice.x, lattice.y, layout.rotation)
         report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
-        return cls._about(x, y, placement, body, conformal=conformal, report=report)
+        return cls._about(x, y, placement, material, conformal=layout.conformal, report=report)
 
     @classmethod
     def from_points(
@@ -331,17 +265,10 @@ class Iceberg(BondedBerg):
         lat: Any,
         *,
         thickness: Any,
-        radius: Any = 1500.0,
-        packing: Packing = "square",
-        density: float = 850.0,
-        velocity: tuple[Any, Any] = (0.0, 0.0),
-        spin: float = 0.0,
         static: Any = False,
         bond_length: float | None = None,
-        pieces: Any = None,
-        latlon: bool = True,
         period: float = 0.0,
-        earth_radius: float = EARTH_RADIUS_A68,
+        **options: Unpack[PointOptions],
     ) -> Iceberg:
         """Build a berg from the positions of its elements, which stay exactly where they are.
 
@@ -349,68 +276,63 @@ class Iceberg(BondedBerg):
         ----------
         lon, lat : array_like
             Positions, degrees (m if not ``latlon``).
-        thickness, radius : float or array_like
-            Thickness and radius, m.
-        velocity : tuple of float or array_like
-            Eastward and northward velocity, m s-1.
+        thickness : float or array_like
+            Thickness, m.
         static : bool or array_like
             Elements that never move.
         bond_length : float, optional
             Bond elements closer than this (m) instead of closer than 1.25 (R1 + R2).
-        pieces : array_like of int, optional
-            Piece to which each element belongs; elements of different pieces are not bonded, however close they are.
         period : float
             Zonal period in degrees (m if not ``latlon``); 0 if there is none.
-        packing, density, spin, latlon, earth_radius
-            As in `from_outline`.
+        **options
+            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.options.Material`); radius
+            and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
         """
+        material, _ = sorted_options(options, PointOptions, thickness)
         lon, lat = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (lon, lat))
         if lon.shape != lat.shape or lon.ndim != 1:
             raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
-        elements = make_elements(
-            lon,
-            lat,
-            radius=radius,
-            packing=packing,
-            thickness=thickness,
-            density=density,
-            velocity=velocity,
-            spin=spin,
-            static=static,
-            latlon=latlon,
-        )
-        metric = Metric(latlon, earth_radius, period)
-        refuse_overlap(elements, packing, metric)
-        bonds = form_bonds(elements, BondRule(bond_length, packing), metric)
-        if pieces is not None:
-            bonds = within_pieces(bonds, np.broadcast_to(np.asarray(pieces, dtype=np.int64), lon.shape))
+        elements = make_elements(lon, lat, material, static=static)
+        metric = Metric(material.latlon, material.earth_radius, period)
+        refuse_overlap(elements, material.packing, metric)
+        bonds = form_bonds(elements, BondRule(bond_length, material.packing), metric)
+        if material.pieces is not None:
+            bonds = within_pieces(bonds, np.broadcast_to(np.asarray(material.pieces, dtype=np.int64), lon.shape))
         rifts.number_pieces(elements, bonds)
         return cls(
-            elements, bonds, packing, float(np.mean(radius)), {"source": "points"}, latlon, earth_radius, density
-        )
+            elements, bonds, material.packing, float(np.mean(material.radius)), {"source": "points"}, material.latlon,
+            material.earth_radius, material.density,
+        )  # fmt: skip
 
     @classmethod
     def _about(
-        cls, x: Any, y: Any, placement: tuple[float, float], body: Body, *, conformal: bool, report: dict[str, Any]
+        cls,
+        x: Any,
+        y: Any,
+        placement: tuple[float, float],
+        material: Material,
+        *,
+        conformal: bool,
+        report: dict[str, Any],
     ) -> Iceberg:
         """Place points given about the origin around a centre."""
-        if not body.latlon:
-            berg = cls.from_points(x + placement[0], y + placement[1], **body._asdict())
+        if not material.latlon:
+            berg = cls.from_points(x + placement[0], y + placement[1], **material._asdict())
             return berg._reported(report)
-        plane: FillingPlane = EqualAreaPlane(*placement, body.earth_radius)
+        plane: FillingPlane = EqualAreaPlane(*placement, material.earth_radius)
         if not conformal:
-            plane = ReferencePlane(*placement, placement[1], body.earth_radius)
-        return cls._placed(x, y, plane, body, conformal=conformal, report=report)
+            plane = ReferencePlane(*placement, placement[1], material.earth_radius)
+        return cls._placed(x, y, plane, material, conformal=conformal, report=report)
 
     @classmethod
     def _placed(
-        cls, x: Any, y: Any, plane: FillingPlane, body: Body, *, conformal: bool, report: dict[str, Any]
+        cls, x: Any, y: Any, plane: FillingPlane, material: Material, *, conformal: bool, report: dict[str, Any]
     ) -> Iceberg:
         """Bring plane points to the sphere, without strain if ``conformal``."""
         lon, lat = plane.inverse(x, y)
-        berg = cls.from_points(lon, lat, **body._asdict())
+        berg = cls.from_points(lon, lat, **material._asdict())
         if conformal and len(berg.bonds.first):
             rest = np.full(len(berg.bonds.first), 2.0 * berg.radius)
-            lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, body.earth_radius))
-            berg = cls.from_points(lon, lat, **body._asdict())
+            lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, material.earth_radius))
+            berg = cls.from_points(lon, lat, **material._asdict())
         return berg._reported(report)

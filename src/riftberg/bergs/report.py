@@ -6,7 +6,7 @@ import numpy as np
 
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separation
-from riftberg.constants import RHO_SEAWATER
+from riftberg.physics.floating import draft_of
 from riftberg.state import Floats
 
 
@@ -20,7 +20,7 @@ def describe(berg: BondedBerg) -> str:
     lines.append(f"  elements: {len(e.id)} {berg.packing}, radius {berg.radius:g} m")
     lines.append(_plan_area(berg))
     lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
-    draft = e.thickness * berg.density / RHO_SEAWATER
+    draft = draft_of(e.thickness, berg.density)
     lines.append(
         f"  thickness: {_range(e.thickness)} m, draft {_range(draft)} m, freeboard {_range(e.thickness - draft)} m"
     )

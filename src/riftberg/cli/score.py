@@ -100,7 +100,7 @@ def table_of(result: Score) -> Table:
     """Return the table of a score."""
     from rich.table import Table
 
-    from riftberg.diagnostics.dates import minute
+    from riftberg.diagnostics.dates import minute_text
 
     table = Table(title=f"Run against {result.observed}")
     for name in (
@@ -119,7 +119,7 @@ def table_of(result: Score) -> Table:
     for day in result.days:
         for k, match in enumerate(day.matches):
             table.add_row(
-                minute(day.time) if k == 0 else "",
+                minute_text(day.time) if k == 0 else "",
                 *_match_cells(match),
                 style="bold" if match is day.berg else "",
             )

@@ -115,7 +115,8 @@ class Breakup:
     which it was afloat: how well the recomputed forces explain the recorded acceleration. ``highest`` is the largest
     tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
     below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
-    ``hours_since_start`` tells when the first bond failed.
+    ``hours_since_start`` tells when the first bond failed; ``floor_recorded`` that the force of the sea floor is the one
+    that was applied, not the one that balances.
     """
 
     fragment: int
@@ -137,6 +138,7 @@ class Breakup:
     hours_since_start: float
     peak: float | None
     history: list[Load]
+    floor_recorded: bool = False
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)
 

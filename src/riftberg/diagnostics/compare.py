@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from riftberg.diagnostics.dates import minute
+from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.overlap import axis_difference, distance
 from riftberg.diagnostics.side_by_side import Event, aligned, differences
@@ -198,7 +198,7 @@ def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparis
         Columns of the published run and of the observations.
     """
     known = known or Known()
-    seen = {minute(fix.when.isoformat()): _place_of_fix(fix) for fix in known.fixes}
+    seen = {minute_text(fix.when.isoformat()): _place_of_fix(fix) for fix in known.fixes}
     beside = {name: texts for name, texts in (("published", known.published), ("observed", known.observed)) if texts}
     if seen:
         beside["observed"] = {**known.observed, **seen}
@@ -243,7 +243,7 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
     rows["bonds broken"] = f"{s['bonds_broken']} of {s['bonds_total']} = {share:.1f} %"
     if s["seconds_per_day"] is not None:
         rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
-    rows |= {minute(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
+    rows |= {minute_text(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
     means = run.rms()
     if means is not None:
         rows["rms of the days"] = f"{means[0]:.1f} km, {means[1]:.0f}°"

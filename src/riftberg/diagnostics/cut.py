@@ -15,7 +15,8 @@ rigid body, from the recorded acceleration of A. A cut of length L in ice of thi
 It is told for the whole cut, as it was before its first bond failed.
 
 The sea floor is stiff: it stops an element within a minute, and the velocity of one moment says little about the force
-over an hour. Where the berg is aground the force of the floor is therefore the one that balances all others with the
+over an hour. Where the run recorded the forces as they were applied, the force of the floor is its mean until the next
+record. Elsewhere, where the berg is aground, it is the one that balances all others with the
 change of the momentum of A + B until the next record; it acts on the elements that are aground at either. What passes
 through the cut does not change that momentum, so this holds also while the cut breaks.
 
@@ -36,7 +37,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.diagnostics.breakup import Breakup, Budget, FirstBond, Load
-from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
+from riftberg.diagnostics.forces import FORCES, accelerations, applied_forces, external_forces, forces_recorded
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
@@ -129,6 +130,7 @@ class Cut:
             hours_since_start=float((self.broken_at[self.bonds[0]] - self.scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
+            floor_recorded=forces_recorded(run),
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
 
@@ -189,13 +191,18 @@ class Cut:
         )
 
     def put_floor(self, forces: dict[str, Floats], record: int, body: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Replace the force of the sea floor by the one that balances; returns the elements that it acts on."""
+        """Replace the force of the sea floor by its mean until the next record; returns the elements that it acts on.
+
+        Where the run did not record that, it is the one that balances.
+        """
         after = record + 1
         aground = self.aground(record) & body
         if after >= len(self.scene.times):
             return aground
         aground |= self.aground(after) & body
-        if aground.any():
+        if forces_recorded(self.run):
+            forces["sea floor"] = applied_forces(self.run, after)["sea floor"]
+        elif aground.any():
             rate, mass = accelerations(self.run, record, record, after), self.run["mass"].values
             others = np.sum([f[body].sum(axis=0) for name, f in forces.items() if name != "sea floor"], axis=0)
             missing = (mass[body, None] * rate[body]).sum(axis=0) - others
@@ -204,8 +211,7 @@ class Cut:
 
     def aground(self, record: int) -> NDArray[np.bool_]:
         """Return which elements are aground at a record."""
-        state = self.run[["thickness", "depth"]].isel(time=record)
-        return np.asarray(state["thickness"].values * (self.p.rho_ice / 1025.0) > state["depth"].values)
+        return np.asarray(self.scene.aground([record])[0])
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ _WORDS: Final = re.compile(
 )
 
 
-def minute(text: str) -> str:
+def minute_text(text: str) -> str:
     """Return an ISO date and time to the minute, as it stands in tables and titles."""
     return text.replace("T", " ")[:16]
 

@@ -1,30 +1,49 @@
-"""External forces on the elements of a run, recomputed from what its file recorded.
+"""External forces on the elements of a run, from what its file recorded.
 
-The laws are those of `riftberg.physics`; the composition is done here a second time, apart from the steppers, so that a
-budget that closes says something (spec 4.1).
+The forces are those of the media table (`riftberg.stepping.media`) at the recorded state and velocity, each row one force;
+no law is known here by name. In runs that recorded the forces as they were applied, these are taken instead.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import xarray as xr
 
 from riftberg.parameters import KernelParameters
-from riftberg.physics.coriolis import coriolis_parameter
-from riftberg.physics.drag import air_drag, draft_of, exposed_sides, ocean_drag, sea_ice_drag, side_width
-from riftberg.physics.grounding import grounded_fraction, grounding_rate
-from riftberg.physics.slope import slope_acceleration
-from riftberg.physics.waves import wave_acceleration
-from riftberg.state import Floats
+from riftberg.runs.applied import force_variables
+from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, new_elements
+from riftberg.stepping import media
+from riftberg.stepping.media import allocate_surroundings, find_surroundings
+from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.velocity import apply_at_velocities
 
-FORCES: Final = ("ocean drag", "surface slope", "Coriolis", "wind drag", "waves", "sea floor", "sea ice")
+_WORDS: Final = {
+    "water": "ocean drag",
+    "slope": "surface slope",
+    "coriolis": "Coriolis",
+    "air": "wind drag",
+    "waves": "waves",
+    "sea_floor": "sea floor",
+    "sea_ice": "sea ice",
+}
+"""What the forces are called in tables, in the order of all tables; others go by their own name and follow."""
+
+_ROWS: Final = {
+    _WORDS.get(name, name.replace("_", " ")): media.FORCES.index(name)
+    for name in (*_WORDS, *(n for n in media.FORCES if n not in _WORDS))
+}
+
+FORCES: Final = tuple(_ROWS)
 """External forces, in the order of all tables."""
 
 
 def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[str, Floats]:
-    """Return the external forces on all elements at a record.
+    """Return the external forces on all elements at a record: as applied where the run recorded that, else by the table.
+
+    Applied forces are means between records; at a record it is the mean of those before and after, about which the
+    acceleration by central differences is taken too.
 
     Parameters
     ----------
@@ -39,68 +58,43 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
         For each name of `FORCES` an array of shape (elements, 2): eastward and northward force, N. Sea ice is 0 in
         files that do not record it.
     """
-    s = _State(run, record)
-    mass, latitude = s("mass"), s("lat") if p.latlon else np.zeros(s.count)
-    length, width, thickness = s("length"), s("width"), s("thickness")
-    u, v, uo, vo, ua, va = (s(name) for name in ("u_sync", "v_sync", "uo", "vo", "ua", "va"))
-    draft = _each(draft_of, thickness, p.rho_ice)
-    ice = np.minimum(s("ice_thickness"), draft)
-    hexagon = p.dem and p.hexagonal and p.radius_based
-    side = _each(side_width, length, width, hexagon)
-    exposed = _each(exposed_sides, s("bond_count"), p.max_sides, p.bonds_on and p.sides_by_bonds)
-    water = _each(ocean_drag, mass, length, width, side, np.maximum(0.0, draft - ice), exposed, p.ocean_scale)
-    air = _each(air_drag, mass, length, width, side, thickness - draft, exposed)
-    frozen = _each(sea_ice_drag, mass, side, ice, exposed, s("ui"), s("vi"), p.frozen_sea_ice_drag)
-    f = _each(coriolis_parameter, latitude, p.latlon, p.f_plane, p.reference_latitude)
-    waves = _each(wave_acceleration, ua, va, uo, vo, mass, thickness - draft, side if hexagon else length, side)
-    floor = _floor_rate(s, draft, p)
-    accelerations = {
-        "ocean drag": _drag(water, u, v, uo, vo),
-        "surface slope": np.stack(_each(slope_acceleration, s("slope_x"), s("slope_y")), axis=-1),
-        "Coriolis": np.stack([f * v, -f * u], axis=-1),
-        "wind drag": _drag(air, u, v, ua, va),
-        "waves": np.stack(waves, axis=-1),
-        "sea floor": np.stack([-floor * u, -floor * v], axis=-1),
-        "sea ice": _drag(frozen, u, v, s("ui"), s("vi")),
+    if forces_recorded(run):
+        sides = [applied_forces(run, k) for k in (record, record + 1) if 0 < k < run.sizes["time"]]
+        return {name: np.mean([side[name] for side in sides], axis=0) for name in FORCES}
+    el = elements_at(run, record, p)
+    around = allocate_surroundings(el.mass.size)
+    find_surroundings(el, interaction_sizes(el, p), around, p)
+    around.acts[:] = True  # the sub-steps' part too
+    apply_at_velocities(el, around)
+    return {name: el.mass[:, None] * around.applied[:, row] for name, row in _ROWS.items()}
+
+
+def forces_recorded(run: xr.Dataset) -> bool:
+    """Whether a run holds the forces as they were applied (`riftberg.runs.applied`)."""
+    return run.sizes["time"] > 1 and all(v.name in run.variables for v in force_variables())
+
+
+def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
+    """Return the mean forces between the record before and this one, as applied; see `external_forces`."""
+    names = {name: f"force_{media.FORCES[row]}" for name, row in _ROWS.items()}
+    now = run.isel(time=record)
+    return {
+        name: np.stack([now[f"{stored}_{axis}"].values.astype(np.float64) for axis in "xy"], axis=-1)
+        for name, stored in names.items()
     }
-    return {name: mass[:, None] * accelerations[name] for name in FORCES}
 
 
-class _State:
-    """Variables of the elements at a record, in double precision."""
-
-    def __init__(self, run: xr.Dataset, record: int) -> None:
-        self.run, self.record = run, record
-        self.count = run.sizes["trajectory"]
-
-    def __call__(self, name: str) -> Floats:
-        if name not in self.run.variables:
-            return np.zeros(self.count)
-        variable = self.run[name]
-        values = variable.isel(time=self.record) if "time" in variable.dims else variable
-        return np.asarray(values.values, np.float64)
-
-
-def _each(law: Any, *arguments: Any) -> Any:
-    """Apply a law of one element to all."""
-    return np.vectorize(law)(*arguments)
-
-
-def _drag(coefficient: Floats, u: Floats, v: Floats, uk: Floats, vk: Floats) -> Floats:
-    speed = np.hypot(u - uk, v - vk)
-    return np.stack([-coefficient * speed * (u - uk), -coefficient * speed * (v - vk)], axis=-1)
-
-
-def _floor_rate(s: _State, draft: Floats, p: KernelParameters) -> Floats:
-    """Return the rate (s-1) at which the sea floor slows the elements; with the sizes that bonds see on sub-steps."""
-    if p.ground_coefficient <= 0.0:
-        return np.zeros(s.count)
-    area, mass = s("length") * s("width"), s("mass")
-    if p.ground_on_substeps and p.constant_size and p.constant_length > 0.0:
-        area = np.full(s.count, p.constant_length * p.constant_width)
-        mass = area * s("thickness") * p.rho_ice
-    fraction = _each(grounded_fraction, s("depth"), draft, p.ground_ramp)
-    return np.asarray(_each(grounding_rate, p.ground_coefficient, area, mass, fraction))
+def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
+    """Return the elements of a run at a record, as far as its file holds them, at their synchronised velocity."""
+    el = new_elements(run.sizes["trajectory"])
+    names = {"lon": "x", "lat": "y"} if not p.latlon else {}
+    for v in ELEMENT_VARIABLES:
+        name = names.get(v.name, v.name)
+        if name in run.variables:
+            stored = run[name].isel(time=record) if "time" in run[name].dims else run[name]
+            getattr(el, v.name)[:] = stored.values
+    el.u[:], el.v[:] = el.u_sync, el.v_sync
+    return el
 
 
 def accelerations(run: xr.Dataset, record: int, first: int, last: int) -> Floats:

@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
-from riftberg.diagnostics.dates import minute
+from riftberg.diagnostics.dates import minute_text
 from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
@@ -133,14 +133,13 @@ def _paragraph(b: Breakup) -> str:
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
     text = [
-        f"{minute(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
+        f"{minute_text(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
         f"{where}.",
-        f"{b.bonds} bonds failed from {minute(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
+        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
-        f"Across the cut of {load.cut_km:.1f} km the load at {minute(load.time)} came to a nominal {load.nominal / 1e3:.1f} kPa: "
-        + _share_words(b.causes)
-        + ".",
+        f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
+        f"{load.nominal / 1e3:.1f} kPa: " + _share_words(b.causes) + ".",
     ]
     if b.sudden:
         text.append(_sudden_words(b))
@@ -153,7 +152,7 @@ def _paragraph(b: Breakup) -> str:
     if b.closure is not None:
         afloat = " when it was last afloat" if load.aground else ""
         text.append(f"The forces explain the recorded motion{afloat} to {100.0 * b.closure:.1f} % of their sum.")
-    if load.aground:
+    if load.aground and not b.floor_recorded:
         text.append(FLOOR)
     for part, fate in b.controls.items():
         text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
@@ -184,7 +183,8 @@ def _cause_words(b: Breakup, strength: float) -> str:
     if shares[leading] <= 0.0:
         return ""
     begin = "What loads the cut:" if b.sudden and not b.decisive.aground else "It broke because"
-    return f"{begin} {CAUSES[leading]} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
+    cause = CAUSES.get(leading, f"{leading} acts on its parts differently")
+    return f"{begin} {cause} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
 
 
 def _fate_words(fate: str) -> str:

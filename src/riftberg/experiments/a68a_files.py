@@ -50,7 +50,7 @@ def data_folder(options: Options, names: Iterable[str], experiment: str, *, hour
         If a file is missing, or is a pointer of Git LFS instead of the file; with the command that gets it.
     """
     folder, wanted = named_folder(options), list(names)
-    if options.fetch and any(_unreadable(folder / name) for name in wanted):
+    if options.fetch and any(_fault_of_file(folder / name) for name in wanted):
         from riftberg.fetching import fetch
 
         fetch.fetch_a68a(folder, hourly=fetch.HOURLY if hourly else ())
@@ -58,7 +58,7 @@ def data_folder(options: Options, names: Iterable[str], experiment: str, *, hour
     if not folder.is_dir():
         what = "no folder of data" if folder == FETCHED else "no such folder"
         raise ForcingError(what, where=f"{experiment}: {folder}", remedy=remedy)
-    faults = [(name, fault) for name in wanted if (fault := _unreadable(folder / name))]
+    faults = [(name, fault) for name in wanted if (fault := _fault_of_file(folder / name))]
     if faults:
         name, fault = faults[0]
         more = f" ({len(faults)} of {len(wanted)} files are missing)" if len(faults) > 1 else ""
@@ -66,7 +66,7 @@ def data_folder(options: Options, names: Iterable[str], experiment: str, *, hour
     return folder
 
 
-def _unreadable(path: Path) -> str:
+def _fault_of_file(path: Path) -> str:
     if not path.is_file():
         return "no"
     return "only a pointer of Git LFS instead of" if is_pointer(path) else ""

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
 import netCDF4
 import numpy as np
@@ -54,6 +54,13 @@ _DATASETS = {
 }
 
 
+class Addresses(TypedDict, total=False):
+    """Addresses of files that are fetched without a client."""
+
+    ncep_url: str
+    gebco_url: str
+
+
 class Wanted(NamedTuple):
     """What is asked of a service."""
 
@@ -89,8 +96,7 @@ def fetch_product(
     depth: float = 250.0,
     progress: Progress | bool = True,
     tell: Tell = tell_terminal,
-    ncep_url: str = NCEP_URL,
-    gebco_url: str = GEBCO_URL,
+    **addresses: Unpack[Addresses],
 ) -> list[Path]:
     """Fetch an original product from the service that holds it.
 
@@ -113,8 +119,8 @@ def fetch_product(
         As in `fetch_a68a`, for services without a client of their own.
     tell : callable
         Called with a word on sizes and on files that have changed at their source.
-    ncep_url, gebco_url : str
-        Address of the NCEP files, and of the ERDDAP that has GEBCO.
+    **addresses
+        ``ncep_url`` and ``gebco_url``: address of the NCEP files, and of the ERDDAP that has GEBCO, if others.
 
     Returns
     -------
@@ -132,13 +138,15 @@ def fetch_product(
     chosen = _fields(name, fields)
     folder = made(Path(folder))
     if name == "gebco":
-        return fetch_gebco(folder, lon, lat, progress=progress, tell=tell, base_url=gebco_url)
+        return fetch_gebco(
+            folder, lon, lat, progress=progress, tell=tell, base_url=addresses.get("gebco_url", GEBCO_URL)
+        )
     if time is None:
         raise ForcingError("days are needed", where=f"fetch {name}", remedy="Give the first and the last")
     wanted = Wanted(name, folder, lon, lat, utc(time[0]), utc(time[1]), chosen, depth)
     if name == "ncep-r1":
         years = range(int(wanted.days[0][:4]), int(wanted.days[1][:4]) + 1)
-        return fetch_ncep(folder, years, progress=progress, tell=tell, base_url=ncep_url)
+        return fetch_ncep(folder, years, progress=progress, tell=tell, base_url=addresses.get("ncep_url", NCEP_URL))
     clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
     return clients.get(name, _fetch_copernicus)(wanted)
 

@@ -125,7 +125,7 @@ def _check_mirrors(first: Ints, second: Ints, elements: Elements, path: Path) ->
 
 
 _ENDS: Final = (("first", "first"), ("other", "second"))
-_DEM: Final = (
+DEM_COLUMNS: Final = (
     Column("tangd1", "f8", "zonal tangential displacement", "m"),
     Column("tangd2", "f8", "meridional tangential displacement", "m"),
     Column("nstress", "f8", "normal stress", "Pa"),
@@ -133,6 +133,7 @@ _DEM: Final = (
     Column("rel_rotation", "f8", "relative rotation", "rad"),
     Column("broken", "i4", "broken status", "none"),
 )
+"""Columns of DEM bonds, in restarts and trajectories alike."""
 
 
 def directed(bonds: Bonds, dem: bool) -> dict[str, NDArray[Any]]:
@@ -165,5 +166,5 @@ def write_bonds(path: Path, elements: Elements, bonds: Bonds, grid: Grid, *, dem
         for part, name, values in (("counter", "id_cnt", counter), ("position", "id_ij", cell)):
             text = f"{part} component of iceberg id {word} berg in bond"
             columns.append((Column(f"{end}_{name}", "i4", text, "dimensionless"), values[rows]))
-    columns += [(item, both[item.name]) for item in _DEM if dem]
+    columns += [(item, both[item.name]) for item in DEM_COLUMNS if dem]
     write_restart_file(Path(path), columns, len(both["first"]), counter=False)

@@ -9,6 +9,8 @@ import sys
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from riftberg.constants import EARTH_RADIUS_KID
+
 Kind = Literal["logical", "integer", "real", "reals", "text"]
 Treatment = Literal["honoured", "refused", "reported"]
 Value = bool | int | float | str | tuple[float, ...]
@@ -111,7 +113,7 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("grid_is_latlon", LOGICAL, True, "", "coordinates are degrees (else metres)"),
     _yes("grid_is_regular", LOGICAL, True, "", "Cartesian grid uniform: local coordinates by division"),
     _yes("Lx", REAL, 360.0, "grid units", "zonal period; <=0 none; 360 with Cartesian means -1"),
-    _yes("Rearth", REAL, 6360000.0, "m", "sphere radius for degree-to-metre conversion"),
+    _yes("Rearth", REAL, EARTH_RADIUS_KID, "m", "sphere radius for degree-to-metre conversion"),
     _nil("halo", INTEGER, 4, "cells", "halo width of the berg domain", "the grid keeps a halo of its own width"),
     _yes("old_bug_bilin", LOGICAL, True, "", "use the inverted bilinear weights", "in the interpolation of fields"),
     _nil("use_roundoff_fix", LOGICAL, True, "", "nudge bergs lost to round-off into their cell",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separation
 from riftberg.kid.blocks import BlockWriter
-from riftberg.kid.bond_restart import GONE, directed
+from riftberg.kid.bond_restart import DEM_COLUMNS, GONE, directed
 from riftberg.kid.calendar import Date, is_sampled
 from riftberg.kid.driver import Clock
 from riftberg.kid.identifiers import split_id
@@ -257,14 +257,6 @@ _BOND: Final = (
     Column("id_cnt2", "i4", "counter component of second connected iceberg id", "dimensionless"),
     Column("id_ij2", "i4", "position component of second connected iceberg id", "dimensionless"),
 )
-_BOND_DEM: Final = (
-    Column("tangd1", "f8", "zonal tangential displacement", "m"),
-    Column("tangd2", "f8", "meridional tangential displacement", "m"),
-    Column("nstress", "f8", "normal stress", "Pa"),
-    Column("sstress", "f8", "shear stress", "Pa"),
-    Column("rel_rotation", "f8", "relative rotation", "rad"),
-    Column("broken", "i4", "broken status", "none"),
-)
 
 
 class BondRecorder(_Sampler):
@@ -281,7 +273,7 @@ class BondRecorder(_Sampler):
         super().start(model)
 
     def _columns(self, model: Model) -> list[Column]:
-        return [*_WHEN, *_BOND, *(_BOND_DEM if self.group.flag("dem") else ())]
+        return [*_WHEN, *_BOND, *(DEM_COLUMNS if self.group.flag("dem") else ())]
 
     def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
         e, p = model.elements, model.parameters

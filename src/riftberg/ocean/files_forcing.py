@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_fields import NAMES, FieldMaker, Mesh, belongs, even_mesh, own_mesh
 from riftberg.ocean.files_levels import LevelColumns, has_levels, without_levels
@@ -20,6 +19,7 @@ from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.own_grids import FILLS, OwnGrids, Part
+from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.canonical import QUANTITIES
@@ -53,7 +53,7 @@ class Run(NamedTuple):
     @property
     def drafts(self) -> Floats:
         """Drafts of the elements, m."""
-        return np.asarray(self.thickness * self.ice_density / RHO_SEAWATER)
+        return np.asarray(draft_of(self.thickness, self.ice_density))
 
     def seconds(self, moments: Sequence[datetime]) -> list[float]:
         """Times since the start."""
@@ -99,22 +99,22 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> GriddedFor
 
 def _check_pairs(datasets: list[xr.Dataset]) -> None:
     """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
-    held = {str(name): ds for ds in datasets for name in ds.data_vars}
-    for pair in records.VECTORS:
-        given = [name for name in pair if name in held]
-        if len(given) == 1:
-            other = pair[1 - pair.index(given[0])]
-            raise ForcingError(
-                f"gives {given[0]} and no file gives {other} with the same records",
-                where=records.named(held[given[0]]),
-                remedy=f"Add the file with {QUANTITIES[other].long_name}",
-            )
+    for ds in datasets:
+        for pair in records.VECTORS:
+            given = [name for name in pair if name in ds.data_vars]
+            if len(given) == 1:
+                other = pair[1 - pair.index(given[0])]
+                raise ForcingError(
+                    f"gives {given[0]} and no file gives {other} with the same records on the same grid",
+                    where=records.named(ds),
+                    remedy=f"Add the file with {QUANTITIES[other].long_name}",
+                )
 
 
 def _notices(datasets: list[xr.Dataset], given: FileForcing) -> tuple[str, ...]:
     """Return what the files leave out, and doubts about them, in a line each."""
     held = {str(name) for ds in datasets for name in ds.data_vars}
-    told = [f"{records.named(ds)}: {ds.attrs['doubt']}" for ds in datasets if "doubt" in ds.attrs]
+    told = [f"{records.named(ds)}: {ds.attrs[key]}" for ds in datasets for key in ("told", "doubt") if key in ds.attrs]
     if "ssh" not in held and given.sea_level == "files":
         told.append(
             "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "

@@ -17,12 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import ForcingError
 from riftberg.kernels import kernel
 from riftberg.ocean.geometry import bilinear, blend_corners
 from riftberg.ocean.grid_arrays import GridArrays
 from riftberg.ocean.interpolation import coastal_increment
+from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
 
 
@@ -60,7 +60,7 @@ class DraftCurrents:
     def __init__(self, limits: Floats, load: Callable[[int], Columns], ice_density: float, nominal: float) -> None:
         self.limits = np.ascontiguousarray(limits, np.float64)
         self.nominal = min(float(nominal), float(self.limits[-1]))
-        self._load, self._share = load, ice_density / RHO_SEAWATER
+        self._load, self._ice_density = load, ice_density
         self._kept: dict[int, Columns] = {}
 
     def columns(self, record: int) -> Columns:
@@ -86,13 +86,13 @@ class DraftCurrents:
         after = self.columns(record + 1) if weight > 0.0 else before
         e, g = elements, grid
         fill_over_draft(
-            e.cell_i, e.cell_j, e.xi, e.eta, self._share * e.thickness, self.limits, before, after, weight,
+            e.cell_i, e.cell_j, e.xi, e.eta, draft_of(e.thickness, self._ice_density), self.limits, before, after, weight,
             g.mask, g.cos_angle, g.sin_angle, g.dx, g.dy, coastal_drift, e.uo, e.vo, e.vorticity,
         )  # fmt: skip
 
     def check(self, elements: Elements) -> None:
         """Raise `ForcingError` if a keel reaches below the layers of the data."""
-        draft = self._share * float(elements.thickness.max())
+        draft = draft_of(float(elements.thickness.max()), self._ice_density)
         deepest = float(self.limits[-1])
         if draft > deepest * (1.0 + 1e-9):
             row = int(elements.thickness.argmax())

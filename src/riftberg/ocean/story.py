@@ -206,8 +206,11 @@ def stream(x_local: float, y_local: float, now: _Instant) -> tuple[float, float,
 @kernel
 def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
     """Fill current, slope and vorticity at many points."""
-    scale, f_over_g = math.cos(-55.8 * math.pi / 180.0), 2.0 * 7.292e-5 * math.sin(-55.8 * math.pi / 180.0) / 9.8
-    metre = 6_363_827.0 * math.pi / 180.0
+    scale, f_over_g = (
+        math.cos(-55.8 * math.pi / 180.0),
+        2.0 * EARTH_ROTATION * math.sin(-55.8 * math.pi / 180.0) / GRAVITY,
+    )
+    metre = EARTH_RADIUS_A68 * math.pi / 180.0
     for e in range(lon.size):
         west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
         stretch = scale / math.cos(lat[e] * math.pi / 180.0)

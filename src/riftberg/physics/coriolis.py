@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
+from riftberg.constants import DEGREE, EARTH_ROTATION
 from riftberg.kernels import kernel
-
-_DEGREE = math.pi / 180.0
-_ROTATION = 7.292e-5
 
 
 @kernel
@@ -20,4 +18,4 @@ def coriolis_parameter(latitude: float, latlon: bool, f_plane: bool, reference_l
         Degrees.
     """
     phi = latitude if latlon and not f_plane else reference_latitude
-    return 2.0 * _ROTATION * math.sin(phi * _DEGREE)
+    return 2.0 * EARTH_ROTATION * math.sin(phi * DEGREE)

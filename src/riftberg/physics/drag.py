@@ -7,22 +7,17 @@ from __future__ import annotations
 
 import math
 
+from riftberg.constants import (
+    AIR_DRAG_SIDE,
+    AIR_DRAG_TOP,
+    OCEAN_DRAG_BASE,
+    OCEAN_DRAG_SIDE,
+    RHO_AIR,
+    RHO_SEA_ICE,
+    RHO_SEAWATER,
+    SEA_ICE_DRAG_SIDE,
+)
 from riftberg.kernels import kernel
-
-_RHO_SEAWATER = 1025.0
-_RHO_AIR = 1.1
-_RHO_SEA_ICE = 916.7
-_OCEAN_SIDE = 0.9
-_OCEAN_BASE = 0.0012
-_AIR_SIDE = 1.3
-_AIR_TOP = 0.0055
-_SEA_ICE_SIDE = 0.9
-
-
-@kernel
-def draft_of(thickness: float, rho_ice: float) -> float:
-    """Depth of the keel of floating ice, m: thickness times density over that of sea water."""
-    return (rho_ice / _RHO_SEAWATER) * thickness
 
 
 @kernel
@@ -57,16 +52,16 @@ def ocean_drag(
         Factor on both coefficients.
     """
     return (
-        (_RHO_SEAWATER / mass)
+        (RHO_SEAWATER / mass)
         * scale
-        * (0.5 * _OCEAN_SIDE * exposed * side * draft_open + _OCEAN_BASE * width * length)
+        * (0.5 * OCEAN_DRAG_SIDE * exposed * side * draft_open + OCEAN_DRAG_BASE * width * length)
     )
 
 
 @kernel
 def air_drag(mass: float, length: float, width: float, side: float, freeboard: float, exposed: float) -> float:
     """``c_a = rho_a / M (0.5 C_av phi W F + C_ah W L)``, m-1; sizes in m, mass in kg."""
-    return (_RHO_AIR / mass) * (0.5 * _AIR_SIDE * exposed * side * freeboard + _AIR_TOP * width * length)
+    return (RHO_AIR / mass) * (0.5 * AIR_DRAG_SIDE * exposed * side * freeboard + AIR_DRAG_TOP * width * length)
 
 
 @kernel
@@ -79,7 +74,7 @@ def sea_ice_drag(
     """
     if ice_thickness == 0.0 or (frozen_quirk and abs(ui) + abs(vi) == 0.0):
         return 0.0
-    return (_RHO_SEA_ICE / mass) * (0.5 * _SEA_ICE_SIDE * exposed * side * ice_thickness)
+    return (RHO_SEA_ICE / mass) * (0.5 * SEA_ICE_DRAG_SIDE * exposed * side * ice_thickness)
 
 
 @kernel
@@ -99,4 +94,4 @@ def spin_drag(inertia: float, radius: float, scale: float) -> float:
     scale : float
         Factor on the ocean drag coefficient.
     """
-    return (2.0 * math.pi / 5.0) * _RHO_SEAWATER * _OCEAN_BASE * scale * radius**5 / inertia
+    return (2.0 * math.pi / 5.0) * RHO_SEAWATER * OCEAN_DRAG_BASE * scale * radius**5 / inertia

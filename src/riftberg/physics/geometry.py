@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 
-_DEGREE = math.pi / 180.0
 _INVERSE_PI = 1.0 / math.pi
 # pi in three parts; the first two have 33 bits, so that their products with up to a million half turns are exact.
 _PI_HIGH = 3.1415926534682512
@@ -48,7 +48,7 @@ def _sin_reduced(x: float, q: float) -> float:
 @kernel
 def fast_cos_latitude(degrees: float) -> float:
     """Cosine of a latitude in degrees, -90 to 90, by a Taylor polynomial of degree 22."""
-    x = degrees * _DEGREE
+    x = degrees * DEGREE
     q = x * x
     c = -1.0 / 1124000727777607680000.0
     c = 1.0 / 2432902008176640000.0 + q * c
@@ -79,8 +79,8 @@ def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float
     """
     if not latlon:
         return 1.0, 1.0
-    per_degree = _DEGREE * radius
-    return per_degree * math.cos(latitude * _DEGREE), per_degree
+    per_degree = DEGREE * radius
+    return per_degree * math.cos(latitude * DEGREE), per_degree
 
 
 @kernel
@@ -90,7 +90,7 @@ def meridian_convergence(latitude: float, radius: float) -> float:
     Local east and north at two points ``r_x`` metres apart differ by this times ``r_x``, counter-clockwise in the
     northern hemisphere; near the pole it is limited to its value at 89.9 degrees.
     """
-    return math.tan(min(max(latitude, -89.9), 89.9) * _DEGREE) / radius
+    return math.tan(min(max(latitude, -89.9), 89.9) * DEGREE) / radius
 
 
 @kernel
@@ -126,30 +126,30 @@ def separation(
 @kernel
 def to_tangent_plane(lon: float, lat: float, radius: float) -> tuple[float, float]:
     """Position (m) on the plane that touches the sphere at the North Pole (spec 2.3)."""
-    r = radius * (90.0 - lat) * _DEGREE
-    return r * math.cos(lon * _DEGREE), r * math.sin(lon * _DEGREE)
+    r = radius * (90.0 - lat) * DEGREE
+    return r * math.cos(lon * DEGREE), r * math.sin(lon * DEGREE)
 
 
 @kernel
 def from_tangent_plane(x: float, y: float, radius: float) -> tuple[float, float]:
     """Longitude in (-180, 180] and latitude (degrees) of a point on the polar plane (spec 2.3)."""
     r = math.sqrt(x * x + y * y)
-    lat = 90.0 - r / radius / _DEGREE
-    lon = 0.0 if r == 0.0 else math.acos(min(1.0, max(-1.0, x / r))) / _DEGREE
+    lat = 90.0 - r / radius / DEGREE
+    lon = 0.0 if r == 0.0 else math.acos(min(1.0, max(-1.0, x / r))) / DEGREE
     return (lon if y >= 0.0 else -lon), lat
 
 
 @kernel
 def vector_to_plane(lon: float, u: float, v: float) -> tuple[float, float]:
     """Turn an (east, north) vector into polar-plane components (spec 2.3)."""
-    c, s = math.cos(lon * _DEGREE), math.sin(lon * _DEGREE)
+    c, s = math.cos(lon * DEGREE), math.sin(lon * DEGREE)
     return -s * u - c * v, c * u - s * v
 
 
 @kernel
 def vector_from_plane(lon: float, x: float, y: float) -> tuple[float, float]:
     """Turn polar-plane components into an (east, north) vector (spec 2.3)."""
-    c, s = math.cos(lon * _DEGREE), math.sin(lon * _DEGREE)
+    c, s = math.cos(lon * DEGREE), math.sin(lon * DEGREE)
     return -s * x + c * y, -c * x - s * y
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from riftberg.constants import GRAVITY
 from riftberg.kernels import kernel
-
-_GRAVITY = 9.8
 
 
 @kernel
 def slope_acceleration(slope_x: float, slope_y: float) -> tuple[float, float]:
     """Acceleration -g grad(eta), m s-2, down the slope of the sea surface (slopes are dimensionless)."""
-    return -_GRAVITY * slope_x, -_GRAVITY * slope_y
+    return -GRAVITY * slope_x, -GRAVITY * slope_y

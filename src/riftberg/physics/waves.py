@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 
+from riftberg.constants import GRAVITY, RHO_SEAWATER, WAVE_RADIATION_MAX
 from riftberg.kernels import kernel
-
-_GRAVITY = 9.8
-_RHO_SEAWATER = 1025.0
-_COEFFICIENT_MAX = 0.06
 
 
 @kernel
@@ -39,7 +36,7 @@ def wave_acceleration(
     cutoff = 0.125 * wave_length
     top = 0.25 * wave_length
     ramp = (length - cutoff) / ((top - cutoff) + 1e-30)
-    coefficient = _COEFFICIENT_MAX * min(max(0.0, ramp), 1.0)
-    force = 0.5 * (_RHO_SEAWATER / mass) * coefficient * _GRAVITY * amplitude * min(amplitude, freeboard)
+    coefficient = WAVE_RADIATION_MAX * min(max(0.0, ramp), 1.0)
+    force = 0.5 * (RHO_SEAWATER / mass) * coefficient * GRAVITY * amplitude * min(amplitude, freeboard)
     force *= (2.0 * width * length) / (width + length)
     return force * ua / wind, force * va / wind

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,54 +12,6 @@ from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, conversion
 
 Floats = NDArray[np.float64]
-_KEYS = {"time": "time", "depth": "vertical", "lat": "latitude", "lon": "longitude"}
-
-
-def name_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
-    """Rename the axes to ``time``, ``depth``, ``lat``, ``lon`` as CF metadata (or, failing that, their names) tell.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded dataset whose fields have one-dimensional axes; a projected or curvilinear one has dims ``y``, ``x``
-        already.
-    where : str
-        File, for messages.
-    """
-    for target, key in _KEYS.items():
-        axis = _axis_called(ds, target, key)
-        if axis and axis != target:
-            ds = ds.drop_vars(target, errors="ignore") if target in ds.variables and target not in ds.dims else ds
-            ds = ds.rename({axis: target})
-    if "y" not in ds.dims and not {"lat", "lon"} <= set(ds.dims):
-        raise ForcingError(
-            f"no one-dimensional latitude and longitude among {sorted(map(str, ds.variables))}",
-            where=where,
-            remedy="Give the coordinates units degrees_north and degrees_east, or name the product",
-        )
-    return ds
-
-
-def _axis_called(ds: xr.Dataset, target: str, key: str) -> str | None:
-    """Return the dimension that serves as the axis ``target``, or None."""
-    if target in ds.dims and target in ds.coords:
-        return target
-    named = [name for name in _cf_names(ds, key) if name in ds.dims]
-    return named[0] if named else None
-
-
-def _cf_names(ds: xr.Dataset, key: str) -> list[str]:
-    """Return the coordinates of a kind by CF metadata or, failing that, by their names."""
-    try:
-        import cf_xarray  # noqa: F401  (registers the accessor .cf)
-    except ImportError as error:
-        raise ForcingError("cf-xarray is not installed", remedy="pip install 'riftberg[products]'") from error
-    accessor = cast(Any, ds).cf
-    names = list(accessor.coordinates.get(key, []))
-    if not names:
-        guessed = cast(Any, accessor.guess_coord_axis()).cf
-        names = list(guessed.coordinates.get(key, []))
-    return names
 
 
 def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
@@ -68,12 +20,12 @@ def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
         ds = tidy_time(ds, where=where)
     if "depth" in ds.dims:
         ds = _tidy_depth(ds, where=where)
-    if "lat" in ds.dims:
+    if "lat" in ds.dims and "lon" in ds.dims:
         ds = tidy_longitude(_ascending(_float_axis(ds, "lat", "degrees_north"), "lat"))
     for axis in ("y", "x"):
         if axis in ds.dims and axis in ds.coords:
             ds = _ascending(ds, axis)
-    order = [name for name in ("time", "depth", "lat", "lon", "y", "x") if name in ds.dims]
+    order = [name for name in ("time", "depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
     return ds.transpose(*order, ...)
 
 
@@ -95,10 +47,21 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
             where=where,
             remedy="Write units such as 'hours since 2020-12-01 00:00:00' on the time coordinate",
         )
+    if np.isnat(values).any():
+        raise ForcingError(
+            f"{int(np.isnat(values).sum())} of {values.size} dates are missing",
+            where=where,
+            remedy="Correct the time axis",
+        )
     ds = ds.assign_coords(time=(time.dims, values, {"standard_name": "time", "axis": "T", "long_name": "time (UTC)"}))
     if "time" not in ds.dims:
         ds = ds.expand_dims("time")
-    return ds.sortby("time") if np.any(np.diff(ds["time"].values) < np.timedelta64(0)) else ds
+    ds = ds.sortby("time") if np.any(np.diff(ds["time"].values) < np.timedelta64(0)) else ds
+    _, first = np.unique(ds["time"].values, return_index=True)
+    if first.size == ds.sizes["time"]:
+        return ds
+    lost = ds.sizes["time"] - first.size
+    return ds.isel(time=first).assign_attrs(doubt=f"{lost} record(s) repeat a date: the first of each is taken")
 
 
 def _by_label(date: Any, where: str) -> np.datetime64:
@@ -154,11 +117,26 @@ def goes_round(lon: Floats) -> bool:
 def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
     """Sort longitudes, drop columns that repeat a meridian (OSCAR v1 runs 20..420) and shift them to -180..180."""
     ds = _ascending(_float_axis(ds, "lon", "degrees_east"), "lon")
+    ds = _in_order(ds)
     lon = ds["lon"].values
     once = lon < lon[0] + 360.0 - 1e-6
     if not once.all():
         ds = ds.isel(lon=slice(0, int(once.sum())))
     return on_branch(ds, -180.0)
+
+
+def _in_order(ds: xr.Dataset) -> xr.Dataset:
+    """Sort longitudes that jump (177..180, -180..-177) round the globe, from the largest gap on; each meridian once."""
+    lon = ds["lon"].values
+    if lon.size < 2 or np.all(np.diff(lon) > 0.0):
+        return ds
+    turned, first = np.unique(np.round(lon % 360.0, 9) % 360.0, return_index=True)
+    gaps = np.diff(np.append(turned, turned[0] + 360.0))
+    start = (int(np.argmax(gaps)) + 1) % turned.size
+    order = np.roll(first, -start)
+    risen = np.roll(turned, -start)
+    risen = np.where(risen < risen[0], risen + 360.0, risen)
+    return ds.isel(lon=order).assign_coords(lon=("lon", risen, ds["lon"].attrs))
 
 
 def on_branch(ds: xr.Dataset, west: float) -> xr.Dataset:

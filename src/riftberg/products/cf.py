@@ -1,14 +1,17 @@
 """Any other file that follows CF (or common habit): fields found by standard name, then by a table of usual names.
 
-Covers, among others, the Copernicus Marine wind, current and sea ice products and most regional model output on
-longitude-latitude grids. Documentation only: each file is taken at its word.
+Covers, among others, the Copernicus Marine wind, current and sea ice products and most regional model output, also on
+projected and curvilinear grids. Documentation only: each file is taken at its word.
 """
 
 from __future__ import annotations
 
 import xarray as xr
 
-from riftberg.products.product import Product, Source, without_single
+from riftberg.errors import ForcingError
+from riftberg.products.canonical import QUANTITIES
+from riftberg.products.product import Product, Source
+from riftberg.products.roles import standard_name
 
 _STANDARD: dict[str, tuple[str, ...]] = {
     "uo": ("eastward_sea_water_velocity", "surface_eastward_sea_water_velocity"),
@@ -16,8 +19,8 @@ _STANDARD: dict[str, tuple[str, ...]] = {
     "ssh": ("sea_surface_height_above_geoid",),
     "sst": ("sea_surface_temperature", "sea_water_surface_temperature"),
     "sss": ("sea_surface_salinity",),
-    "ua": ("eastward_wind", "x_wind"),
-    "va": ("northward_wind", "y_wind"),
+    "ua": ("eastward_wind",),
+    "va": ("northward_wind",),
     "taux": ("surface_downward_eastward_stress",),
     "tauy": ("surface_downward_northward_stress",),
     "ice_fraction": ("sea_ice_area_fraction",),
@@ -30,8 +33,8 @@ _STANDARD: dict[str, tuple[str, ...]] = {
     "depth_below_surface": ("sea_floor_depth_below_geoid", "sea_floor_depth_below_sea_level", "sea_floor_depth"),
 }
 _USUAL: dict[str, tuple[str, ...]] = {
-    "uo": ("uo", "water_u", "u_eastward", "uoe", "ugo"),
-    "vo": ("vo", "water_v", "v_northward", "von", "vgo"),
+    "uo": ("uo", "water_u", "u_eastward", "uoe", "ugo", "unod", "ssu"),
+    "vo": ("vo", "water_v", "v_northward", "von", "vgo", "vnod", "ssv"),
     "ssh": ("ssh", "zos", "zeta", "surf_el", "SSH"),
     "sst": ("sst", "tos", "analysed_sst"),
     "sss": ("sss", "sos"),
@@ -46,32 +49,72 @@ _USUAL: dict[str, tuple[str, ...]] = {
     "wave_height": ("VHM0", "swh", "hs"),
     "wave_period": ("VTM02", "mwp"),
     "wave_direction": ("VMDR", "mwd"),
-    "depth_below_surface": ("deptho", "depth_below_surface"),
+    "depth_below_surface": ("deptho", "depth_below_surface", "bathymetry"),
 }
 
 
-def _name_of(ds: xr.Dataset, quantity: str) -> str | None:
-    """Return the variable that holds a quantity: by standard name first, by usual name next."""
-    for name, variable in ds.data_vars.items():
-        if str(variable.attrs.get("standard_name", "")) in _STANDARD[quantity]:
-            return str(name)
-    return next((name for name in _USUAL[quantity] if name in ds.data_vars), None)
+_ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
+    "uo": ("sea_water_x_velocity", "surface_sea_water_x_velocity"),
+    "vo": ("sea_water_y_velocity", "surface_sea_water_y_velocity"),
+    "ua": ("x_wind", "grid_eastward_wind"),
+    "va": ("y_wind", "grid_northward_wind"),
+    "taux": ("surface_downward_x_stress",),
+    "tauy": ("surface_downward_y_stress",),
+    "ui": ("sea_ice_x_velocity",),
+    "vi": ("sea_ice_y_velocity",),
+}
 
 
-def _found(ds: xr.Dataset) -> dict[str, str]:
-    names = {quantity: _name_of(ds, quantity) for quantity in _STANDARD}
-    return {name: quantity for quantity, name in names.items() if name is not None}
+def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
+    """Return the variables that may hold a quantity: by standard name (true components first), else by usual name."""
+    held = [name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"]
+    for names in (_STANDARD[quantity], _ALONG_THE_GRID.get(quantity, ())):
+        found = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
+        if found:
+            return sorted(found, key=lambda name: _rank(quantity, name))
+    usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
+    return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
+
+
+def _near_enough(ds: xr.Dataset, name: str) -> bool:
+    """Tell whether a standard name that is not in the tables leaves a usual name believable: no tides, no Stokes drift."""
+    told = standard_name(ds.variables[name])
+    return not any(word in told for word in ("tid", "stokes", "geostrophic", "anomaly", "error", "wave_to", "gust"))
+
+
+def _rank(quantity: str, name: str) -> int:
+    usual = _USUAL[quantity]
+    return usual.index(name) if name in usual else len(usual)
+
+
+def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
+    """Return the variable of each quantity, with a remark where others could be it too.
+
+    Raises
+    ------
+    ForcingError
+        If several variables could be it and none has a usual name.
+    """
+    chosen: dict[str, tuple[str, str]] = {}
+    for quantity in _STANDARD:
+        found = _candidates(ds, quantity)
+        if not found:
+            continue
+        first, *others = found
+        if others and _rank(quantity, first) == len(_USUAL[quantity]):
+            raise ForcingError(
+                f"{len(found)} variables could be {quantity} ({QUANTITIES[quantity].long_name}): {', '.join(found)}",
+                where=str(ds.encoding.get("source", "")),
+                remedy=f"Keep one of them, for example: ncks -x -v {','.join(others)} FILE OUT",
+            )
+        remark = f"{quantity} is taken from {first}; {', '.join(others)} could be it too" if others else ""
+        chosen[quantity] = (first, remark)
+    return chosen
 
 
 def _matches(ds: xr.Dataset) -> bool:
-    """Tell whether any field is found on one-dimensional axes with latitudes and longitudes among the variables."""
-    return bool(_found(ds))
-
-
-def _called(ds: xr.Dataset) -> xr.Dataset:
-    """Give the fields found their canonical names; drop heights and other single levels that are not a depth."""
-    ds = ds.rename({name: quantity for name, quantity in _found(ds).items() if name != quantity})
-    return without_single(ds, "height", "height_10m", "heightAboveGround", "level")
+    """Tell whether any field is found."""
+    return any(_candidates(ds, quantity) for quantity in _STANDARD)
 
 
 PRODUCT = Product(
@@ -81,6 +124,6 @@ PRODUCT = Product(
     evidence="documentation",
     matches=_matches,
     sources=tuple(Source(quantity, (quantity,)) for quantity in _STANDARD),
-    reshape=_called,
+    select=_selected,
     notes=("taken at its word: names, units and signs are those that the file states",),
 )

@@ -101,7 +101,12 @@ def doctor(
     noted = {name: seconds for name, seconds in rules.items() if seconds is not None}
     report = Report()
     for ds in _opened(_entries(files, product, report), report):
-        report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
+        try:
+            report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
+        except ForcingError as error:
+            report.unreadable[str(ds.attrs["source"])] = _without_place(error)
+        except Exception as error:  # values that a damaged file does not give up
+            report.unreadable[str(ds.attrs["source"])] = f"its values cannot be read ({error}). Fetch the file again"
     _conclude(report, list(dict.fromkeys(needed)))
     return report
 
@@ -144,7 +149,7 @@ def _opened(entries: Sequence[tuple[str, str | None]], report: Report) -> list[x
                 recognise(name)
             else:
                 product_named(product)
-            open_named([(name, product)])
+            open_named([(name, product)], turned=False)
             usable.append((name, product))
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
@@ -154,7 +159,7 @@ def _opened(entries: Sequence[tuple[str, str | None]], report: Report) -> list[x
         return open_named(usable)
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
-        return [ds for entry in usable for ds in open_named([entry])]
+        return [ds for entry in usable for ds in open_named([entry], turned=False)]
 
 
 def _other_kind(name: str) -> str:
@@ -186,7 +191,7 @@ def _examined(
         product=product.name,
         title=product.title,
         checked_against=product.checked(ds.data_vars),
-        notes=[*product.notes, *([str(ds.attrs["doubt"])] if "doubt" in ds.attrs else [])],
+        notes=[*product.notes, *(str(ds.attrs[key]) for key in ("told", "doubt") if key in ds.attrs)],
         space=cover(ds),
         time=_time_cover(ds),
     )
@@ -265,12 +270,14 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: D
     """Note where the experiment's box reaches beyond the data."""
     if lon is None or lat is None or found.problems:
         return
-    if "lat" not in ds.dims:
+    if "lat" not in ds.dims and "node" not in ds.dims:
         outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
         if outside > 0.0:
             found.problems.append(
                 f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
             )
+        return
+    if "node" in ds.dims:
         return
     for axis in ("lat", "lon"):
         if ds.sizes[axis] < 2:

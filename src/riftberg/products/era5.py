@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from riftberg.products.product import Product, Source, text_of, without_single
+from riftberg.products.product import DAY_SECONDS, Product, Source, text_of, without_single
 
 _SOURCES = (
     Source("ua", ("u10", "10m_u_component_of_wind"), "m s-1"),
@@ -38,7 +38,7 @@ def _matches(ds: xr.Dataset) -> bool:
 
 
 def _one_version(ds: xr.Dataset) -> xr.Dataset:
-    """Name the time axis, join final and preliminary version (old store: dimension ``expver``), drop ``number``."""
+    """Name the time axis, join final and preliminary version (old store: dimension ``expver``)."""
     if "expver" in ds.dims:
         versions = [ds.isel(expver=k, drop=True) for k in range(ds.sizes["expver"])]
         ds = versions[0]
@@ -46,7 +46,8 @@ def _one_version(ds: xr.Dataset) -> xr.Dataset:
             ds = ds.fillna(later)
     if "valid_time" in ds.dims:
         ds = ds.drop_vars("time", errors="ignore").rename({"valid_time": "time"})
-    ds = without_single(ds, "number", what="This is an ensemble: ask for the product type 'reanalysis'")
+    if ds.sizes.get("number", 1) > 1:
+        ds = without_single(ds, "number", what="This is an ensemble: ask for the product type 'reanalysis'")
     return ds.drop_vars("expver", errors="ignore")
 
 
@@ -58,6 +59,7 @@ PRODUCT = Product(
     matches=_matches,
     sources=_SOURCES,
     reshape=_one_version,
+    longest_step=DAY_SECONDS,
     variants=(("new Climate Data Store", "layout"), ("ARCO Zarr store", "documentation")),
     notes=(
         "instantaneous values at their stamp",

@@ -16,7 +16,8 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.product import Evidence, Product, Source
+from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
+from riftberg.products.roles import role_of
 
 _FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
 _AT_CENTRES = {"SSH", "elevation"}
@@ -39,13 +40,19 @@ def _grid_beside(path: str) -> xr.Dataset | None:
     return xr.open_dataset(files[0]) if files else None
 
 
+def _has_positions(ds: xr.Dataset) -> bool:
+    """Tell whether other variables give the latitudes and longitudes of the dimensions ``lat`` and ``lon``."""
+    roles = {role_of(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)}
+    return {"lat", "lon"} <= roles
+
+
 def _positioned(ds: xr.Dataset) -> xr.Dataset:
     """Give the file its latitudes and longitudes, those of cell centres where the field lives there."""
     centred = bool(_AT_CENTRES & set(map(str, ds.data_vars)))
     if {"actual_lon", "actual_lat"} <= set(ds.variables) and centred:
         lon, lat = ds["actual_lon"].values, ds["actual_lat"].values
         return ds.drop_vars(["actual_lon", "actual_lat"]).assign_coords(lon=("lon", lon), lat=("lat", lat))
-    if {"lon", "lat"} <= set(ds.variables):
+    if {"lon", "lat"} <= set(ds.variables) or _has_positions(ds):
         return ds
     where = str(ds.encoding.get("source", ""))
     grid = _grid_beside(where)
@@ -136,6 +143,7 @@ PRODUCT = Product(
     sources=_sources("uo", "vo"),
     mend=_mend,
     finish=_finish,
+    longest_step=31 * DAY_SECONDS,
     notes=_NOTES,
     variants=_VARIANTS,
 )
@@ -148,6 +156,7 @@ KEEL_MEAN = Product(
     sources=_sources("uo_mean_over_berg_depth", "vo_mean_over_berg_depth"),
     mend=_mend,
     finish=_finish,
+    longest_step=31 * DAY_SECONDS,
     variants=_VARIANTS,
     notes=(*_NOTES, "uo, vo are means from the surface to 200 m"),
 )

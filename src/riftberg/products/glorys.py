@@ -6,6 +6,8 @@ scalar time) follow the documentation. The sample has a depth axis of five level
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import xarray as xr
 
 from riftberg.products.product import DAY, Product, Source, stamped_at_noon, text_of
@@ -23,12 +25,23 @@ def _matches(ds: xr.Dataset) -> bool:
     return mercator and bool(_NAMES & set(ds.variables))
 
 
-def _surface_or_all(ds: xr.Dataset) -> xr.Dataset:
-    """Give a scalar time a dimension; keep every level of the currents and the first of temperature and salinity."""
+_FORECASTS = ("analysisforecast", "analysis_forecast", "_anfc", "001_024", "psy4", "forecast", "near real time", "nrt")
+_PAST = ("multiyear", "reanalysis", "001_030", "glorys")
+
+
+def _is_forecast(ds: xr.Dataset) -> bool:
+    told = (
+        text_of(ds, "title", "source", "product", "id", "comment", "field_type")
+        + str(ds.encoding.get("source", "")).lower()
+    )
+    return _matches(ds) and any(word in told for word in _FORECASTS) and not any(word in told for word in _PAST)
+
+
+def _with_time(ds: xr.Dataset) -> xr.Dataset:
+    """Give a scalar time a dimension."""
     if "time" in ds.variables and "time" not in ds.dims:
         ds = ds.set_coords("time").expand_dims("time")
-    levelled = [name for name in ("thetao", "so") if name in ds.variables and "depth" in ds[name].dims]
-    return ds.assign({name: ds[name].isel(depth=0, drop=True) for name in levelled})
+    return ds
 
 
 def _in_the_middle(ds: xr.Dataset) -> xr.Dataset:
@@ -72,7 +85,7 @@ PRODUCT = Product(
         Source("ui", ("usi",), "m s-1", "documentation"),
         Source("vi", ("vsi",), "m s-1", "documentation"),
     ),
-    reshape=_surface_or_all,
+    reshape=_with_time,
     variants=(("toolbox subset", "documentation"), ("monthly means", "documentation")),
     settle=_in_the_middle,
     averaging=DAY,
@@ -81,4 +94,13 @@ PRODUCT = Product(
         "currents keep their levels: runs take the mean over the draft of each element",
         "sst is the potential temperature of the first level",
     ),
+)
+FORECAST = replace(
+    PRODUCT,
+    name="mercator-forecast",
+    title="Mercator global ocean analysis and forecast, 1/12 degree (near real time, no reanalysis)",
+    citation="E.U. Copernicus Marine Service, GLOBAL_ANALYSISFORECAST_PHY_001_024, doi:10.48670/moi-00016",
+    evidence="documentation",
+    matches=_is_forecast,
+    kind_matters=False,
 )

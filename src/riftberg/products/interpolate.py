@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.products.axes import goes_round, step_of
+from riftberg.products.cells import curvilinear, scattered
 from riftberg.products.records import Gap, check_ends, gap_error, gap_limit
 from riftberg.products.stencil import MISSING, Stencil
 from riftberg.products.window import cover, longitudes_near, utc, window
@@ -88,7 +89,7 @@ def to_grid(
         )
         fields[name] = ((*dims, *target.dims), values, source[name].attrs)
         fields[f"{name}_origin"] = ((*dims, *target.dims), origin, _origin_attributes(name))
-    coords: dict[str, Any] = {name: ds[name] for name in ("depth", "draft") if name in ds.coords}
+    coords: dict[str, Any] = {name: ds[name] for name in ("depth", "draft") if name in ds.dims}
     if plan is not None:
         coords["time"] = ("time", plan.dates, {"standard_name": "time", "axis": "T"})
     history = f"interpolated by riftberg ({fill_cells} cells inland); {ds.attrs.get('history', '')}"
@@ -179,9 +180,10 @@ def _stencil(ds: xr.Dataset, target: _Target) -> Stencil:
 
         x, y = to_projection(ds.attrs["crs_wkt"], target.lon, target.lat)
         return Stencil.bilinear(ds["x"].values, ds["y"].values, x, y)
+    if "node" in ds.dims:
+        return scattered(ds["lon"].values, ds["lat"].values, target.lon, target.lat)
     if "lat" not in ds.dims:
-        remedy = "Take a window south of 20 N first: there the grid has ordinary axes"
-        raise ForcingError("the grid is curvilinear", where=str(ds.attrs.get("source", "")), remedy=remedy)
+        return curvilinear(ds["lon"].values, ds["lat"].values, target.lon, target.lat)
     axis = ds["lon"].values
     turn = 360.0 if goes_round(axis) else 0.0
     return Stencil.bilinear(axis, ds["lat"].values, target.lon, target.lat, turn=turn)
@@ -266,7 +268,8 @@ def _on_target(
     field: xr.DataArray, stencil: Stencil, plan: _Plan | None, fill_cells: int
 ) -> tuple[Floats, Flags, tuple[str, ...]]:
     """Return values, origins and leading dimensions of one field on the target."""
-    plane = ("y", "x") if "y" in field.dims else ("lat", "lon")
+    field = field.expand_dims("row", axis=-2) if "node" in field.dims else field
+    plane = ("row", "node") if "node" in field.dims else ("y", "x") if "y" in field.dims else ("lat", "lon")
     lead = tuple(str(name) for name in field.dims if name not in plane)
     if plan is None or "time" not in lead:
         values, origin = stencil.wet(field.transpose(*lead, *plane).values, fill_cells)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from riftberg.products.product import Product, Source, text_of, without_single
+from riftberg.products.product import DAY_SECONDS, Product, Source, text_of
 
 _EAST = ("UGRD_GDS4_HTGL", "UGRD_GDS0_HTGL", "uas", "uas_10m")
 _NORTH = ("VGRD_GDS4_HTGL", "VGRD_GDS0_HTGL", "vas", "vas_10m")
@@ -22,7 +22,7 @@ def _matches(ds: xr.Dataset) -> bool:
 
 
 def _named(ds: xr.Dataset) -> xr.Dataset:
-    """Name the axes of NCL's conversion from GRIB; drop the height of 10 m."""
+    """Name the axes of NCL's conversion from GRIB."""
     axes = {}
     for name in ds.dims:
         text = str(name)
@@ -32,8 +32,7 @@ def _named(ds: xr.Dataset) -> xr.Dataset:
             axes[name] = "lat"
         elif text.startswith(("g4_lon", "g0_lon")):
             axes[name] = "lon"
-    ds = ds.rename(axes)
-    return without_single(ds, "height", "lv_HTGL0", what="Give the file of the wind at 10 m alone")
+    return ds.rename(axes)
 
 
 PRODUCT = Product(
@@ -44,5 +43,6 @@ PRODUCT = Product(
     matches=_matches,
     sources=(Source("ua", _EAST, "m s-1"), Source("va", _NORTH, "m s-1")),
     reshape=_named,
+    longest_step=DAY_SECONDS,
     notes=("values at their stamp: 6-hourly (JRA-55) or 3-hourly (JRA55-do)",),
 )

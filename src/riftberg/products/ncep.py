@@ -10,7 +10,7 @@ from __future__ import annotations
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.product import Product, Source, text_of, without_single
+from riftberg.products.product import DAY_SECONDS, Product, Source, text_of
 
 _WINDS = (Source("ua", ("uwnd",), "m/s"), Source("va", ("vwnd",), "m/s"))
 _HEADINGS = ("title", "dataset", "dataset_title", "description", "source", "References")
@@ -35,7 +35,7 @@ def _matches_r1(ds: xr.Dataset) -> bool:
 
 
 def _at_ten_metres(ds: xr.Dataset) -> xr.Dataset:
-    """Drop the single level; refuse winds that are not at 10 m."""
+    """Refuse winds that are not at 10 m; their level, if they have one, is judged later."""
     for name in {"uwnd", "vwnd"} & set(ds.variables):
         words = " ".join(str(ds[name].attrs.get(key, "")) for key in ("long_name", "level_desc", "var_desc")).lower()
         if "sigma" in words or "pressure" in words or "995" in words:
@@ -44,7 +44,7 @@ def _at_ten_metres(ds: xr.Dataset) -> xr.Dataset:
                 where=str(ds.encoding.get("source", "")),
                 remedy="Use the files uwnd.10m.gauss.YYYY.nc and vwnd.10m.gauss.YYYY.nc of the folder surface_gauss",
             )
-    return without_single(ds, "level", what="Use the files *.10m.gauss.YYYY.nc, which have one level")
+    return ds
 
 
 _NOTES = ("6-hourly values at their stamp", "about 200 km resolution: the wind is smooth over a berg")
@@ -57,6 +57,7 @@ R1 = Product(
     matches=_matches_r1,
     sources=_WINDS,
     reshape=_at_ten_metres,
+    longest_step=DAY_SECONDS,
     notes=(*_NOTES, "a real file of the same layout was read too, but of the air temperature at 2 m"),
 )
 R2 = Product(
@@ -67,5 +68,6 @@ R2 = Product(
     matches=_matches_r2,
     sources=_WINDS,
     reshape=_at_ten_metres,
+    longest_step=DAY_SECONDS,
     notes=_NOTES,
 )

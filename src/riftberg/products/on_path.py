@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.products.axes import goes_round
+from riftberg.products.cells import curvilinear
 from riftberg.products.stencil import INTERPOLATED, MISSING, Stencil
 
 Floats = NDArray[np.float64]
@@ -30,13 +31,15 @@ class OnPath(NamedTuple):
 
 
 def stencil_at(ds: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats, crs: str | None) -> Stencil | None:
-    """Return where positions (degrees) lie between the points of a dataset; None for a curvilinear grid."""
+    """Return where positions (degrees) lie between the points of a dataset; None for scattered points."""
     if crs is not None:
         from riftberg.products.projected import to_projection
 
         return Stencil.bilinear(ds["x"].values, ds["y"].values, *to_projection(crs, lon, lat))
-    if not {"lat", "lon"} <= set(ds.dims):
+    if "node" in ds.dims:
         return None
+    if not {"lat", "lon"} <= set(ds.dims):
+        return curvilinear(np.asarray(ds["lon"].values), np.asarray(ds["lat"].values), lon, lat)
     axis = np.asarray(ds["lon"].values, float)
     turn = 360.0 if goes_round(axis) else 0.0
     if not turn:  # the branch of the data: the turn that puts a position nearest to their middle
@@ -54,7 +57,7 @@ def on_path(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) ->
     if stencil is None:
         return OnPath(0, 0, 0)
     surface = data.isel(depth=0) if "depth" in data.dims else data
-    plane = ("y", "x") if crs is not None else ("lat", "lon")
+    plane = ("y", "x") if "y" in data.dims else ("lat", "lon")
     _, origin = stencil.wet(surface.transpose(..., *plane).values, FILL_CELLS)
     origin, outside = origin.reshape(-1, len(positions)), stencil.outside
     dry = (origin != INTERPOLATED).any(axis=0) & ~outside
@@ -62,7 +65,7 @@ def on_path(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) ->
 
 
 def box_share_outside(ds: xr.Dataset, lon: Span, lat: Span, crs: str | None) -> float:
-    """Return the share of a box (degrees) that lies outside of the points of a dataset; 0 for a curvilinear grid."""
+    """Return the share of a box (degrees) that lies outside of the points of a dataset; 0 for scattered points."""
     east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
     lons, lats = np.meshgrid(np.linspace(lon[0], east, EDGE_POINTS), np.linspace(*lat, EDGE_POINTS))
     stencil = stencil_at(ds, lons, lats, crs)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from riftberg.products.product import Product, Source
+from riftberg.products.product import Product, Source, text_of
 
 _NAMES = {"vozocrte", "vomecrtn", "vozocrtx", "vomecrty", "sossheig", "sozotaux", "sometauy", "ileadfra", "sosstsst"}
 _RENAMED = {"nav_lat": "lat", "nav_lon": "lon", "time_counter": "time"}
@@ -19,7 +19,13 @@ _LEVELS = ("deptht", "depthu", "depthv")
 
 
 def _matches(ds: xr.Dataset) -> bool:
-    return bool(_NAMES & set(ds.variables)) and {"nav_lat", "nav_lon"} <= set(ds.variables)
+    """Tell ORAS5 from other output of NEMO by heading or name: its records are months, those of others may be hours."""
+    told = (
+        text_of(ds, "title", "source", "summary", "product", "id", "references")
+        + str(ds.encoding.get("source", "")).lower()
+    )
+    named = "oras5" in told or "oras-5" in told or "_monthly_highres_" in told
+    return named and bool(_NAMES & set(ds.variables)) and {"nav_lat", "nav_lon"} <= set(ds.variables)
 
 
 def _named(ds: xr.Dataset) -> xr.Dataset:

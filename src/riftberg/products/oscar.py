@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from riftberg.products.product import DAY, Product, Source, stamped_at_noon, text_of, without_single
+from riftberg.products.product import DAY, DAY_SECONDS, Product, Source, stamped_at_noon, text_of, without_single
 
 _CURRENTS = (Source("uo", ("u",), "m s-1"), Source("vo", ("v",), "m s-1"))
 
@@ -65,6 +65,7 @@ V1 = Product(
     matches=_matches_v1,
     sources=_CURRENTS,
     reshape=_drop_year_axis,
+    longest_step=6 * DAY_SECONDS,
     notes=(*_NOTES, "one record about every five days", "longitudes 20..420: the repeated part is dropped"),
 )
 V2 = Product(

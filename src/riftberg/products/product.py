@@ -18,6 +18,7 @@ EVIDENCE: dict[Evidence, str] = {
 }
 """Kinds of evidence in words, the strongest first."""
 
+DAY_SECONDS = 86400.0
 DAY = np.timedelta64(86400, "s")
 
 
@@ -78,6 +79,13 @@ class Product:
         What needs the records of all files together, after they were joined: the length of time that one stands for.
     averaging : numpy.timedelta64
         Length of time that one record stands for; 0 for instants.
+    kind_matters : bool
+        Whether a heading that speaks of a forecast or of near real time is worth a remark.
+    select : callable, optional
+        Returns the variable of each quantity in a decoded file, and a remark (empty if none), instead of ``sources``.
+    longest_step : float
+        Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
+        Without it months, or a week where there are only two records.
     notes : tuple of str
         Signs, stamps and quirks that a user should know, in plain words.
     """
@@ -94,6 +102,9 @@ class Product:
     settle: Step = unchanged
     averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
     notes: tuple[str, ...] = ()
+    kind_matters: bool = True
+    select: Callable[[xr.Dataset], dict[str, tuple[str, str]]] | None = None
+    longest_step: float | None = None
     variants: tuple[tuple[str, Evidence], ...] = ()
 
     @property

@@ -9,10 +9,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.products.cells import curvilinear
 from riftberg.products.stencil import Stencil
 
 Floats = NDArray[np.float64]
-_METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
+METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
+"""Metres in the units of map axes."""
 
 
 def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
@@ -36,7 +38,7 @@ def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
     ds = ds.rename({old: new for old, new in ((x, "x"), (y, "y")) if old != new})
     for axis in ("x", "y"):
         units = str(ds[axis].attrs.get("units", "")).lower()
-        values = ds[axis].values.astype(float) * _METRES[units]
+        values = ds[axis].values.astype(float) * METRES[units]
         attributes = {"standard_name": f"projection_{axis}_coordinate", "units": "m", "axis": axis.upper()}
         ds = ds.assign_coords({axis: (axis, values, attributes)})
     if {"lat", "lon"} <= set(ds.variables):
@@ -47,16 +49,12 @@ def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
 def _crs_of(ds: xr.Dataset, fallback: str) -> Any:
     """Return the projection from the grid mapping variable, else the fallback."""
     from pyproj import CRS
-    from pyproj.exceptions import CRSError
 
     for variable in ds.variables.values():
         if variable.ndim == 0 and "grid_mapping_name" in variable.attrs:
-            readings = (lambda a: cast(Any, CRS).from_cf(a), lambda a: CRS.from_user_input(a["proj4_string"]))
-            for reading in readings:
-                try:
-                    return reading(dict(variable.attrs))
-                except (CRSError, KeyError):
-                    continue
+            found = crs_of_mapping(variable)
+            if found is not None:
+                return found
     return CRS.from_user_input(fallback)
 
 
@@ -72,6 +70,44 @@ def to_projection(crs: Any, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
     """Return projected positions (m) of longitudes and latitudes (degrees)."""
     x, y = _transformer(crs).transform(lon, lat)
     return np.asarray(x, float), np.asarray(y, float)
+
+
+def to_degrees(crs: Any, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return longitudes and latitudes (degrees) of projected positions (m; degrees on a rotated pole)."""
+    from pyproj.enums import TransformDirection
+
+    lon, lat = _transformer(crs).transform(x, y, direction=TransformDirection.INVERSE)
+    return np.asarray(lon, float), np.asarray(lat, float)
+
+
+def crs_of_mapping(mapping: xr.Variable) -> Any:
+    """Return the projection that a grid mapping variable describes; None if pyproj understands none of its words."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    attributes = _plain(mapping.attrs)
+    texts = [
+        attributes[key] for key in ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text") if key in attributes
+    ]
+    for reading, given in ((cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)):
+        try:
+            return reading(given)
+        except (CRSError, KeyError, ValueError, TypeError, AttributeError):
+            continue
+    return None
+
+
+def _plain(attributes: Any) -> dict[str, Any]:
+    """Return attributes with lists instead of arrays; a tangent cone has one standard parallel."""
+    plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in attributes.items()}
+    parallels = plain.get("standard_parallel")
+    if (
+        isinstance(parallels, list)
+        and len(set(parallels)) == 1
+        and "conformal_conic" in str(plain.get("grid_mapping_name"))
+    ):
+        plain["standard_parallel"] = parallels[0]
+    return plain
 
 
 def _check_projection(ds: xr.Dataset, crs: Any) -> None:
@@ -91,12 +127,12 @@ def _check_projection(ds: xr.Dataset, crs: Any) -> None:
 
 
 def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
-    """Regrid a projected dataset to longitudes and latitudes, bilinearly in the projection.
+    """Regrid a projected or curvilinear dataset to longitudes and latitudes, bilinearly in the projection or its cells.
 
     Parameters
     ----------
     ds : xarray.Dataset
-        Canonical dataset with dims ``y``, ``x`` and attribute ``crs_wkt``.
+        Canonical dataset with dims ``y``, ``x`` and attribute ``crs_wkt``, or with two-dimensional ``lat`` and ``lon``.
     lon, lat : array
         Target axes (degrees), ascending.
 
@@ -105,15 +141,13 @@ def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
     xarray.Dataset
         Canonical dataset on ``lat``, ``lon``; NaN outside and next to missing values.
     """
-    if "crs_wkt" not in ds.attrs:
-        remedy = "Take a window south of 20 N with riftberg.products.window first: there the grid has ordinary axes"
-        raise ForcingError(
-            "this curvilinear grid has no map projection", where=str(ds.attrs.get("source", "")), remedy=remedy
-        )
     lon, lat = np.asarray(lon, float), np.asarray(lat, float)
     grid_lon, grid_lat = np.meshgrid(lon, lat)
-    x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
-    stencil = Stencil.bilinear(ds["x"].values, ds["y"].values, x, y)
+    if "crs_wkt" in ds.attrs:
+        x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
+        stencil = Stencil.bilinear(ds["x"].values, ds["y"].values, x, y)
+    else:
+        stencil = curvilinear(ds["lon"].values, ds["lat"].values, grid_lon, grid_lat)
     fields = {}
     for name, field in ds.data_vars.items():
         values = stencil.plain(field.transpose(..., "y", "x").values)

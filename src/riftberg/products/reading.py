@@ -11,13 +11,13 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.axes import name_axes, tidy_axes
-from riftberg.products.canonical import QUANTITIES, canonicalise
+from riftberg.products.axes import tidy_axes
+from riftberg.products.fields import gathered
 from riftberg.products.product import Product
-from riftberg.products.stated import stated_interval
+from riftberg.products.sizes import whole_size
+from riftberg.products.stated import stated_interval, told_kind
 
 CHUNK = "16MiB"
-_UNITS_ATTRIBUTES = ("units", "Units", "Unit", "unit")
 _OPENINGS = (
     (
         b"PK\x03\x04",
@@ -59,6 +59,12 @@ def check_readable(path: str) -> None:
     for opening, what, remedy in _OPENINGS:
         if head.lstrip().startswith(opening):
             raise ForcingError(f"this is {what}", where=path, remedy=remedy)
+    if (whole := whole_size(path)) is not None and whole > file.stat().st_size:
+        raise ForcingError(
+            f"the file is cut short: {file.stat().st_size} of {whole} bytes are there",
+            where=path,
+            remedy="Fetch or copy it again",
+        )
     if not head.startswith(_NETCDF):
         raise ForcingError(
             "this is not a netCDF file", where=path, remedy="Give netCDF or Zarr; the file may be cut or damaged"
@@ -105,7 +111,7 @@ def _open(path: str, **options: Any) -> xr.Dataset:
         check_readable(path)
     try:
         return xr.open_dataset(path, engine="netcdf4", decode_cf=False, **options)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError, IndexError, KeyError, TypeError, AttributeError) as error:
         remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
         raise ForcingError(f"cannot be opened ({error})", where=path, remedy=remedy) from error
 
@@ -122,8 +128,8 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
     return store
 
 
-def read(path: str, product: Product) -> xr.Dataset:
-    """Read one file of ``product`` into a canonical dataset, lazily.
+def read(path: str, product: Product) -> list[xr.Dataset]:
+    """Read one file of ``product`` into canonical datasets, lazily: one for each grid and set of dates in it.
 
     Parameters
     ----------
@@ -134,22 +140,64 @@ def read(path: str, product: Product) -> xr.Dataset:
 
     Returns
     -------
-    xarray.Dataset
-        Canonical dataset; only the fields that the file holds.
+    list of xarray.Dataset
+        Canonical datasets; only the fields that the file holds. Components along a grid are not turned yet
+        (`riftberg.products.vectors.together` does, once all files are read).
+
+    Raises
+    ------
+    ForcingError
+        If the file cannot be read, for whatever reason.
     """
+    try:
+        return _read(path, product)
+    except ForcingError:
+        raise
+    except Exception as error:  # whatever libraries make of a damaged or strange file, it is told in words
+        told = " ".join(str(error).split())[:200] or type(error).__name__
+        raise ForcingError(
+            f"cannot be read as {product.name} ({told})",
+            where=path,
+            remedy="The file may be damaged, or of a layout that is not known: look at it with ncdump -h",
+        ) from error
+
+
+def _read(path: str, product: Product) -> list[xr.Dataset]:
     raw = _without_false_fill(product.mend(open_raw(path)))
+    ds = product.reshape(_decoded(raw))
+    ds.encoding["source"] = path
+    stated = stated_interval(raw, path)
+    parts = []
+    for part in gathered(ds, product, where=path):
+        part = tidy_axes(part, where=path)
+        if "time" in part.dims and stated:
+            part = part.assign_attrs(stated_seconds=stated)
+        kind = told_kind(raw, path)
+        if kind and product.kind_matters:
+            part = part.assign_attrs(told="; ".join(filter(None, [str(part.attrs.get("told", "")), kind])))
+        parts.append(_signed(product.finish(part), product, path, raw))
+    return parts
+
+
+def _decoded(raw: xr.Dataset) -> xr.Dataset:
+    """Return the file with packing, fill values and dates decoded; that is xarray's work."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)
-        # Packing and calendars are xarray's work; only dates that pandas cannot hold come back as cftime objects.
+        # Only dates that pandas cannot hold come back as cftime objects.
         warnings.filterwarnings("ignore", message="Unable to decode time axis", category=xr.SerializationWarning)
-        ds = xr.decode_cf(raw)
-    ds.encoding["source"] = path
-    ds = product.reshape(ds)
-    ds = name_axes(ds, where=path)
-    ds = tidy_axes(_fields_of(ds, product, where=path), where=path)
-    if "time" in ds.dims and (stated := stated_interval(raw, path)):
-        ds = ds.assign_attrs(stated_seconds=stated)
-    return _signed(product.finish(ds), product, path, raw)
+        warnings.filterwarnings("ignore", message=".*has multiple fill values", category=xr.SerializationWarning)
+        warnings.filterwarnings("ignore", category=FutureWarning)
+        try:
+            return _decoded_by_xarray(raw)
+        except (ValueError, OverflowError):
+            # Dates that cannot be decoded are told in words later; the rest of the file is read.
+            return _decoded_by_xarray(raw, decode_times=False)
+
+
+def _decoded_by_xarray(raw: xr.Dataset, **options: Any) -> xr.Dataset:
+    ds = xr.decode_cf(raw, decode_timedelta=False, **options)
+    ds.encoding.update(raw.encoding)
+    return ds
 
 
 def _without_false_fill(raw: xr.Dataset) -> xr.Dataset:
@@ -159,28 +207,6 @@ def _without_false_fill(raw: xr.Dataset) -> xr.Dataset:
         if variable.dtype.kind in "iu" and isinstance(fill, (float, np.floating)) and np.isnan(fill):
             variable.attrs.pop("_FillValue")
     return raw
-
-
-def _fields_of(ds: xr.Dataset, product: Product, *, where: str) -> xr.Dataset:
-    """Return only the canonical fields, converted, with the axes of the dataset."""
-    fields: dict[str, xr.DataArray] = {}
-    for source in product.sources:
-        name = next((name for name in source.names if name in ds.data_vars), None)
-        if name is None or source.quantity in fields:
-            continue
-        units = next((str(ds[name].attrs[key]) for key in _UNITS_ATTRIBUTES if key in ds[name].attrs), source.units)
-        quantity = QUANTITIES[source.quantity]
-        fields[source.quantity] = canonicalise(ds[name], quantity, units, where=f"{where}, variable {name}")
-        fields[source.quantity].attrs |= {"original_name": name, "original_units": units}
-    if not fields:
-        held = ", ".join(sorted(map(str, ds.data_vars))) or "nothing"
-        raise ForcingError(
-            f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has {held}",
-            where=where,
-            remedy="Give the file with the wanted variables, or name the right product",
-        )
-    kept = xr.Dataset(fields, attrs={key: ds.attrs[key] for key in ("crs_wkt",) if key in ds.attrs})
-    return kept.drop_vars([name for name in kept.coords if name not in ("time", "depth", "lat", "lon", "y", "x")])
 
 
 def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.Dataset:
@@ -195,7 +221,9 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }
-    kept = {key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds") if key in ds.attrs}
+    kept = {
+        key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds", "longest_step", "told", "doubt") if key in ds.attrs
+    }
     ds = ds.copy(deep=False)
     ds.attrs = {**attributes, **kept}
     return ds

@@ -23,6 +23,16 @@ Period = np.timedelta64 | float | None
 GAP_FACTOR: Final = 2.5
 """Longest gap that is interpolated across, in intervals of the product: one record may be missing, not two."""
 
+DAY_SECONDS: Final = 86400.0
+LONGEST_STEP: Final = 31 * DAY_SECONDS
+"""Longest interval (s) that records by themselves can show: months."""
+
+FEW_RECORDS: Final = 3
+"""Fewer records than these show little of their interval."""
+
+LONGEST_OF_FEW: Final = 7 * DAY_SECONDS
+"""Fewer records than `FEW_RECORDS` show no interval longer than this."""
+
 VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
 
 MAY_BE_EMPTY: Final = frozenset({"ice_fraction", "ice_thickness", "ui", "vi"})
@@ -50,12 +60,21 @@ def usual_interval(records: Dates) -> float:
 
 
 def own_interval(ds: xr.Dataset) -> float:
-    """Return the interval (s) of the product: the shortest that files state, records show or means stand for; 0 if unknown."""
+    """Return the interval (s) of the product: the shortest that files state, means stand for or records show; 0 if unknown.
+
+    What records show counts up to ``longest_step`` of the product, and up to a week where there are only two. Records
+    farther apart are snapshots of something faster, whose interval is taken as a day.
+    """
     if "interval_seconds" in ds.attrs:
         return float(ds.attrs["interval_seconds"])
-    stated = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
-    known = [float(value) for value in (*stated, usual_interval(ds["time"].values)) if float(value) > 0.0]
-    return min(known, default=0.0)
+    told = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
+    known = [float(value) for value in told if float(value) > 0.0]
+    records = ds["time"].values
+    few = not known and records.size < FEW_RECORDS
+    longest = float(ds.attrs.get("longest_step", LONGEST_OF_FEW if few else LONGEST_STEP))
+    shown = usual_interval(records)
+    shown = shown if shown <= longest else DAY_SECONDS
+    return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 
 def seconds_of(given: Period, default: float) -> float:

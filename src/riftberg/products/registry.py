@@ -20,6 +20,7 @@ from riftberg.products import (
     glorys,
     ibcso,
     jra55,
+    models,
     ncep,
     oras5,
     oscar,
@@ -29,6 +30,7 @@ from riftberg.products import (
 from riftberg.products.product import Product
 from riftberg.products.reading import is_zarr, open_raw, read
 from riftberg.products.records import own_interval
+from riftberg.products.vectors import together
 
 PRODUCTS: tuple[Product, ...] = (
     globcurrent.PRODUCT,
@@ -37,6 +39,7 @@ PRODUCTS: tuple[Product, ...] = (
     oscar.V2,
     duacs.PRODUCT,
     duacs.GEOSTROPHIC,
+    glorys.FORECAST,
     glorys.PRODUCT,
     oras5.PRODUCT,
     ncep.R2,
@@ -49,6 +52,11 @@ PRODUCTS: tuple[Product, ...] = (
     srtm15.PRODUCT,
     experiment.PRODUCT,
     experiment.KEEL_MEAN,
+    models.ROMS,
+    models.NEMO,
+    models.FVCOM,
+    models.FESOM,
+    models.WRF,
     cf.PRODUCT,
 )
 """All products; a file belongs to the first that matches it."""
@@ -75,7 +83,7 @@ def recognise(path: str | Path) -> Product:
     """
     with open_raw(str(path), chunked=False) as ds:
         for product in PRODUCTS:
-            if product.matches(ds):
+            if _belongs(ds, product):
                 return product
         held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items()) or "nothing"
     raise ForcingError(
@@ -83,6 +91,13 @@ def recognise(path: str | Path) -> Product:
         where=str(path),
         remedy="Name the product (--product), or give the variables CF standard names",
     )
+
+
+def _belongs(ds: xr.Dataset, product: Product) -> bool:
+    try:
+        return product.matches(ds)
+    except Exception:  # a file so damaged that its heading cannot be compared is not of this product
+        return False
 
 
 def expand(paths: Paths) -> list[str]:
@@ -151,17 +166,26 @@ def open_all(paths: Paths, product: str | Product | None = None) -> list[xr.Data
     return open_named((path, product) for path in expand(paths))
 
 
-def open_named(entries: Iterable[tuple[str, str | Product | None]]) -> list[xr.Dataset]:
-    """Open files as the products named beside them (None: recognise it), joined as `open_all` does."""
+def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:
+    """Open files as the products named beside them (None: recognise it), joined as `open_all` does.
+
+    Parameters
+    ----------
+    entries : iterable of (path, product)
+        Files.
+    turned : bool
+        Whether components along a grid are turned, which needs both; without it a file with one of them opens too.
+    """
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     products: dict[str, Product] = {}
     for path, product in entries:
         chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
         products[chosen.name] = chosen
-        ds = read(path, chosen)
-        groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
+        for ds in read(path, chosen):
+            groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
-    return _merged([_settled(part, product) for part, product in joined])
+    merged = _merged([_settled(part, product) for part, product in joined])
+    return together(merged) if turned else merged
 
 
 def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
@@ -169,13 +193,15 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     if "time" not in ds.dims:
         return ds
     ds = product.settle(ds)
-    return ds.assign_attrs(interval_seconds=own_interval(ds))
+    noted = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
+    return ds.assign_attrs(interval_seconds=own_interval(noted))
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
-    """Return what tells grids apart: dimensions and the values of their axes."""
-    axes = [name for name in ("depth", "lat", "lon", "y", "x") if name in ds.dims]
-    return tuple((name, ds.sizes[name], ds[name].values.tobytes() if name in ds.coords else b"") for name in axes)
+    """Return what tells grids apart: dimensions, and the values of axes and positions."""
+    dims = [(name, ds.sizes[name]) for name in ("depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
+    values = [ds[name].values.tobytes() for name in ("depth", "lat", "lon", "y", "x") if name in ds.coords]
+    return (*dims, *values)
 
 
 def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
@@ -226,6 +252,8 @@ def _merge(parts: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
+    told = "; ".join(dict.fromkeys(str(part.attrs["told"]) for part in parts if "told" in part.attrs))
+    ds = ds.assign_attrs(told=told) if told else ds
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
 
 

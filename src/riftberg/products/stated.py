@@ -53,17 +53,45 @@ def stated_interval(raw: xr.Dataset, path: str) -> float:
 
 
 def _bounds(raw: xr.Dataset) -> float:
-    """Return the usual width of the bounds of the time."""
-    for name in ("time", "valid_time", "time_counter"):
-        if name not in raw.variables:
-            continue
-        time = raw.variables[name]
+    """Return the usual width of the bounds of the time, whatever it is called."""
+    for time in raw.variables.values():
         bounds = raw.variables.get(str(time.attrs.get("bounds", "")))
-        unit = str(time.attrs.get("units", "")).split(" ")[0].lower().rstrip("s")
-        if bounds is not None and unit in _UNITS and bounds.ndim == 2 and bounds.shape[1] == 2 and bounds.size:
+        units = str(time.attrs.get("units", ""))
+        unit = units.split(" ")[0].lower().rstrip("s")
+        if bounds is None or " since " not in units or time.ndim != 1:
+            continue
+        if unit in _UNITS and bounds.ndim == 2 and bounds.shape[1] == 2 and bounds.size:
             widths = np.abs(np.diff(np.asarray(bounds.values, float), axis=1))
             return float(np.median(widths)) * _UNITS[unit]
     return 0.0
+
+
+_NEAR = re.compile(
+    r"analysis[ _-]?forecast|_anfc|forecast|near[ _-]real[ _-]time|(?<![a-z])nrt(?![a-z])|operational|interim|preliminary",
+    re.I,
+)
+_PAST = re.compile(r"re-?analysis|multi-?year|hindcast|delayed[ _-]time|(?<![a-z])(my|rep|dt)(?![a-z])", re.I)
+
+
+def told_kind(raw: xr.Dataset, path: str) -> str:
+    """Return a remark where heading or name of a file say that it is an analysis, a forecast or near real time."""
+    keys = (
+        "title",
+        "id",
+        "source",
+        "product",
+        "product_id",
+        "processing_level",
+        "experiment",
+        "summary",
+        "field_type",
+        "name",
+    )
+    for text in (*(str(raw.attrs.get(key, "")) for key in keys), Path(path).name):
+        found = _NEAR.search(text)
+        if found and not _PAST.search(text):
+            return f"analysis, forecast or near real time, no reanalysis: the file says {text.strip()[:80]!r}"
+    return ""
 
 
 def iso_seconds(text: str) -> float:

@@ -32,6 +32,8 @@ class Stencil:
         Rows and columns of the source.
     periodic : bool
         Whether the source goes round in ``x``.
+    rings : bool
+        Whether neighbours in rows and columns are neighbours in space (not so among scattered points).
     """
 
     index: Integers
@@ -40,6 +42,7 @@ class Stencil:
     shape: tuple[int, ...]
     source: tuple[int, int]
     periodic: bool = False
+    rings: bool = True
 
     @classmethod
     def bilinear(cls, x: Floats, y: Floats, to_x: Floats, to_y: Floats, *, turn: float = 0.0) -> Stencil:
@@ -125,7 +128,7 @@ class Stencil:
         """Give targets without wet corners the value of the nearest wet point within ``reach`` cells."""
         rows, columns = self.source
         inside = ~np.isnan(self.weight[0])
-        for dj, di in _offsets_by_distance(reach):
+        for dj, di in _offsets_by_distance(reach if self.rings else 0):
             wanted, target = np.nonzero((origin == MISSING) & inside)
             if target.size == 0:
                 return

@@ -59,6 +59,8 @@ def window(
     box = (west - margin, east + margin, lat[0] - margin, lat[1] + margin)
     if "crs_wkt" in ds.attrs:
         ds = _projected(ds, box)
+    elif "node" in ds.dims:
+        ds = _scattered(ds, box)
     elif "y" in ds.dims:
         ds = _curvilinear(ds, box)
     else:
@@ -103,7 +105,32 @@ def _projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dat
     x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
     columns = slice_around(ds["x"].values, np.nanmin(x), np.nanmax(x))
     rows = slice_around(ds["y"].values, np.nanmin(y), np.nanmax(y))
-    return _not_empty(ds.isel(y=rows, x=columns), ds, box)
+    return with_positions(_not_empty(ds.isel(y=rows, x=columns), ds, box))
+
+
+def with_positions(ds: xr.Dataset) -> xr.Dataset:
+    """Return a projected dataset with the latitudes and longitudes of its points."""
+    from riftberg.products.projected import to_degrees
+
+    if {"lat", "lon"} <= set(ds.variables):
+        return ds
+    lon, lat = to_degrees(ds.attrs["crs_wkt"], *np.meshgrid(ds["x"].values, ds["y"].values))
+    east, north = {"standard_name": "longitude"}, {"standard_name": "latitude"}
+    return ds.assign_coords(lon=(("y", "x"), lon, east), lat=(("y", "x"), lat, north))
+
+
+def _scattered(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+    """Keep the scattered points of a box and those around it, with longitudes on the branch of the box."""
+    from riftberg.products.cells import REACH, spacing_of_points
+
+    west, east, south, north = box
+    middle = 0.5 * (west + east)
+    lon, lat = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle, ds["lat"].values
+    spacing = REACH * spacing_of_points(lon, lat)
+    beyond = spacing / np.maximum(np.cos(np.deg2rad(lat)), 0.02)
+    near = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
+    part = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))
+    return _not_empty(part.isel(node=np.flatnonzero(near)), ds, box)
 
 
 def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
@@ -112,13 +139,31 @@ def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.D
     lat = ds["lat"].values
     lon = (ds["lon"].values - west) % 360.0 + west
     inside = (lat >= south) & (lat <= north) & (lon <= east)
-    if not inside.any():
+    if not inside.any() and not _surrounds(lon, lat, west, east, south, north):
         return _not_empty(ds.isel(y=slice(0, 0)), ds, box)
+    inside = inside if inside.any() else _nearest(lon, lat, 0.5 * (west + east), 0.5 * (south + north))
     rows, columns = np.nonzero(inside.any(axis=1))[0], np.nonzero(inside.any(axis=0))[0]
     columns = _after_the_seam(columns, lon.shape[1])
     row_range = slice(max(rows[0] - 1, 0), rows[-1] + 2)
     part = ds.isel(y=row_range, x=columns)
     return _straightened(part, west, east)
+
+
+def _nearest(lon: Floats, lat: Floats, to_lon: float, to_lat: float) -> NDArray[np.bool_]:
+    """Mark the point of a grid that is nearest to a place."""
+    from riftberg.products.cells import unit_vectors
+
+    off = np.linalg.norm(unit_vectors(lon, lat) - unit_vectors(np.array(to_lon), np.array(to_lat)), axis=-1)
+    found: NDArray[np.bool_] = off == np.nanmin(off)
+    return found
+
+
+def _surrounds(lon: Floats, lat: Floats, west: float, east: float, south: float, north: float) -> bool:
+    """Tell whether a box without points of a grid lies in one of its cells."""
+    from riftberg.products.cells import curvilinear
+
+    stencil = curvilinear(lon, lat, np.array([0.5 * (west + east)]), np.array([0.5 * (south + north)]))
+    return not bool(stencil.outside.any())
 
 
 def _after_the_seam(columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:
@@ -147,7 +192,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
 
 
 def _not_empty(part: xr.Dataset, whole: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
-    if all(part.sizes[name] for name in ("lat", "lon", "y", "x") if name in part.dims):
+    if all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
         return part
     west, east, south, north = box
     raise ForcingError(
@@ -162,7 +207,7 @@ def cover(ds: xr.Dataset) -> str:
     if "lat" not in ds.coords:
         return "a projected grid without positions"
     lat, lon = ds["lat"].values, ds["lon"].values
-    if lat.ndim == 1 and goes_round(lon):
+    if "lat" in ds.dims and goes_round(lon):
         return f"all longitudes, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
     return f"{np.nanmin(lon):g}..{np.nanmax(lon):g} E, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
 

@@ -32,6 +32,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
+from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
@@ -92,6 +93,9 @@ class RunWriter:
     background : bool, optional
         Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
 
+    forces : bool, optional
+        Write the mean force of each medium on each element since the record before (`riftberg.runs.applied`).
+
     Examples
     --------
     >>> model.advance(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
@@ -106,11 +110,14 @@ class RunWriter:
         seed: int | None = None,
         flush_seconds: float = 1.0,
         background: bool = True,
+        forces: bool = False,
     ) -> None:
         self.path = Path(path)
         self.interval = 3600.0 * every_hours
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
+        self.forces = forces
+        self._applied: AppliedForces | None = None
         self.records = 0
         self._held: list[_Record] = []
         self._last_flush = self._pause = 0.0
@@ -127,15 +134,20 @@ class RunWriter:
         self._names = position_names(model.parameters.earth.latlon)
         with netCDF4.Dataset(self.path, "w") as file:
             _define(file, model, self._names)
+            if self.forces:
+                _define_histories(file, force_variables(), self._names)
             file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
         self.records, self._held, self._next = 0, [], model.time
         self._peak = model.bonds.normal_stress.copy()
+        self._applied = AppliedForces(model) if self.forces else None
         self._take(model)
         self._flush(model)
 
     def record(self, model: Model) -> None:
         """Hold a record where one is due, and write what has been held for long enough."""
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
+        if self._applied is not None:
+            self._applied.add(model)
         if model.time >= self._next - _ROUND:
             self._take(model)
             if clock.monotonic() - self._last_flush >= self._pause:
@@ -150,7 +162,7 @@ class RunWriter:
             append_background(self.path, model)
 
     def _take(self, model: Model) -> None:
-        self._held.append(_Record(model, self._peak))
+        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.take()))
         self._peak = model.bonds.normal_stress.copy()
         self._latest = model.time
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
@@ -186,6 +198,8 @@ class RunWriter:
         for name in [v.name for v in element_history()]:
             stored = file[self._names.get(name, name)]
             stored[:, block] = np.stack([r.elements[name] for r in self._held], axis=1)
+        for name in self._held[0].forces:
+            file[name][:, block] = np.stack([r.forces[name] for r in self._held], axis=1)
         for name in bond_history(model):
             file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
         file["time"][block] = [r.time for r in self._held]
@@ -194,12 +208,13 @@ class RunWriter:
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: Model, peak: Floats) -> None:
+    def __init__(self, model: Model, peak: Floats, forces: dict[str, Floats]) -> None:
         self.time = float(model.time)
         self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
+        self.forces = forces
 
 
 def element_history() -> list[Variable]:
@@ -343,12 +358,17 @@ def _define_elements(file: netCDF4.Dataset, model: Model, names: dict[str, str])
         file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
     )
     number[:] = model.elements.id
-    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
     registry = {v.name: v for v in ELEMENT_VARIABLES}
     for name in SHAPE:
         stored = _create(file, name, "f8", ("trajectory",), **_described(registry[name], names))
         stored[:] = getattr(model.elements, name)
-    for v in element_history():
+    _define_histories(file, element_history(), names)
+
+
+def _define_histories(file: netCDF4.Dataset, variables: Iterable[Variable], names: dict[str, str]) -> None:
+    """Create variables of the elements that every record holds."""
+    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
+    for v in variables:
         coordinates = "" if v.name in ("lon", "lat") else where
         _create(
             file,

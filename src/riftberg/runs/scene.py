@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,8 +13,10 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.parameters import Parameters
+from riftberg.physics.floating import draft_of
 from riftberg.runs.shapes import element_polygons
 from riftberg.state import Floats, Ints
+from riftberg.stepping.media import aground
 
 SMALL = 0.01
 """Fragments below this part of the whole area have neither track nor entry in the legend."""
@@ -210,10 +213,18 @@ class Scene:
         wide = half * self.stretch(float(y.mean()))
         return Box(x.min() - wide, x.max() + wide, y.min() - half, y.max() + half)
 
+    def aground(self, records: Sequence[int] | None = None) -> NDArray[np.bool_]:
+        """Return which elements the sea floor acts on, at some records or at all: shape (records, elements)."""
+        state = self.run[["thickness", "depth"]].transpose("time", "trajectory")
+        if records is not None:
+            state = state.isel(time=list(records))
+        thickness, depth = (state[name].values.astype(np.float64) for name in ("thickness", "depth"))
+        return np.asarray(aground(thickness, depth, self.parameters.kernel_values()))
+
     def draft(self) -> float:
         """Return the draft (m) of the thickest element at the start."""
         thickness = float(self.run["thickness"].isel(time=0).max())
-        return thickness * self.parameters.ice.density / constants.RHO_SEAWATER
+        return float(draft_of(thickness, self.parameters.ice.density))
 
     def ancestor(self, number: int, record: int) -> int:
         """Return the fragment of which this one was a part at a record: itself once it is there."""

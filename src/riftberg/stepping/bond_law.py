@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 from riftberg.physics.bonds import (
     advance_shear,
@@ -54,7 +55,7 @@ def bond_forces(rows, count, dt, latlon, earth_radius, youngs, poisson, objectiv
     Reads the gathered differences; writes forces on the first ends, torques on both ends, stresses, lengths and the new
     shear displacements. ``dt`` is the sub-step, s.
     """
-    per_unit = math.pi / 180.0 * earth_radius if latlon else 1.0
+    per_unit = DEGREE * earth_radius if latlon else 1.0
     to_degrees = 1.0 if latlon else 0.0
     shear_on = 0.0 if no_shear else 1.0
     slip_part = 1.0 if objective else 0.0

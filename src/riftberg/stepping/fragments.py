@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts
+from riftberg.stepping.media import aground
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class FragmentTree:
         # Not those to pieces that had left the parent before: they set these free.
         together = el.berg[bonds.first] == el.berg[bonds.second]
         cut = (bonds.status != 0) & (inside[bonds.first] != inside[bonds.second]) & together
-        aground = (draft_of(1.0, p.rho_ice) * el.thickness > el.depth)[inside].any() and p.ground_coefficient > 0.0
+        touching = aground(el.thickness[inside], el.depth[inside], p).any()
         lon, lat = centroid(el.lon[inside], el.lat[inside], el.mass[inside], p.period)
         return Fragment(
             number=len(self.rows) + 1,
@@ -131,7 +131,7 @@ class FragmentTree:
             area=float((el.length * el.width)[inside].sum()),
             mass=float(el.mass[inside].sum()),
             bonds_broken=int(cut.sum()),
-            grounded=bool(aground or (bonds.break_grounded[cut] > 0).any()),
+            grounded=bool(touching or (bonds.break_grounded[cut] > 0).any()),
         )
 
 

@@ -9,17 +9,16 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
 from riftberg.state import Elements
 from riftberg.stepping.interactions import PairLaw, Partners, pair_view
+from riftberg.stepping.media import Surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
-from riftberg.stepping.surroundings import Surroundings
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, lone_elements, solve_velocity
 
 
 @kernel
-def _solve_all(el, dt, partners, view, law, scratch, p):
+def _solve_all(el, dt, around, partners, view, law, scratch, p):
     """Kick all moving elements once with velocities of the others frozen."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
-    nothing = Surroundings(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     half = 0.5 * dt
     alone = lone_elements(partners)
     for e in range(motion.u.size):
@@ -28,7 +27,7 @@ def _solve_all(el, dt, partners, view, law, scratch, p):
         u0, v0 = motion.u[e], motion.v[e]
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
-            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, nothing, 0.5, 0.5, True, False, INTERACTIONS_ONLY, dt,
+            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, around, 0.5, 0.5, True, False, INTERACTIONS_ONLY, dt,
             body.mass[e], alone[e], partners, False, p.constant_size, view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
@@ -68,8 +67,9 @@ def _rewind(el, dt, scratch):
 
 @stage
 def implicit_kick(
-    el: Elements, dt: float, partners: Partners, sizes: Sizes, law: PairLaw, scratch: Scratch, p: KernelParameters
-) -> int:
+    el: Elements, dt: float, around: Surroundings, partners: Partners, sizes: Sizes, law: PairLaw, scratch: Scratch,
+    p: KernelParameters,
+) -> int:  # fmt: skip
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``.
 
     ``ax`` ... ``by`` hold the fast accelerations of the sub-step before (copied by the caller).
@@ -80,7 +80,7 @@ def implicit_kick(
         Passes needed; -1 if the iteration did not settle.
     """
     view = pair_view(el, sizes)
-    _solve_all(el, dt, partners, view, law, scratch, p)
+    _solve_all(el, dt, around, partners, view, law, scratch, p)
     if not p.iterate:
         return 1
     _, before = _norms(el, scratch)
@@ -89,7 +89,7 @@ def implicit_kick(
         if passes >= p.max_iterations:
             return -1
         _rewind(el, dt, scratch)
-        _solve_all(el, dt, partners, view, law, scratch, p)
+        _solve_all(el, dt, around, partners, view, law, scratch, p)
         passes += 1
         change, norm = _norms(el, scratch)
         scale = math.sqrt(before) + math.sqrt(norm)

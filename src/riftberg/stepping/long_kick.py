@@ -6,33 +6,55 @@ import math
 
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import draft_of, spin_drag
-from riftberg.physics.grounding import grounded_fraction, grounding_rate, grounding_spin_rate
+from riftberg.physics.drag import spin_drag
+from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements
 from riftberg.stepping.interactions import PairLaw, Partners, pair_view
+from riftberg.stepping.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
-from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
 
 
 @stage
-def sea_floor_rates(el: Elements, scratch: Scratch, sizes: Sizes, p: KernelParameters) -> None:
-    """Rates (s-1) of sub-step grounding drag and torque; the depth holds for the long step (spec 6.4, 3b and 3c)."""
+def begin_substeps(
+    el: Elements, around: Surroundings, scratch: Scratch, sizes: Sizes, p: KernelParameters
+) -> tuple[bool, bool]:
+    """Find what moves, what is aground and how the floor stops it; depth holds for the long step (spec 6.4, 3b and 3c).
+
+    Returns
+    -------
+    acts, varies : bool
+        Whether the sea floor acts in the sub-steps on any element at all, and at a rate that changes with the velocity.
+    """
     body, environment = el.body, el.environment
+    in_substeps = not around.acts[SEA_FLOOR]
+    acts = varies = False
     for e in range(body.mass.size):
         scratch.active[e] = 1.0 if body.static[e] < 0.5 else 0.0
-        draft = draft_of(body.thickness[e], p.rho_ice)
-        fraction = grounded_fraction(environment.depth[e], draft, p.ground_ramp)
+        fraction = grounded_part(body.thickness[e], environment.depth[e], p)
         scratch.aground[e] = fraction
-        rate = grounding_rate(p.ground_coefficient, sizes.bond_area[e], sizes.bond_mass[e], fraction)
-        scratch.ground_rate[e] = rate if p.ground_on_substeps else 0.0
         turning = grounding_spin_rate(p.ground_coefficient, sizes.bond_radius[e], sizes.bond_mass[e], fraction)
         scratch.ground_spin_rate[e] = turning if p.ground_torque and p.dem else 0.0
+        scratch.ground_linear[e] = around.media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
+        scratch.ground_quadratic[e] = around.media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
+        scratch.ground_rate[e] = scratch.ground_linear[e]
+        scratch.stopped_x[e] = scratch.stopped_y[e] = 0.0
+        varies = varies or scratch.ground_quadratic[e] != 0.0
+        acts = acts or varies or scratch.ground_linear[e] != 0.0
+    return acts, varies
+
+
+@stage
+def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
+    """Keep the mean acceleration by which the sea floor stopped the elements in the sub-steps."""
+    for e in range(scratch.stopped_x.size):
+        around.applied[e, SEA_FLOOR, 0] = scratch.stopped_x[e] / substeps
+        around.applied[e, SEA_FLOOR, 1] = scratch.stopped_y[e] / substeps
 
 
 @kernel
-def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
+def _slow_pass(el, dt, around, alone, partners, view, law, kick, first, p):
     """Solve for the slow accelerations of all moving elements, or in later passes of those in contact.
 
     Returns whether any element is in contact, and the sum of the squared velocities of those solved for.
@@ -56,7 +78,6 @@ def _slow_pass(el, dt, table, alone, partners, view, law, kick, first, p):
             in_contact[e] = 0.0
         if static[e] >= 0.5 or not (first or in_contact[e] != 0.0):
             continue
-        around = surroundings_of(table, e)
         s = solve_velocity(
             e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], around, 0.5, 0.5, True,
             not p.uncentred_half_kicks, mode, dt, mass[e], alone[e], partners, False, False, view, law,
@@ -95,8 +116,9 @@ def _show_synchronised(el):
 
 @stage
 def closing_half_kick(
-    el: Elements, dt: float, partners: Partners, sizes: Sizes, law: PairLaw, starting: bool, p: KernelParameters
-) -> int:
+    el: Elements, dt: float, around: Surroundings, partners: Partners, sizes: Sizes, law: PairLaw, starting: bool,
+    p: KernelParameters,
+) -> int:  # fmt: skip
     """Complete the slow half kick of the step before; leaves the synchronised velocity in ``u_sync`` (part 1).
 
     Elements in contact see each other's velocity, so the solve is repeated until the velocities settle.
@@ -106,6 +128,8 @@ def closing_half_kick(
     el : Elements
     dt : float
         Long step, s.
+    around : Surroundings
+        At the positions of the elements.
     partners : Partners
         Collisions between different bergs.
     starting : bool
@@ -120,9 +144,8 @@ def closing_half_kick(
     motion, body = el.motion, el.body
     view = pair_view(el, sizes)
     kick = 0.0 if starting else 1.0
-    table = surroundings_of_all(el, True, p)
     alone = lone_elements(partners)
-    collided, norm_before = _slow_pass(el, dt, table, alone, partners, view, law, kick, True, p)
+    collided, norm_before = _slow_pass(el, dt, around, alone, partners, view, law, kick, True, p)
     if not p.iterate:
         for e in range(motion.u.size):
             if body.static[e] < 0.5:
@@ -133,7 +156,7 @@ def closing_half_kick(
     while collided:
         if passes >= p.max_iterations:
             return -1
-        _slow_pass(el, dt, table, alone, partners, view, law, kick, False, p)
+        _slow_pass(el, dt, around, alone, partners, view, law, kick, False, p)
         passes += 1
         change, norm = _change_and_norm(el)
         _show_synchronised(el)

@@ -14,7 +14,8 @@ from riftberg.stepping.breaking import ContactPairs
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
-from riftberg.stepping.long_kick import closing_half_kick, opening_half_kick, sea_floor_rates
+from riftberg.stepping.long_kick import begin_substeps, closing_half_kick, end_substeps, opening_half_kick
+from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
@@ -22,10 +23,12 @@ from riftberg.stepping.substep import (
     dem_accelerations,
     drift,
     drift_near_pole,
+    floor_rates,
     kick,
     show_velocities,
     spin_up,
     spring_accelerations,
+    sum_stopped,
 )
 
 POLAR_LATITUDE = 88.0
@@ -114,6 +117,16 @@ def _drift_and_show(el, scratch, dt, near_pole, p):
         drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
 
 
+@stage
+def _kick(el, scratch, dt, floor_acts, implicit_ground):
+    """Update the velocities, and keep what the sea floor did to them where it acts."""
+    if floor_acts and not implicit_ground:
+        sum_stopped(el, scratch)
+    kick(el, scratch, dt, implicit_ground)
+    if floor_acts and implicit_ground:
+        sum_stopped(el, scratch)
+
+
 @kernel
 def _slow_and_fast(partners, count):
     """Split the partners: bergs act on each other in the long step, bonded pairs and pieces in the sub-steps."""
@@ -124,7 +137,7 @@ def _slow_and_fast(partners, count):
 @kernel
 def advance(
     el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
-    sizes: Sizes, earlier: Ints, plan: StepPlan, p: KernelParameters,
+    sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
     """Advance the state by one long step; cells, environment and conglomerates are the caller's.
 
@@ -137,6 +150,8 @@ def advance(
     partners : Partners
         Collisions between bergs and, with spring bonds, bonded pairs and contacts inside a berg.
     sizes : Sizes
+    around : Surroundings
+        Filled from the environment that the elements carry; afterwards it holds the forces that were applied.
     earlier : array of int
         Rank of the elements in the order of processing (quirks Q10, Q11).
     plan : StepPlan
@@ -149,12 +164,13 @@ def advance(
     shown, motion, body = el.shown, el.motion, el.body
     law = pair_law(p)
     slow, fast = _slow_and_fast(partners, motion.u.size)
-    sea_floor_rates(el, scratch, sizes, p)
+    find_surroundings(el, sizes, around, p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
     near_pole = p.latlon and el.place.lat.max() > POLAR_LATITUDE
     passes = 1
     broken = 0
     if not plan.skip_slow:
-        passes = closing_half_kick(el, plan.dt, slow, sizes, law, plan.starting, p)
+        passes = closing_half_kick(el, plan.dt, around, slow, sizes, law, plan.starting, p)
         if passes < 0:
             return StepReport(0, passes)
         if plan.break_after:
@@ -175,15 +191,17 @@ def advance(
             )
         elif explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
+        if floor_varies:
+            floor_rates(el, scratch)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
             if p.dem:
                 _start_rotation(el, scratch, plan.dt / plan.substeps)
             continue
         if explicit:
-            kick(el, scratch, dt, p.ground_implicit)
+            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
-            passes = implicit_kick(el, dt, fast, sizes, law, scratch, p)
+            passes = implicit_kick(el, dt, around, fast, sizes, law, scratch, p)
             if passes < 0:
                 return StepReport(broken, passes)
         show_velocities(el, scratch.active)
@@ -193,6 +211,8 @@ def advance(
             _remember_fast(el)
     if p.iterate:
         _remember_fast(el)
+    if floor_acts:
+        end_substeps(around, scratch, plan.substeps)
     store_rows(rows, count, bonds)
     for e in range(motion.u.size):
         if body.static[e] < 0.5:

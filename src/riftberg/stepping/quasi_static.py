@@ -42,12 +42,14 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
+from riftberg.stepping.media import allocate_surroundings
 from riftberg.stepping.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.rigid_bodies import (
     Motion,
     element_velocities,
     find_loading,
     inertia_and_floor,
+    keep_applied,
     touching_pairs,
 )
 from riftberg.stepping.sizes import Sizes, interaction_sizes
@@ -97,6 +99,12 @@ class QuasiStaticStepper:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
         self._now: Moment | None = None
+        self._around = allocate_surroundings(model.elements.size)
+
+    @property
+    def applied(self) -> Floats:
+        """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
+        return self._around.applied
 
     def memory(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -118,9 +126,10 @@ class QuasiStaticStepper:
 
     def step(self, model: Model) -> None:
         """Advance by one long step."""
-        step = LongStep(model, self._bodies, self._structure, self._now)
+        step = LongStep(model, self._bodies, self._structure, self._now, self._around)
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
+        self._around.applied[:] = step.applied
         model.time = step.start + model.parameters.stepping.time_step
 
 
@@ -131,10 +140,14 @@ MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
 class LongStep:
     """One long step of a model."""
 
-    def __init__(self, model: Model, bodies: Bodies | None, structure: Structure | None, now: Moment | None) -> None:
+    def __init__(
+        self, model: Model, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
+        around: Surroundings,
+    ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes: Sizes = interaction_sizes(self.el, self.c)
-        self.start, self.cracked = model.time, False
+        self.start, self.cracked, self.around = model.time, False, around
+        self.applied = np.zeros_like(around.applied)
         self._near = no_pairs(self.el.mass.size)
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
@@ -162,6 +175,7 @@ class LongStep:
         """Take one step of at most ``h`` s, up to the first break; returns the longest step that is right from here on."""
         landing = dt / self.model.parameters.stepping.landing_steps
         before, kept = self.now, self._keep()
+        taken = h
         aground = before.motion.load.aground
         self._advance(h)
         if h > landing * (1.0 + 1e-9) and ((self.now.motion.load.aground > 0.0) != (aground > 0.0)).any():
@@ -176,8 +190,18 @@ class LongStep:
                 if (short := max(share * h, least)) < h * (1.0 - 1e-9):
                     self._back(before, kept)
                     self._advance(short)
+                    taken = short
+                self._apply(before, taken / dt)
                 self._crack(int(s.alive[bond]))
+                return dt
+        self._apply(before, taken / dt)
         return dt
+
+    def _apply(self, before: Moment, part: float) -> None:
+        """Keep the forces of a step: the mean of both ends, by its part of the long step."""
+        for moment in (before, self.now):
+            u, v, _ = element_velocities(moment.bodies.body, moment.motion.elements, moment.bodies.rate)
+            keep_applied(moment.motion.load, u, v, 0.5 * part, self.applied)
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -226,7 +250,7 @@ class LongStep:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
         motion = element_motion(bodies, c.latlon, c.earth_radius)
-        load = find_loading(el, self.sizes, c)
+        load = find_loading(el, self.sizes, self.around, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, pair_law(c))
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
         return Motion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
@@ -274,7 +298,7 @@ class LongStep:
         el.spin_rate[:] = _times(motion.mobility, total - held)[bodies.body, 2]
         turn = motion.elements[:, 9:11]
         balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
-        for b, inside in self._supported(bodies):
+        for _, inside in self._supported(bodies):
             z = s.holds.modes(inside, s.flat)
             balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
         return Moment(time, bodies, motion, force, balanced)

@@ -26,15 +26,27 @@ import numpy as np
 from riftberg.errors import RunError
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import draft_of, spin_drag
+from riftberg.physics.drag import spin_drag
 from riftberg.physics.geometry import separation
-from riftberg.physics.grounding import grounded_fraction, grounding_rate, grounding_spin_rate
+from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
+from riftberg.stepping.media import (
+    CORIOLIS,
+    LINEAR,
+    PUSH_X,
+    PUSH_Y,
+    QUADRATIC,
+    SEA_FLOOR,
+    Surroundings,
+    U,
+    V,
+    find_surroundings,
+    grounded_part,
+)
 from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
 
 MOST_PASSES = 50
 """Passes of Newton's method after which a step is given up; two to four are usual."""
@@ -46,12 +58,14 @@ CLOSE_ENOUGH = 1e-13
 class Loading(NamedTuple):
     """What acts on the elements at one place and time, before velocities are known.
 
-    ``table`` holds `riftberg.stepping.surroundings.Surroundings`; ``floor`` and ``floor_spin`` are the rates (s-1) of the
-    sea floor, ``aground`` tells how far an element touches it (0 to 1); ``spinning`` is the rotational drag (rad-1) and
-    ``water_spin`` the rotation of the water (s-1); ``push_x``, ``push_y`` are steady forces (N).
+    ``media`` and ``coriolis`` are those of `riftberg.stepping.media.Surroundings`, less the linear drag of the sea floor:
+    ``floor`` and ``floor_spin`` are its rates (s-1), ``aground`` tells how far an element touches it (0 to 1).
+    ``spinning`` is the rotational drag (rad-1) and ``water_spin`` the rotation of the water (s-1); ``push_x``, ``push_y``
+    are steady forces (N).
     """
 
-    table: Floats
+    media: Floats
+    coriolis: Floats
     mass: Floats
     inertia: Floats
     floor: Floats
@@ -74,29 +88,31 @@ class Touching(NamedTuple):
 
 
 @kernel
-def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
+def find_loading(el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> Loading:
     """Take the coefficients of all forces from the environment that the elements carry."""
     body = el.body
     count = body.mass.size
-    table = surroundings_of_all(el, True, p)
+    find_surroundings(el, sizes, around, p)
+    media = around.media.copy()
     inertia, floor, floor_spin, aground = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     spinning = np.zeros(count)
     mass, thickness, depth = body.mass, body.thickness, el.environment.depth
-    radius, area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
+    radius, bond_mass = sizes.bond_radius, sizes.bond_mass
+    touches = p.ground_on_substeps or not p.only_interactions
     for e in range(count):
         inertia[e] = 0.5 * mass[e] * radius[e] ** 2
-        aground[e] = grounded_fraction(depth[e], draft_of(thickness[e], p.rho_ice), p.ground_ramp)
-        if p.ground_on_substeps:
-            floor[e] = grounding_rate(p.ground_coefficient, area[e], bond_mass[e], aground[e])
-        elif not p.only_interactions:
-            floor[e] = surroundings_of(table, e).grounding
+        aground[e] = grounded_part(thickness[e], depth[e], p)
+        if touches:
+            # The linear drag of the sea floor is the one stiff force: it is met implicitly, apart from the others.
+            floor[e] = media[e, SEA_FLOOR, LINEAR]
+        media[e, SEA_FLOOR, LINEAR] = 0.0
         if p.ground_torque:
             floor_spin[e] = grounding_spin_rate(p.ground_coefficient, radius[e], bond_mass[e], aground[e])
         if p.rotational_drag and not p.only_interactions:
             spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
     return Loading(
-        table, mass, inertia, floor, floor_spin, aground, spinning, 0.5 * el.environment.vorticity, body.load_x, body.load_y,
-        not p.only_interactions,
+        media, around.coriolis.copy(), mass, inertia, floor, floor_spin, aground, spinning,
+        0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions,
     )  # fmt: skip
 
 
@@ -163,18 +179,36 @@ def inertia_and_floor(bodies_body: Ints, count: int, motion: Floats, load: Loadi
 
 
 @kernel
-def _medium(c: float, uk: float, vk: float, u: float, v: float) -> tuple[float, float, float, float, float]:
-    """Acceleration (m s-2) by the drag of one medium, and minus its derivatives (s-1): xx, xy, yy."""
-    du, dv = u - uk, v - vk
+def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float]:
+    """Acceleration (m s-2) by one medium, and minus its derivatives (s-1): xx, xy, yy."""
+    du, dv = u - row[U], v - row[V]
+    linear, c = row[LINEAR], row[QUADRATIC]
+    if linear == 0.0 and c == 0.0:
+        return row[PUSH_X], row[PUSH_Y], 0.0, 0.0, 0.0
     speed = math.sqrt(du * du + dv * dv)
-    inverse = 1.0 / speed if speed > 0.0 else 0.0
+    rate, inverse = linear + c * speed, (c / speed if speed > 0.0 else 0.0)
     return (
-        -c * speed * du,
-        -c * speed * dv,
-        c * (speed + du * du * inverse),
-        c * du * dv * inverse,
-        c * (speed + dv * dv * inverse),
+        row[PUSH_X] - rate * du,
+        row[PUSH_Y] - rate * dv,
+        rate + du * du * inverse,
+        du * dv * inverse,
+        rate + dv * dv * inverse,
     )
+
+
+@kernel
+def keep_applied(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
+    """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities."""
+    for e in range(u.size):
+        if load.surrounded:
+            for m in range(load.media.shape[1]):
+                ax, ay, _, _, _ = _drag(load.media[e, m], u[e], v[e])
+                applied[e, m, 0] += part * ax
+                applied[e, m, 1] += part * ay
+            applied[e, CORIOLIS, 0] += part * load.coriolis[e] * v[e]
+            applied[e, CORIOLIS, 1] -= part * load.coriolis[e] * u[e]
+        applied[e, SEA_FLOOR, 0] -= part * load.floor[e] * u[e]
+        applied[e, SEA_FLOOR, 1] -= part * load.floor[e] * v[e]
 
 
 @kernel
@@ -192,7 +226,7 @@ def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
     """
     count = rate.shape[0]
     force, total, slope = np.zeros((body.size, 3)), np.zeros((count, 3)), np.zeros((count, 3, 3))
-    table, mass = load.table, load.mass
+    media, mass = load.media, load.mass
     for e in range(body.size):
         b, m = body[e], motion[e]
         q = rate[b]
@@ -201,13 +235,15 @@ def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
         w = m[6] * q[0] + m[7] * q[1] + m[8] * q[2]
         ax = ay = jxx = jxy = jyy = f = 0.0
         if load.surrounded:
-            s = surroundings_of(table, e)
-            ox, oy, oxx, oxy, oyy = _medium(s.drag_ocean, s.uo, s.vo, u, v)
-            wx, wy, wxx, wxy, wyy = _medium(s.drag_air, s.ua, s.va, u, v)
-            ix, iy, ixx, ixy, iyy = _medium(s.drag_ice, s.ui, s.vi, u, v)
-            f = s.coriolis
-            ax, ay = ox + wx + ix + s.push_x + f * v, oy + wy + iy + s.push_y - f * u
-            jxx, jxy, jyy = oxx + wxx + ixx, oxy + wxy + ixy, oyy + wyy + iyy
+            f = load.coriolis[e]
+            ax, ay = f * v, -f * u
+            for k in range(media.shape[1]):
+                dx, dy, dxx, dxy, dyy = _drag(media[e, k], u, v)
+                ax += dx
+                ay += dy
+                jxx += dxx
+                jxy += dxy
+                jyy += dyy
         spin = w - load.water_spin[e]
         torque = -load.inertia[e] * load.spinning[e] * abs(spin) * spin
         fx, fy = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e]

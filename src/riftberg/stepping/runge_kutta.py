@@ -15,8 +15,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import metres_per_unit, move
 from riftberg.state import Elements, Floats
 from riftberg.stepping.interactions import Partners, pair_law, pair_view
+from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
 
 
@@ -46,6 +46,9 @@ def allocate_stages(count: int) -> Stages:
 FRACTION = (0.5, 0.5, 1.0, 1.0)
 """Part of the step that the semi-implicit solve of each stage spans."""
 
+WEIGHT = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+"""Part of each stage in the acceleration of the step."""
+
 AHEAD = (0.0, 0.5, 0.5, 1.0)
 """Place of each stage in the step."""
 
@@ -60,22 +63,22 @@ def begin(el: Elements, stages: Stages) -> None:
 
 @kernel
 def evaluate(
-    el: Elements, stages: Stages, stage: int, fraction: float, partners: Partners, sizes: Sizes, dt: float,
-    mean_speeds: bool, p: KernelParameters,
+    el: Elements, stages: Stages, stage: int, fraction: float, partners: Partners, sizes: Sizes,
+    around: Surroundings, dt: float, mean_speeds: bool, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Find the accelerations of a stage; ``el.lon``, ``el.lat`` hold its positions, ``stages.u[stage]`` its velocity."""
     place, shown, kicks, body = el.place, el.shown, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     span = fraction * dt
-    table, alone = surroundings_of_all(el, False, p), lone_elements(partners)
+    find_surroundings(el, sizes, around, p)
+    alone = lone_elements(partners)
     for e in range(el.motion.u.size):
         if body.static[e] >= 0.5:
             continue
         u0, v0 = stages.u0[e], stages.v0[e]
         us, vs = stages.u[stage, e], stages.v[stage, e]
         half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
-        around = surroundings_of(table, e)
         s = solve_velocity(
             e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds,
             False, mode, span, body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,

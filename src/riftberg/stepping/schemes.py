@@ -9,13 +9,14 @@ import numpy as np
 
 from riftberg.errors import RunError
 from riftberg.ocean.cells import round_trip, settle_elements
-from riftberg.state import Floats, Ints, copy_state
+from riftberg.state import Elements, Floats, Ints, copy_state
 from riftberg.stepping import runge_kutta, verlet
 from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
+from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
 from riftberg.stepping.multiple import StepPlan, advance
 from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
 from riftberg.stepping.quasi_static import QuasiStaticStepper
@@ -43,6 +44,13 @@ class Stepper(Protocol):
 
     def recall(self, kept: Mapping[str, Any]) -> None:
         """Take up what `memory` gave, from among other arrays."""
+
+    @property
+    def applied(self) -> Floats:
+        """Mean accelerations (m s-2) over the last step by the forces of `riftberg.stepping.media.FORCES`, as applied.
+
+        Shape (elements, forces, 2): east and north.
+        """
 
 
 class Forgetful:
@@ -170,6 +178,7 @@ class MultipleStepper(Forgetful):
         self._rows = allocate_rows(model.bonds, model.elements.mass.size)
         self._pairs = allocate_pairs(max(model.bonds.first.size, 1))
         self._scratch = allocate_scratch(model.elements.mass.size)
+        self._around = allocate_surroundings(model.elements.mass.size)
         self._rank = np.arange(model.elements.mass.size)
         c = model.constants
         self._ranked = (c.shared_shear_lever or c.bond_thickness_of_second) and not _uniform(model)
@@ -183,8 +192,8 @@ class MultipleStepper(Forgetful):
             self._rank = _processing_rank(model)
         self._gather_pairs(model, sizes)
         report = advance(
-            el, bonds, self._rows, self._pairs, self._partners(model, sizes), self._scratch, sizes, self._rank,
-            self._plan(model), c,
+            el, bonds, self._rows, self._pairs, self._partners(model, sizes), self._scratch, sizes, self._around,
+            self._rank, self._plan(model), c,
         )  # fmt: skip
         if report.passes < 0:
             raise RunError(
@@ -209,8 +218,15 @@ class MultipleStepper(Forgetful):
         el, _ = copy_state(model.elements, model.bonds)
         sizes = interaction_sizes(el, c)
         slow = Partners(self._near.none, self._near.none, self._near.collisions(model, sizes))
-        passes = closing_half_kick(el, dt, slow, sizes, pair_law(c), False, c)
+        around = allocate_surroundings(el.mass.size)
+        find_surroundings(el, sizes, around, c)
+        passes = closing_half_kick(el, dt, around, slow, sizes, pair_law(c), False, c)
         return (el.u_sync, el.v_sync) if passes >= 0 else (model.elements.u_sync, model.elements.v_sync)
+
+    @property
+    def applied(self) -> Floats:
+        """See `Stepper.applied`."""
+        return self._around.applied
 
     def _plan(self, model: Model) -> StepPlan:
         p, first = model.parameters, model.step_number == 0
@@ -281,6 +297,12 @@ class SingleStepper(Forgetful):
 
     def __init__(self, model: Model) -> None:
         self._near = Neighbourhood(model)
+        self._around = allocate_surroundings(model.elements.mass.size)
+
+    @property
+    def applied(self) -> Floats:
+        """See `Stepper.applied`."""
+        return self._around.applied
 
     def surround(self, model: Model) -> None:
         """Do nothing: these schemes sample within the step."""
@@ -304,12 +326,8 @@ class VerletStepper(SingleStepper):
         el, c, dt = model.elements, model.constants, model.parameters.stepping.time_step
         if model.step_number == 0 and c.grid_position_round_trip and model.forcing.grid is not None:
             round_trip(el, model.forcing.grid.arrays)
-        sizes = interaction_sizes(el, c)
         model.forcing.sample(el, model.time)
-        verlet.update_velocities(el, self._partners(model, sizes), sizes, dt, c)
-        imposed = model.parameters.stepping.fixed_velocity
-        if imposed is not None:
-            verlet.impose_velocity(el, *imposed)
+        self._update_velocities(model, el, self._around)
         verlet.update_positions(el, dt, c)
         settle(model)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
@@ -317,15 +335,20 @@ class VerletStepper(SingleStepper):
 
     def synchronised(self, model: Model) -> tuple[Floats, Floats]:
         """Take the velocity that the next step begins with, on a copy of the elements."""
-        c, dt = model.constants, model.parameters.stepping.time_step
         el, _ = copy_state(model.elements, model.bonds)
-        sizes = interaction_sizes(el, c)
         model.forcing.sample(el, model.time)
-        verlet.update_velocities(el, self._partners(model, sizes), sizes, dt, c)
+        self._update_velocities(model, el, allocate_surroundings(el.mass.size))
+        return el.u, el.v
+
+    def _update_velocities(self, model: Model, el: Elements, around: Surroundings) -> None:
+        """Update the velocities of ``el``, or impose those that are given: then no force has acted."""
+        c, dt = model.constants, model.parameters.stepping.time_step
+        sizes = interaction_sizes(el, c)
+        verlet.update_velocities(el, self._partners(model, sizes), sizes, around, dt, c)
         imposed = model.parameters.stepping.fixed_velocity
         if imposed is not None:
             verlet.impose_velocity(el, *imposed)
-        return el.u, el.v
+            around.applied[:] = 0.0
 
 
 class RungeKuttaStepper(SingleStepper):
@@ -334,6 +357,12 @@ class RungeKuttaStepper(SingleStepper):
     def __init__(self, model: Model) -> None:
         super().__init__(model)
         self._stages = runge_kutta.allocate_stages(model.elements.mass.size)
+        self._applied = np.zeros_like(self._around.applied)
+
+    @property
+    def applied(self) -> Floats:
+        """See `Stepper.applied`."""
+        return self._applied
 
     def step(self, model: Model) -> None:
         """Advance by one step; stages go from the cell at the start of the step."""
@@ -344,6 +373,7 @@ class RungeKuttaStepper(SingleStepper):
         cells = el.cell_i.copy(), el.cell_j.copy(), el.xi.copy(), el.eta.copy()
         shown = el.lon_pair.copy(), el.lat_pair.copy()
         runge_kutta.begin(el, self._stages)
+        self._applied[:] = 0.0
         for stage in range(4):
             if stage > 0:
                 runge_kutta.go_to_stage(el, self._stages, stage, runge_kutta.AHEAD[stage], dt, c)
@@ -351,8 +381,18 @@ class RungeKuttaStepper(SingleStepper):
             ahead = 0.0 if model.parameters.compatibility.forcing_lag else runge_kutta.AHEAD[stage] * dt
             model.forcing.sample(el, model.time + ahead)
             runge_kutta.evaluate(
-                el, self._stages, stage, runge_kutta.FRACTION[stage], partners, sizes, dt, mean_speeds, c
+                el,
+                self._stages,
+                stage,
+                runge_kutta.FRACTION[stage],
+                partners,
+                sizes,
+                self._around,
+                dt,
+                mean_speeds,
+                c,
             )
+            self._applied += runge_kutta.WEIGHT[stage] * self._around.applied
         runge_kutta.finish(el, self._stages, dt, c)
         self._settle_stage(model, cells, shown)
         settle(model)

@@ -34,7 +34,7 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
 
 @kernel
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
-    """Compute the sizes of all elements."""
+    """Compute the sizes of all elements; a constant size of 0 is one that is not given."""
     body = elements.body
     count = body.mass.size
     radius, bond_radius = np.empty(count), np.empty(count)
@@ -42,7 +42,7 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     for e in range(count):
         area = body.length[e] * body.width[e]
         radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
-        if p.constant_size:
+        if p.constant_size and p.constant_length > 0.0:
             bond_area[e] = p.constant_length * p.constant_width
             bond_mass[e] = bond_area[e] * body.thickness[e] * p.rho_ice
         else:

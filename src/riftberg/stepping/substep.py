@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
@@ -21,15 +22,23 @@ from riftberg.stepping.wear import damage_rows
 
 
 class Scratch(NamedTuple):
-    """Room for one value per element: 1 where it moves, how far it is aground (0 to 1), sums, rates of the sea floor (s-1)."""
+    """Room for one value per element in the sub-steps.
+
+    1 where it moves; how far it is aground (0 to 1); sums of bonds; drag of the sea floor: its linear rate (s-1), quadratic
+    coefficient (m-1), rate at the velocity now, rotational rate, and sum of its decelerations (m s-2); accelerations.
+    """
 
     active: Floats
     aground: Floats
     force_x: Floats
     force_y: Floats
     torque: Floats
+    ground_linear: Floats
+    ground_quadratic: Floats
     ground_rate: Floats
     ground_spin_rate: Floats
+    stopped_x: Floats
+    stopped_y: Floats
     accel_x: Floats
     accel_y: Floats
 
@@ -47,7 +56,7 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
     """
     place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
     half = 0.5 * dt
-    per_unit = math.pi / 180.0 * radius if latlon else 1.0
+    per_unit = DEGREE * radius if latlon else 1.0
     to_degrees = 1.0 if latlon else 0.0
     for e in range(place.lon.size):
         wu = motion.u[e] + half * (kicks.ax_fast[e] + kicks.bx_fast[e])
@@ -163,11 +172,31 @@ def spring_accelerations(
 
 
 @kernel
+def floor_rates(el: Elements, scratch: Scratch) -> None:
+    """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
+    motion = el.motion
+    for e in range(motion.u.size):
+        speed = math.sqrt(motion.u[e] * motion.u[e] + motion.v[e] * motion.v[e])
+        scratch.ground_rate[e] = scratch.ground_linear[e] + scratch.ground_quadratic[e] * speed
+
+
+@kernel
+def sum_stopped(el: Elements, scratch: Scratch) -> None:
+    """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
+    motion = el.motion
+    for e in range(motion.u.size):
+        rate = scratch.active[e] * scratch.ground_rate[e]
+        scratch.stopped_x[e] -= rate * motion.u[e]
+        scratch.stopped_y[e] -= rate * motion.v[e]
+
+
+@kernel
 def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
     """Update velocities by half the old and half the new fast acceleration (spec 6.4, 3b).
 
     The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
-    implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate. Near the pole the reference
+    implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate. A rate that grows with the speed
+    is taken at the velocity before the sub-step. Near the pole the reference
     turns velocity and acceleration to the tangent plane and back with one longitude, which changes nothing.
     """
     motion, kicks = el.motion, el.kicks

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from riftberg.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
+from riftberg.state import Elements
 from riftberg.stepping.interactions import Partners, Terms, interaction_terms
-from riftberg.stepping.surroundings import Surroundings
+from riftberg.stepping.media import LINEAR, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, keep_applied
 
 WITH_SURROUNDINGS, INTERACTIONS_ONLY = 0, 1
 
@@ -40,24 +41,38 @@ def _stage_speed(u1, v1, us, vs, uk, vk):
 
 
 @kernel
-def _drag_rates(around, mean_speeds, u1, v1, u0, v0, us, vs):
-    """Rates (s-1) of the drag of water, air and sea ice."""
-    if mean_speeds:
-        return (
-            around.drag_ocean * mean_speed(u1, v1, u0, v0, around.uo, around.vo),
-            around.drag_air * mean_speed(u1, v1, u0, v0, around.ua, around.va),
-            around.drag_ice * mean_speed(u1, v1, u0, v0, around.ui, around.vi),
-        )
-    return (
-        around.drag_ocean * _stage_speed(u1, v1, us, vs, around.uo, around.vo),
-        around.drag_air * _stage_speed(u1, v1, us, vs, around.ua, around.va),
-        around.drag_ice * _stage_speed(u1, v1, us, vs, around.ui, around.vi),
-    )
+def drags(e, u_star, v_star, around, mean_speeds, u1, v1, u0, v0, us, vs):
+    """Sum the drags of the media that act: deceleration at (u_star, v_star), m s-2, and rate, s-1; keep each rate."""
+    media, rates, acts = around.media, around.rate, around.acts
+    drag_x = drag_y = total = 0.0
+    for m in range(acts.size):
+        if not acts[m]:
+            continue
+        uk, vk, rate = media[e, m, U], media[e, m, V], media[e, m, LINEAR]
+        if media[e, m, QUADRATIC] != 0.0:
+            speed = mean_speed(u1, v1, u0, v0, uk, vk) if mean_speeds else _stage_speed(u1, v1, us, vs, uk, vk)
+            rate += media[e, m, QUADRATIC] * speed
+        rates[e, m] = rate
+        drag_x += rate * (u_star - uk)
+        drag_y += rate * (v_star - vk)
+        total += rate
+    return drag_x, drag_y, total
+
+
+@kernel
+def pushes(e, around):
+    """Sum of the pushes of the media that act on element ``e``, m s-2."""
+    push_x = push_y = 0.0
+    for m in range(around.acts.size):
+        if around.acts[m]:
+            push_x += around.media[e, m, PUSH_X]
+            push_y += around.media[e, m, PUSH_Y]
+    return push_x, push_y
 
 
 @kernel
 def solve_once(
-    u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, u1: float, v1: float,
+    e: int, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, u1: float, v1: float,
     push_x: float, push_y: float, around: Surroundings, t: Terms, share: float, explicit_part: float,
     mean_speeds: bool, turn_part: float, mode: int, dt: float,
 ) -> tuple[float, float]:  # fmt: skip
@@ -72,14 +87,10 @@ def solve_once(
         rx, ry = 0.5 * t.ix - share * damp_x, 0.5 * t.iy - share * damp_y
         rate = turn = 0.0
     else:
-        do, da, di = _drag_rates(around, mean_speeds, u1, v1, u0, v0, us, vs)
-        dg = around.grounding
-        drag_x = do * (u_star - around.uo) + da * (u_star - around.ua) + di * (u_star - around.ui) + dg * u_star
-        drag_y = do * (v_star - around.vo) + da * (v_star - around.va) + di * (v_star - around.vi) + dg * v_star
+        drag_x, drag_y, rate = drags(e, u_star, v_star, around, mean_speeds, u1, v1, u0, v0, us, vs)
         rx = explicit_part * push_x - share * (drag_x + damp_x)
         ry = explicit_part * push_y - share * (drag_y + damp_y)
-        rate = do + da + di + dg
-        turn = turn_part * around.coriolis
+        turn = turn_part * around.coriolis[e]
     a11 = 1.0 + share * dt * (rate + t.p11)
     a22 = 1.0 + share * dt * (rate + t.p22)
     a12 = share * dt * (t.p12 - turn)
@@ -89,14 +100,24 @@ def solve_once(
 
 @kernel
 def explicit_acceleration(
-    u1: float, v1: float, around: Surroundings, t: Terms, explicit_part: float, mode: int
+    u1: float, v1: float, push_x: float, push_y: float, f: float, t: Terms, explicit_part: float, mode: int
 ) -> tuple[float, float]:
     """Explicit acceleration (m s-2) to carry to the next step: springs, slope, waves and Coriolis at the new velocity."""
     if mode == INTERACTIONS_ONLY:
         return t.ix, t.iy
     if explicit_part < 1.0:
-        return around.push_x + t.ix + around.coriolis * v1, around.push_y + t.iy - around.coriolis * u1
+        return push_x + t.ix + f * v1, push_y + t.iy - f * u1
     return 0.0, 0.0
+
+
+@kernel
+def apply_at_velocities(el: Elements, around: Surroundings) -> None:
+    """Keep the forces of a moment: those that act at the velocities of the elements, without a step."""
+    motion = el.motion
+    for e in range(motion.u.size):
+        u, v = motion.u[e], motion.v[e]
+        drags(e, u, v, around, True, u, v, u, v, u, v)
+        keep_applied(e, u, v, u, v, around)
 
 
 @stage
@@ -118,6 +139,7 @@ def solve_velocity(
     us, vs : float
         Velocity of the Runge-Kutta stage; (u0, v0) otherwise.
     around : Surroundings
+        Of all elements; the forces that this solve applies are kept in it.
     share : float
         1 for single steps, 1/2 for two half kicks.
     explicit_part : float
@@ -148,12 +170,14 @@ def solve_velocity(
         t = interaction_terms(e, x, y, u0, v0, us, vs, partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
     cu, cv = (u_star, v_star) if explicit_part < 1.0 else (us, vs)
-    push_x = around.push_x + t.ix + around.coriolis * cv
-    push_y = around.push_y + t.iy - around.coriolis * cu
+    f = around.coriolis[e]
+    media_x, media_y = pushes(e, around)
+    push_x = media_x + t.ix + f * cv
+    push_y = media_y + t.iy - f * cu
     # The matrix adds what the change of velocity adds to the Coriolis force: all, half, or nothing in Runge-Kutta stages.
     turn_part = 1.0 if centred else (0.5 if explicit_part < 1.0 else 0.0)
     ax, ay = solve_once(
-        u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
+        e, u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
         mode, dt,
     )  # fmt: skip
     if not alone:
@@ -163,11 +187,14 @@ def solve_velocity(
     u1, v1 = u_star + dt * ax, v_star + dt * ay
     du, dv = (u1, v1) if centred else (u0, v0)
     ax, ay = solve_once(
-        u_star, v_star, du, dv, us, vs, u1, v1, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
+        e, u_star, v_star, du, dv, us, vs, u1, v1, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
         mode, dt,
     )  # fmt: skip
     u1, v1 = u_star + dt * ax, v_star + dt * ay
-    a_x, a_y = explicit_acceleration(u1, v1, around, t, explicit_part, mode)
+    a_x, a_y = explicit_acceleration(u1, v1, media_x, media_y, f, t, explicit_part, mode)
+    if mode == WITH_SURROUNDINGS:
+        ahead = 2.0 * share * turn_part * dt
+        keep_applied(e, u1, v1, cu + ahead * ax, cv + ahead * ay, around)
     return Solution(
         ax,
         ay,

@@ -7,13 +7,15 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Elements
 from riftberg.stepping.interactions import Partners, pair_law, pair_view
+from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.surroundings import surroundings_of, surroundings_of_all
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
 
 
 @kernel
-def update_velocities(el: Elements, partners: Partners, sizes: Sizes, dt: float, p: KernelParameters) -> None:
+def update_velocities(
+    el: Elements, partners: Partners, sizes: Sizes, around: Surroundings, dt: float, p: KernelParameters
+) -> None:
     """Update velocities and accelerations at the current positions; the others are seen as they were before.
 
     ``u_sync`` receives the reference's diagnostic u - dt/2 b of the velocity before the update.
@@ -21,14 +23,14 @@ def update_velocities(el: Elements, partners: Partners, sizes: Sizes, dt: float,
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
-    table, alone = surroundings_of_all(el, False, p), lone_elements(partners)
+    find_surroundings(el, sizes, around, p)
+    alone = lone_elements(partners)
     for e in range(motion.u.size):
         if body.static[e] >= 0.5:
             continue
         u, v = motion.u[e], motion.v[e]
         motion.u_sync[e], motion.v_sync[e] = u - 0.5 * dt * kicks.bx[e], v - 0.5 * dt * kicks.by[e]
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
-        around = surroundings_of(table, e)
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, False, mode, dt,
             body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,

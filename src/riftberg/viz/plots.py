@@ -199,9 +199,7 @@ def draw_stress(
         scene, tension, stress_map(), root_scale(strength if beyond else top),
         f"largest tensile stress of a bond (kPa){text}; dotted: broken", beyond=beyond, dpi=dpi,
     )  # fmt: skip
-    figure.suptitle(heading(run, "stress in the bonds"), x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
-    return Path(path)
+    return _titled(figure, heading(run, "stress in the bonds"), path)
 
 
 def draw_damage(
@@ -227,7 +225,12 @@ def draw_damage(
     shown = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(values, initial=0.0)) for values in shown.values()))
     figure = _bond_maps(scene, shown, damage_map(), root_scale(top), "damage of a bond; dotted: broken", dpi=dpi)
-    figure.suptitle(heading(run, "damage of the bonds"), x=0.05, ha="left", fontsize=12)
+    return _titled(figure, heading(run, "damage of the bonds"), path)
+
+
+def _titled(figure: Figure, title: str, path: str | Path) -> Path:
+    """Put the title on a figure and write it."""
+    figure.suptitle(title, x=0.05, ha="left", fontsize=12)
     figure.savefig(path)
     return Path(path)
 
@@ -289,10 +292,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.0))
     _areas(upper, scene)
     _peak_stress(middle, scene)
-    touching = scene.run["thickness"] * (scene.parameters.ice.density / 1025.0) > scene.run["depth"]
-    lower.fill_between(
-        scene.times, touching.sum("trajectory").values, step="post", color=style.GROUND_COLOUR, alpha=0.6
-    )
+    lower.fill_between(scene.times, scene.aground().sum(axis=1), step="post", color=style.GROUND_COLOUR, alpha=0.6)
     lower.set_ylabel("elements\naground", fontsize=9)
     lower.yaxis.get_major_locator().set_params(integer=True)
     for ax in (upper, middle, lower):
@@ -301,9 +301,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         ax.spines[["top", "right"]].set_visible(False)
     _date_axis(lower, scene)
     figure.subplots_adjust(left=0.08, right=0.97, top=0.89, bottom=0.07, hspace=0.1)
-    figure.suptitle(heading(run, "fragments"), x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
-    return Path(path)
+    return _titled(figure, heading(run, "fragments"), path)
 
 
 def _date_axis(ax: Axes, scene: Scene) -> None:

@@ -200,9 +200,7 @@ class ReplayContent:
         return pack(self.scene.tension()[self.records].max(axis=1, initial=0.0), "uint16")
 
     def _aground(self) -> dict[str, Any]:
-        ratio = self.scene.parameters.ice.density / 1025.0
-        touching = self._table("thickness") * ratio > self._table("depth")
-        return pack(touching.sum(axis=1), "uint16", step=1.0)
+        return pack(self.scene.aground(self.records.tolist()).sum(axis=1), "uint16", step=1.0)
 
     def _bonds(self) -> dict[str, Any]:
         """Return the bonds that break: their ends, and when (s since the first record shown)."""

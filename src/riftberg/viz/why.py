@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from riftberg.diagnostics.breakup import Breakup, Reasons
-from riftberg.diagnostics.dates import minute
+from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.forces import FORCES
 from riftberg.viz.style import new_figure
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS: Final = dict(
-    zip(FORCES, ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#A50026", "#999999"), strict=True)
+    zip(FORCES, cycle(("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#A50026", "#999999")), strict=False)
 )
 """One colour for each force in all panels."""
 
@@ -86,7 +87,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     ax.legend(
         fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.2, frameon=False, handlelength=1.4
     )
-    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute(b.decisive.time)}", fontsize=9)
+    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute_text(b.decisive.time)}", fontsize=9)
     ax.set_ylabel(f"fragment {b.fragment}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
     ax.set_xlabel("east", fontsize=9)
     ax.tick_params(labelsize=7)
@@ -106,7 +107,7 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
     ax.axhline(0.0, color="#BBBBBB", lw=0.6)
     ax.legend(fontsize=7, loc="best", ncols=2, framealpha=0.85)
     ax.set_title(f"nominal stress of the cut of {b.decisive.cut_km:.0f} km (kPa), by force", fontsize=9)
-    ax.set_xlabel(f"hours before {minute(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 
@@ -117,7 +118,7 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
         end = _hours(bond.time, b.time)
         hours = [*(end + h for h in bond.hours), end]
         stress = [*(s / 1e3 for s in bond.peak or bond.tension), bond.strength / 1e3]
-        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute(bond.time)[5:]}")
+        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute_text(bond.time)[5:]}")
         if bond.peak:
             ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
         ax.plot(end, bond.strength / 1e3, "x", color="#A50026", ms=7, mew=1.8)
@@ -129,7 +130,7 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     if b.first_bonds[0].peak:
         ax.set_ylabel("largest between records", fontsize=8)
     ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
-    ax.set_xlabel(f"hours before {minute(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 

@@ -1,0 +1,143 @@
+"""From a decoded file to its canonical fields: chosen, dated, placed in the vertical and the horizontal, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.products.canonical import QUANTITIES, canonicalise
+from riftberg.products.dated import dated
+from riftberg.products.levels import judged
+from riftberg.products.place import positioned
+from riftberg.products.product import DAY_SECONDS, Product
+from riftberg.products.roles import coordinates_of, units_of
+from riftberg.products.terrain import LEVEL, on_depths
+from riftberg.products.vectors import COMPONENTS, is_true, with_angle
+
+_KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
+
+
+def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
+    """Return the canonical fields of a decoded file, one dataset for each grid and set of dates.
+
+    Raises
+    ------
+    ForcingError
+        If the file holds no field of the product, or one of them cannot be placed for certain.
+    """
+    groups: dict[tuple[object, ...], dict[str, xr.DataArray]] = {}
+    levels: dict[tuple[object, ...], bytes] = {}
+    told: dict[tuple[object, ...], list[str]] = {}
+    wkt: dict[tuple[object, ...], str] = {}
+    for quantity, name, remark in _chosen(ds, product, where):
+        field, remarks = _canonical(ds, product, quantity, name, where)
+        key = _key(field)
+        depth = field["depth"].values.tobytes() if "depth" in field.dims else b""
+        if depth and levels.setdefault(key, depth) != depth:
+            key = (*key, depth)
+        wkt[key] = str(field.attrs.pop("crs_wkt", ""))
+        groups.setdefault(key, {})[quantity] = field
+        told.setdefault(key, []).extend(filter(None, [remark, *remarks]))
+    parts = []
+    for key, fields in groups.items():
+        part = xr.Dataset(fields)
+        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": "; ".join(dict.fromkeys(told[key]))}
+        if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
+            attributes["longest_step"] = DAY_SECONDS
+        attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
+        parts.append(part.assign_attrs({name: value for name, value in attributes.items() if value}))
+    return parts
+
+
+def _instants(ds: xr.Dataset, name: str) -> bool:
+    """Tell whether a file says that its values are instants, or come by the hour."""
+    headings = " ".join(str(ds.attrs.get(key, "")) for key in ("title", "id", "product", "summary")).lower()
+    return "time: point" in str(ds[name].attrs.get("cell_methods", "")) or "hourly" in headings
+
+
+def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str, str, str]]:
+    """Yield quantity, variable and remark for each canonical field in the file."""
+    if product.select is not None:
+        found = [(quantity, name, remark) for quantity, (name, remark) in product.select(ds).items()]
+    else:
+        found = []
+        for source in product.sources:
+            held = [name for name in source.names if name in ds.variables]
+            if held and source.quantity not in {quantity for quantity, _, _ in found}:
+                others = ", ".join(held[1:])
+                remark = f"{source.quantity} is taken from {held[0]}; {others} could be it too" if others else ""
+                found.append((source.quantity, held[0], remark))
+    if not found:
+        held = sorted(map(str, ds.data_vars))
+        raise ForcingError(
+            f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has {', '.join(held) or 'nothing'}",
+            where=where,
+            remedy="Give the file with the wanted variables, or name the right product",
+        )
+    return found
+
+
+def _canonical(
+    ds: xr.Dataset, product: Product, quantity: str, name: str, where: str
+) -> tuple[xr.DataArray, list[str]]:
+    """Return one field, placed and in canonical units, and what should be known of it."""
+    source = next((s for s in product.sources if s.quantity == quantity), None)
+    units = units_of(ds[name]) or (source.units if source is not None else "")
+    attributes = dict(ds[name].attrs)
+    field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field, told = _one_member(ds, name, field, where)
+    field, remarks = judged(ds, name, field, quantity, where=where)
+    field = positioned(ds, name, field, where=where)
+
+    def place(other: str) -> xr.DataArray:
+        return positioned(ds, other, dated(ds, other, where=where, moves=False), where=where)
+
+    wkt = field.attrs.get("crs_wkt", "")
+    field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
+    if quantity in COMPONENTS and not is_true(field, name):
+        field = with_angle(ds, field, name, place, where=where)
+    if LEVEL in field.dims:
+        field = on_depths(ds, field, _levels(ds, name), place, where=where)
+    along = field.attrs.get("along")
+    field = field.drop_vars([c for c in field.coords if c not in _KEPT])
+    field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
+    noted = {"original_name": name, "original_units": units, "along": along, "crs_wkt": wkt}
+    field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
+    return field, [*told, *remarks]
+
+
+def _levels(ds: xr.Dataset, name: str) -> xr.DataArray:
+    axes = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and ds[c].ndim == 1]
+    return ds[next(c for c in sorted(axes, key=lambda c: c not in ds[name].dims))]
+
+
+def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
+    """Return the only member of an ensemble and a remark; refuse several."""
+    told: list[str] = []
+    for other, role, _ in coordinates_of(ds, name):
+        if role != "member" or (ds[other].size != 1 and not set(ds[other].dims) <= set(field.dims)):
+            continue
+        if ds[other].size > 1:
+            dim = str(ds[other].dims[0])
+            raise ForcingError(
+                f"{name} has {ds[other].size} members of an ensemble ({other})",
+                where=where,
+                remedy=f"Choose one, or average them: ncks -d {dim},0 FILE OUT, or in Python ds.isel({dim}=0)",
+            )
+        value = np.ravel(ds[other].values)[0]
+        if value != 0:
+            told.append(f"{name} is member {value} ({other}) of an ensemble")
+    return field, told
+
+
+def _key(field: xr.DataArray) -> tuple[object, ...]:
+    """Return what tells grids and dates apart; levels are left out, fields with and without them go together."""
+    axes: list[Any] = [field.attrs.get("crs_wkt", "")]
+    for name in ("time", "lat", "lon", "y", "x"):
+        if name in field.coords and set(field[name].dims) <= set(field.dims):
+            axes.append((name, field[name].dims, field[name].values.tobytes()))
+    return tuple(axes)

@@ -1,0 +1,250 @@
+"""Where a field holds in the vertical, by whatever coordinate says it: read and judged, never dropped unseen.
+
+Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is told by its units, its
+standard name and its name, in this order.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.products.roles import coordinates_of, role_of_name, standard_name, units_of
+
+Floats = NDArray[np.float64]
+Kind = Literal["depth", "height", "pressure", "sigma", "number"]
+
+SURFACE = 30.0
+"""Currents down to this depth (m) count as those of the surface: OSCAR is a mean over the top 30 m."""
+
+WIND_HEIGHTS = (9.0, 11.0)
+"""Heights (m) that count as 10 m."""
+
+WINDS = ("ua", "va")
+CURRENTS = ("uo", "vo")
+_WATER = (*CURRENTS, "sst", "sss")
+_PRESSURES = {"pa": 0.01, "hpa": 1.0, "mb": 1.0, "mbar": 1.0, "millibar": 1.0, "millibars": 1.0}
+_TOLD = re.compile(
+    r"(\d+(?:\.\d+)?)\s*[- ]?(hpa|mbar|mb|millibars?|m|met(?:re|er)s?)(?:\b|_)(?!\s*(?:/|s\b|s-1|s\*\*))", re.I
+)
+
+
+def judged(
+    ds: xr.Dataset, name: str, field: xr.DataArray, quantity: str, *, where: str
+) -> tuple[xr.DataArray, list[str]]:
+    """Return a field on ``depth`` or without levels, and what should be known of it.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Decoded file.
+    name : str
+        Variable.
+    field : xarray.DataArray
+        Its values so far (dates may have been named).
+    quantity : str
+        Canonical name.
+    where : str
+        File, for messages.
+
+    Raises
+    ------
+    ForcingError
+        If the field holds elsewhere than the run needs it, or on levels that nothing places.
+    """
+    _judge_words(field, name, quantity, where)
+    found = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
+    told: list[str] = []
+    dims = [
+        dim
+        for dim in map(str, field.dims)
+        if dim in {str(d) for c in found for d in ds[c].dims} or role_of_name(dim) == "level"
+    ]
+    if len(dims) > 1:
+        raise ForcingError(
+            f"{name} has {len(dims)} dimensions of levels ({', '.join(dims)})", where=where,
+            remedy=f"Choose one entry first, in Python: ds.isel({dims[-1]}=0)",
+        )  # fmt: skip
+    for scalar in [c for c in found if ds[c].ndim == 0]:
+        told += _judge_single(ds[scalar], name, quantity, where)
+        field = field.drop_vars(scalar, errors="ignore")
+    if not dims:
+        return field, told
+    dim = dims[0]
+    axis = next((c for c in sorted(found, key=lambda c: c != dim) if ds[c].dims == (dim,)), None)
+    if axis is None:
+        return _unplaced(field, name, dim, quantity, where), told
+    if field.sizes[dim] == 1:
+        told += _judge_single(ds[axis].isel({dim: 0}), name, quantity, where)
+        return field.isel({dim: 0}, drop=True).drop_vars(axis, errors="ignore"), told
+    field, more = _several(field, ds[axis], name, dim, quantity, where)
+    return field, told + more
+
+
+def kind_of(axis: xr.DataArray) -> Kind:
+    """Return what a vertical coordinate counts."""
+    units, told, name = units_of(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
+    if units in _PRESSURES or told in ("air_pressure", "pressure"):
+        return "pressure"
+    if any(word in f"{told} {name}" for word in ("sigma", "ocean_s_", "hybrid", "s_rho", "siglay", "eta")):
+        return "sigma"
+    if units in ("1", "level", "levels", "layer", "count") or told == "model_level_number":
+        return "number"
+    metres = units in ("m", "meter", "meters", "metre", "metres", "km", "cm")
+    if told in ("height", "altitude", "height_above_mean_sea_level") or (
+        name.startswith(("height", "alt")) and told != "depth"
+    ):
+        return "height"
+    if told == "depth" or name.startswith("dep") or (metres and str(axis.attrs.get("positive", "")).lower() == "down"):
+        return "depth"
+    if metres:
+        return "height" if str(axis.attrs.get("positive", "")).lower() == "up" else "depth"
+    return "number"
+
+
+def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> None:
+    """Refuse a wind whose own description names another height or a pressure."""
+    if quantity not in WINDS:
+        return
+    words = " ".join(str(field.attrs.get(k, "")) for k in ("long_name", "level_desc", "var_desc", "GRIB_name"))
+    on_level = str(field.attrs.get("GRIB_typeOfLevel", "")).lower()
+    if "isobaric" in on_level or "hybrid" in on_level or re.search(r"\bpressure level", words, re.I):
+        raise _no_surface_wind(name, f"on a pressure or model level ({words or on_level})", where)
+    told = _TOLD.findall(words)
+    if any(
+        unit.lower() in ("m", "metre", "meter", "metres", "meters") and float(number) == 10.0 for number, unit in told
+    ):
+        return
+    for number, unit in told:
+        metres = unit.lower().startswith("m") and not unit.lower().startswith(("mb", "mil"))
+        if not metres or not WIND_HEIGHTS[0] <= float(number) <= WIND_HEIGHTS[1]:
+            raise _no_surface_wind(name, f"at {number} {unit} (its description reads {words.strip()!r})", where)
+    found = re.fullmatch(r"(?:[uv]|[uv]wnd|wind_[uv])_?(\d{2,4})m?", name.lower())
+    if found and not WIND_HEIGHTS[0] <= float(found[1]) <= WIND_HEIGHTS[1]:
+        raise _no_surface_wind(name, f"at {found[1]} m or hPa by its name", where)
+
+
+def _no_surface_wind(name: str, place: str, where: str) -> ForcingError:
+    return ForcingError(
+        f"{name} is the wind {place}, not that at 10 m", where=where, remedy="Give a file of the wind at 10 m"
+    )
+
+
+def _value(axis: xr.DataArray) -> float:
+    value = np.ravel(axis.values)
+    return float(value[0]) if value.dtype.kind in "iuf" else float("nan")
+
+
+def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> list[str]:
+    """Refuse a field on a single level elsewhere than it is needed; return a remark where the level is worth one."""
+    kind, value, units = kind_of(axis), _value(axis), units_of(axis)
+    place = f"{axis.name} = {value:g} {units}".rstrip()
+    if quantity in WINDS:
+        if kind in ("height", "depth") and WIND_HEIGHTS[0] <= abs(value) * _metres(units) <= WIND_HEIGHTS[1]:
+            return []
+        if (
+            not units
+            and kind == "number"
+            and WIND_HEIGHTS[0] <= value <= WIND_HEIGHTS[1]
+            and "height" in str(axis.name).lower()
+        ):
+            return []
+        raise _no_surface_wind(name, f"at {place}", where)
+    if quantity in _WATER or quantity == "ssh":
+        if kind in ("depth", "height"):
+            depth = abs(value) * _metres(units)
+            if depth <= SURFACE:
+                return [f"{name} holds at {depth:.3g} m: taken as the surface"] if depth > 0.0 else []
+            raise _too_deep(name, place, where)
+        if kind == "sigma" and abs(value) <= 0.06:
+            return [f"{name} is of the uppermost layer ({place})"]
+        if kind == "number" and not units and str(axis.name).lower().startswith(("lev", "k")) and value in (0.0, 1.0):
+            return [f"{name} is of level {value:g}: taken as the uppermost"]
+        raise ForcingError(
+            f"{name} holds at {place}, and nothing says that this is the surface", where=where,
+            remedy="Give the levels in metres of depth (units m), or take the surface: ncks -d / ds.sel",
+        )  # fmt: skip
+    return []
+
+
+def _metres(units: str) -> float:
+    return {"km": 1000.0, "cm": 0.01}.get(units.strip().lower(), 1.0)
+
+
+def _too_deep(name: str, place: str, where: str) -> ForcingError:
+    return ForcingError(
+        f"{name} begins at {place}; between there and the surface nothing is known", where=where,
+        remedy=f"Give levels from the surface on (the first at {SURFACE:g} m or less)",
+    )  # fmt: skip
+
+
+def _unplaced(field: xr.DataArray, name: str, dim: str, quantity: str, where: str) -> xr.DataArray:
+    """Refuse levels without a coordinate: numbers of rows are no depths."""
+    if quantity not in (*WINDS, *_WATER) and field.sizes[dim] == 1:
+        return field.isel({dim: 0}, drop=True)
+    raise ForcingError(
+        f"the dimension {dim} of {name} ({field.sizes[dim]} levels) has no coordinate that says where they lie", where=where,
+        remedy=f"Write it, in Python: ds.assign_coords({dim}=('{dim}', values, {{'units': 'm', 'positive': 'down'}}))",
+    )  # fmt: skip
+
+
+def _several(
+    field: xr.DataArray, axis: xr.DataArray, name: str, dim: str, quantity: str, where: str
+) -> tuple[xr.DataArray, list[str]]:
+    """Return a field with several levels: all of a current, the one at 10 m of a wind, the uppermost of the rest."""
+    kind, values = kind_of(axis), np.asarray(axis.values, float)
+    if quantity in WINDS:
+        metres = np.abs(values) * _metres(units_of(axis))
+        right = np.flatnonzero((metres >= WIND_HEIGHTS[0]) & (metres <= WIND_HEIGHTS[1]))
+        if kind not in ("height", "depth") or right.size != 1:
+            some = ", ".join(f"{value:g}" for value in values[:6])
+            raise _no_surface_wind(name, f"on {values.size} levels ({axis.name} = {some} {units_of(axis)})", where)
+        return field.isel({dim: int(right[0])}, drop=True).drop_vars(str(axis.name), errors="ignore"), [
+            f"{name} is taken at 10 m of {values.size} heights"
+        ]
+    if quantity not in _WATER:
+        raise ForcingError(
+            f"{name} has {values.size} entries along {dim}", where=where,
+            remedy=f"Choose one first, in Python: ds.isel({dim}=0)",
+        )  # fmt: skip
+    if kind == "sigma" and values.size:
+        field = field.drop_vars(str(axis.name), errors="ignore")
+        if quantity in CURRENTS:
+            return field.rename({dim: "s_level"}) if dim != "s_level" else field, []
+        if values.max() < -0.1 or values.max() > 1e-6:
+            raise _too_deep(name, f"{axis.name} = {values.max():g}", where)
+        return field.isel({dim: int(values.argmax())}, drop=True), [f"{name} is of the uppermost layer"]
+    depth = depths(axis, where=where)
+    if float(depth.min()) > SURFACE:
+        raise _too_deep(name, f"{axis.name} = {depth.min():g} m", where)
+    field = field.drop_vars(str(axis.name), errors="ignore").rename({dim: "depth"} if dim != "depth" else {})
+    field = field.assign_coords(depth=("depth", depth, {"units": "m"})).sortby("depth")
+    if quantity in CURRENTS:
+        return field, []
+    return field.isel(depth=0, drop=True), [f"{name} is taken at {depth.min():.3g} m, the uppermost of its levels"]
+
+
+def depths(axis: xr.DataArray, *, where: str) -> Floats:
+    """Return the depths (m, positive) of an axis of levels; refuse one that counts something else."""
+    kind, values, units = kind_of(axis), np.asarray(axis.values, float), units_of(axis)
+    counted = values.size > 1 and any(np.array_equal(values, np.arange(values.size) + first) for first in (0, 1))
+    if not np.isfinite(values).all():
+        raise ForcingError(f"the levels {axis.name} are not all numbers", where=where, remedy="Correct the file")
+    if kind in ("pressure", "sigma") or (not units and counted) or (kind == "number" and units):
+        some = ", ".join(f"{value:g}" for value in values[:4])
+        raise ForcingError(
+            f"the levels {axis.name} = {some} ... {units or '(no units)'} are no depths in metres", where=where,
+            remedy="Turn them into depths first (cdo intlevel or xgcm), or write their units",
+        )  # fmt: skip
+    factor, _ = conversion(QUANTITIES["depth_below_surface"], units or "m", where=f"{where}, axis {axis.name}")
+    if (values > 0.0).any() and (values < 0.0).any():
+        raise ForcingError(
+            f"the levels {axis.name} lie above and below 0", where=where, remedy="Give depths, positive down"
+        )
+    return np.asarray(np.abs(values) * factor)

@@ -1,0 +1,285 @@
+"""The horizontal place of a field: which of its coordinates are its positions, and what kind of grid they make.
+
+Numbers of rows and columns are never positions: a dimension counts as a position only through a coordinate with values.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.roles import coordinates_of, role_of_name, standard_name, units_of
+
+Floats = NDArray[np.float64]
+
+_EAST = {"standard_name": "longitude", "units": "degrees_east"}
+_NORTH = {"standard_name": "latitude", "units": "degrees_north"}
+STRAIGHT = 1e-5
+"""Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
+
+
+def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) -> xr.DataArray:
+    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Decoded file.
+    name : str
+        Variable.
+    field : xarray.DataArray
+        Its values on time, depth and dimensions of place.
+    where : str
+        File, for messages.
+
+    Raises
+    ------
+    ForcingError
+        If a dimension is no position, date or level, or positions are missing or impossible.
+    """
+    field, rest = _without_singles(ds, name, field, where)
+    found = list(coordinates_of(ds, name))
+    projected = _projected(ds, name, field, rest, found)
+    if projected is not None:
+        return projected
+    lat, lon = _pair(ds, found, rest, name, where)
+    north, east = (_degrees(ds[c], where) for c in (lat, lon))
+    bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
+    if north.ndim == 1 and north.dims != east.dims:
+        _check_axes(ds, lat, lon, north, east, where)
+        return _on_axes(bare, north, east)
+    if north.ndim == 1:
+        return _on_points(bare, north, east)
+    north, east = _without_origin(north, east.transpose(*north.dims), lat, lon, where)
+    rows, columns = (str(dim) for dim in north.dims)
+    bare = bare.rename({rows: "y", columns: "x"}) if (rows, columns) != ("y", "x") else bare
+    lat2, lon2 = north.values, east.values
+    axes = _straight(lat2, lon2)
+    if axes is not None:
+        bare = bare.rename(y="lat", x="lon")
+        return bare.assign_coords(lat=("lat", axes[0], _NORTH), lon=("lon", axes[1], _EAST))
+    return bare.assign_coords(lat=(("y", "x"), lat2, _NORTH), lon=(("y", "x"), lon2, _EAST))
+
+
+def _without_origin(
+    north: xr.DataArray, east: xr.DataArray, lat: str, lon: str, where: str
+) -> tuple[xr.DataArray, xr.DataArray]:
+    """Return two-dimensional positions without repeated (0, 0), which stand for none; refuse such as do not spread."""
+    nowhere = (north == 0.0) & (east == 0.0)
+    if int(nowhere.sum()) > 1:
+        north, east = north.where(~nowhere), east.where(~nowhere)
+    known = np.isfinite(north.values) & np.isfinite(east.values)
+    if known.sum() < 4 or (np.ptp(north.values[known]) == 0.0 and np.ptp(east.values[known]) == 0.0):
+        raise ForcingError(
+            f"{lat} and {lon} hold no positions: they are the same everywhere", where=where,
+            remedy="Take the positions from the grid file of the model",
+        )  # fmt: skip
+    if np.abs(north.values[known]).max() > 90.001:
+        raise ForcingError(
+            f"{lat} reaches {np.abs(north.values[known]).max():g}: that is no latitude",
+            where=where,
+            remedy="Correct the file",
+        )
+    return north, east
+
+
+def _on_axes(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
+    names = {str(north.dims[0]): "lat", str(east.dims[0]): "lon"}
+    field = field.rename({old: f"{new}_" for old, new in names.items()}).rename(
+        {f"{new}_": new for new in names.values()}
+    )
+    return field.assign_coords(lat=("lat", north.values, _NORTH), lon=("lon", east.values, _EAST))
+
+
+def _on_points(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
+    field = field.rename({str(north.dims[0]): "node"})
+    return field.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
+
+
+def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
+    """Drop dimensions of length one that are no place; refuse longer ones that are none; return those of place."""
+    places = {
+        str(dim)
+        for c, role, _ in coordinates_of(ds, name) if role in ("lat", "lon", "x", "y")
+        for dim in ds[c].dims
+    }  # fmt: skip
+    rest = [str(dim) for dim in field.dims if dim not in ("time", "depth", "s_level")]
+    for dim in list(rest):
+        place = dim in places or role_of_name(dim) in ("lat", "lon")
+        if field.sizes[dim] == 1 and not place:
+            field = field.isel({dim: 0}, drop=True)
+            rest.remove(dim)
+    extra = [dim for dim in rest if dim not in places and role_of_name(dim) not in ("lat", "lon")]
+    if len(rest) > 2:
+        culprit = extra[0] if extra else rest[0]
+        kind = " (members of an ensemble)" if role_of_name(culprit) == "member" else ""
+        raise ForcingError(
+            f"{name} has {field.sizes[culprit]} entries along the dimension {culprit}{kind}", where=where,
+            remedy=f"Choose one first: ncks -d {culprit},0 FILE OUT, or in Python ds.isel({culprit}=0)",
+        )  # fmt: skip
+    return field, rest
+
+
+def _pair(
+    ds: xr.Dataset, found: list[tuple[str, Any, bool]], rest: list[str], name: str, where: str
+) -> tuple[str, str]:
+    """Return the names of the latitude and the longitude that belong to a field, together on all dims of place."""
+    lats = [(declared, c) for c, role, declared in found if role == "lat" and ds[c].ndim in (1, 2)]
+    lons = [(declared, c) for c, role, declared in found if role == "lon" and ds[c].ndim in (1, 2)]
+    told = str(ds[name].encoding.get("coordinates", "")).split()
+    fitting = [
+        (not (lat in told and lon in told), not (d1 and d2), ds[lat].ndim, lat, lon)
+        for d1, lat in lats for d2, lon in lons
+        if {*map(str, ds[lat].dims), *map(str, ds[lon].dims)} == set(rest) and ds[lat].ndim == ds[lon].ndim
+        and ds[lat].size > 0
+    ]  # fmt: skip
+    if fitting:
+        return min(fitting)[3:]
+    lacking = [f"{dim} ({ds[name].sizes.get(dim, 0)})" for dim in rest]
+    if not rest:
+        raise ForcingError(
+            f"{name} is a single value in space", where=where, remedy="Give a field on a grid of latitude and longitude"
+        )
+    raise ForcingError(
+        f"no latitudes and longitudes are given for {name} on its dimensions {', '.join(lacking)}", where=where,
+        remedy="Numbers of rows are no positions: write latitude and longitude (degrees_north, degrees_east) into the "
+        "file and name them in the attribute 'coordinates' of the variable",
+    )  # fmt: skip
+
+
+def _degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
+    """Return positions in degrees, without impossible ones (fill values become NaN)."""
+    values = variable.values.astype(float)
+    if variable.dtype == np.float32:  # the noise beyond the sixth decimal is of single precision
+        values = np.round(values, 6)
+    if units_of(variable).lower().startswith("rad"):
+        values = np.rad2deg(values)
+    values = np.where(np.abs(values) > 1e4, np.nan, values)
+    if not np.isfinite(values).any():
+        raise ForcingError(f"{variable.name} holds no position at all", where=where, remedy="Fetch the file again")
+    return variable.copy(data=values)
+
+
+def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: xr.DataArray, where: str) -> None:
+    """Refuse axes that hold no number, latitudes beyond the poles, and bare counts of rows and columns."""
+    for name, axis in ((lat, north), (lon, east)):
+        if not np.isfinite(axis.values).all():
+            raise ForcingError(
+                f"{name} is not a number everywhere", where=where, remedy="Correct the axis or fetch again"
+            )
+    if np.abs(north.values).max() > 90.001:
+        raise ForcingError(
+            f"{lat} runs from {north.values.min():g} to {north.values.max():g}: that is no latitude", where=where,
+            remedy="Give positions in degrees; for axes in metres the file needs a grid_mapping",
+        )  # fmt: skip
+    steps = np.diff(north.values)
+    if steps.size and not ((steps > 0.0).all() or (steps < 0.0).all()):
+        raise ForcingError(
+            f"{lat} neither rises nor falls throughout", where=where, remedy="Sort it: ds.sortby('" + lat + "')"
+        )
+    bare = all(not units_of(ds[name]) and not standard_name(ds[name]) for name in (lat, lon))
+    counted = all(
+        any(np.array_equal(axis.values, np.arange(axis.size) + first) for first in (0, 1)) for axis in (north, east)
+    )
+    if bare and counted:
+        raise ForcingError(
+            f"{lat} and {lon} only count rows and columns (no units)", where=where,
+            remedy="Write the positions in degrees, with units degrees_north and degrees_east",
+        )  # fmt: skip
+
+
+def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:
+    """Return axes where latitudes vary along rows only and longitudes along columns only; else None."""
+    if lat.shape[0] < 2 or lat.shape[1] < 2 or not (np.isfinite(lat).all() and np.isfinite(lon).all()):
+        return None
+    turned = (lon - lon[:1] + 180.0) % 360.0 - 180.0
+    if np.ptp(lat, axis=1).max() > STRAIGHT or np.abs(turned).max() > STRAIGHT:
+        return None
+    axis, steps = lat[:, 0], np.diff(lat[:, 0])
+    distinct = np.unique(np.round(lon[0] % 360.0, 6)).size == lon.shape[1]
+    return (axis, lon[0]) if distinct and ((steps > 0.0).all() or (steps < 0.0).all()) else None
+
+
+def mapping_of(ds: xr.Dataset, name: str) -> xr.Variable | None:
+    """Return the variable that describes the map projection of a field, if there is one."""
+    told = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", ""))).split(":")[0].strip()
+    if told in ds.variables:
+        return ds.variables[told]
+    named = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
+    return named[0] if len(named) == 1 else None
+
+
+def _projected(
+    ds: xr.Dataset, name: str, field: xr.DataArray, rest: list[str], found: list[tuple[str, Any, bool]]
+) -> xr.DataArray | None:
+    """Return a field on the axes of a map projection that the file or the product describes; None if it is on none."""
+    from riftberg.products.projected import METRES, crs_of_mapping, to_degrees
+
+    if len(rest) != 2:
+        return None
+    axes = {dim: c for c, _, _ in found for dim in rest if ds[c].dims == (dim,)}
+    if set(axes) != set(rest):
+        return None
+    roles = {dim: _map_axis(ds, c) for dim, c in axes.items()}
+    if set(roles.values()) != {"x", "y"}:
+        return None
+    ready = "crs_wkt" in ds.attrs
+    mapping = mapping_of(ds, name)
+    crs = ds.attrs["crs_wkt"] if ready else crs_of_mapping(mapping) if mapping is not None else None
+    if crs is None:
+        return None
+    x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
+    factor = {kind: METRES.get(units_of(ds[axes[dim]]).lower(), 0.0) for kind, dim in (("x", x_dim), ("y", y_dim))}
+    x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
+    bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
+    bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
+    if not all(factor.values()) or not getattr(crs, "is_projected", True):  # rotated pole: axes are degrees
+        lon, lat = to_degrees(crs, *np.meshgrid(x, y))
+        return bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
+    x, y = x * factor["x"], y * factor["y"]
+    _check_against(ds, crs, x, y, found, (y_dim, x_dim))
+    placed = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
+    for kind, attributes in (("lat", _NORTH), ("lon", _EAST)):
+        told = next((c for c, role, _ in found if role == kind and set(ds[c].dims) == {y_dim, x_dim}), None)
+        if told is not None:
+            placed = placed.assign_coords({kind: (("y", "x"), ds[told].transpose(y_dim, x_dim).values, attributes)})
+    return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
+
+
+def _check_against(
+    ds: xr.Dataset, crs: Any, x: Floats, y: Floats, found: list[tuple[str, Any, bool]], dims: tuple[str, str]
+) -> None:
+    """Refuse a projection that does not lead to the two-dimensional positions that the file gives beside it."""
+    from riftberg.products.projected import to_degrees
+
+    pair = [
+        next((c for c, role, _ in found if role == wanted and set(ds[c].dims) == set(dims)), None)
+        for wanted in ("lon", "lat")
+    ]
+    if None in pair or x.size < 2 or y.size < 2:
+        return
+    rows, columns = (np.unique(np.linspace(0, axis.size - 1, 9).astype(int)) for axis in (y, x))
+    lon, lat = to_degrees(crs, *np.meshgrid(x[columns], y[rows]))
+    told = [ds[c].transpose(*dims).values[np.ix_(rows, columns)].astype(float) for c in pair]
+    east = ((lon - told[0] + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat))
+    off = np.hypot(east, lat - told[1]) * 111e3
+    spacing = max(abs(x[1] - x[0]), abs(y[1] - y[0]))
+    if np.isfinite(off).any() and np.nanmax(off) > 0.5 * spacing + 1e-4 * 111e3:
+        raise ForcingError(
+            f"projection and positions of the file differ by {np.nanmax(off) / 1000.0:.1f} km",
+            where=str(ds.encoding.get("source", "")),
+            remedy="The file's grid mapping is wrong or missing: check its header",
+        )
+
+
+def _map_axis(ds: xr.Dataset, name: str) -> str:
+    told, axis = standard_name(ds[name]), str(ds[name].attrs.get("axis", "")).upper()
+    if told in ("projection_x_coordinate", "grid_longitude") or axis == "X" or name.lower() in ("x", "xc", "rlon"):
+        return "x"
+    if told in ("projection_y_coordinate", "grid_latitude") or axis == "Y" or name.lower() in ("y", "yc", "rlat"):
+        return "y"
+    return ""

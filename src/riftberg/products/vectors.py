@@ -1,0 +1,307 @@
+"""Vectors along the axes of a grid, turned to east and north; components on different points brought together.
+
+The angle alpha from east to the first axis of the grid, counter-clockwise, comes from the file (``angle`` of ROMS and
+CROCO, cosine and sine of MOM6 and WRF), from its map projection, or from its two-dimensional positions:
+
+    u_east = u cos(alpha) - v sin(alpha),    u_north = u sin(alpha) + v cos(alpha).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.products.axes import goes_round
+from riftberg.products.canonical import QUANTITIES
+from riftberg.products.cells import curvilinear, scattered, unit_vectors
+from riftberg.products.records import VECTORS, named
+from riftberg.products.roles import standard_name, units_of
+from riftberg.products.stencil import MISSING, Stencil
+
+Floats = NDArray[np.float64]
+
+COMPONENTS = frozenset(name for pair in VECTORS for name in pair)
+_TRUE_NAMES = frozenset({
+    "vozocrte", "vomecrtn", "u_eastward", "v_northward", "u_east", "v_north", "water_u", "water_v", "u10", "v10",
+    "uwnd", "vwnd",
+})  # fmt: skip
+_ANGLES = ("angle", "ANGLE", "ANGLET", "grid_angle_rho")
+_COSINES = (
+    ("COSALPHA", "SINALPHA"),
+    ("cos_rot", "sin_rot"),
+    ("cosrot", "sinrot"),
+    ("gcost", "gsint"),
+    ("gcosu", "gsinu"),
+)
+_TOLERANCE = 0.2
+"""Largest median difference (rad) between an angle of the file and the direction of its grid."""
+
+_OVERLAP = 0.8
+"""Share of the points of one component that must lie on the grid of the other."""
+
+
+def is_true(field: xr.DataArray, name: str) -> bool:
+    """Tell whether a component points east or north, by its grid, standard name, description or name."""
+    told = standard_name(field)
+    if told.startswith("grid_"):
+        return False
+    if set(field.dims) >= {"lat", "lon"} or "eastward" in told or "northward" in told:
+        return True
+    if "_x_" in f"_{told}" or "_y_" in f"_{told}":
+        return False
+    words = str(field.attrs.get("long_name", "")).lower()
+    return name in _TRUE_NAMES or "eastward" in words or "northward" in words
+
+
+def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, where: str) -> xr.DataArray:
+    """Return a component along the grid with the angle of the grid at its points as the coordinate ``grid_angle``.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Decoded file.
+    field : xarray.DataArray
+        Placed component.
+    name : str
+        Variable in the file.
+    place : callable
+        Places another variable of the file, as the field was.
+    where : str
+        File, for messages.
+    """
+    if "node" in field.dims:
+        raise ForcingError(
+            f"{name} ({standard_name(ds[name]) or 'no standard name'}) lies on scattered points, and the file does not say "
+            "that it points east or north", where=where,
+            remedy="If it does, write its standard name (eastward_sea_water_velocity and so on) into the file",
+        )  # fmt: skip
+    if "crs_wkt" in field.attrs:
+        angle = _of_projection(field)
+    else:
+        lon, lat = np.asarray(field["lon"].values), np.asarray(field["lat"].values)
+        told = _of_file(ds, lon, lat, place)
+        angle = _of_positions(lon, lat, name, where, any_hand=told is not None)
+        if told is not None:
+            off = np.nanmedian(np.abs((told - angle + np.pi) % (2.0 * np.pi) - np.pi))
+            if off > _TOLERANCE:
+                raise ForcingError(
+                    f"the angle that the file gives differs from the direction of its grid by {np.rad2deg(off):.0f} degrees",
+                    where=where, remedy="Correct the angle (radians from east to the first axis) or its units",
+                )  # fmt: skip
+            angle = np.where(np.isfinite(told), told, angle)
+    return field.assign_coords(grid_angle=(("y", "x"), angle)).assign_attrs(along="grid")
+
+
+def _direction(points: Floats, step: Floats) -> Floats:
+    """Return the angle from east of steps (rows, columns, 3) at points."""
+    east = np.stack([-points[..., 1], points[..., 0], np.zeros(points.shape[:-1])], axis=-1)
+    east /= np.maximum(np.linalg.norm(east, axis=-1, keepdims=True), 1e-12)
+    north = np.cross(points, east)
+    return np.asarray(np.arctan2((step * north).sum(-1), (step * east).sum(-1)))
+
+
+def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: bool) -> Floats:
+    """Return the angle of the rows of a grid; refuse a grid whose second axis lies to the right of the first."""
+    points = unit_vectors(lon, lat)
+    along, across = np.gradient(points, axis=1), np.gradient(points, axis=0)
+    handed = np.nanmedian((np.cross(along, across) * points).sum(-1))
+    if not handed > 0.0 and not any_hand:
+        raise ForcingError(
+            f"{name} follows a grid whose rows and columns are mirrored: its direction cannot be told", where=where,
+            remedy="Turn the rows round first, or give eastward and northward components",
+        )  # fmt: skip
+    return _direction(points, along)
+
+
+def _of_projection(field: xr.DataArray) -> Floats:
+    """Return the angle of the first axis of a map projection."""
+    from riftberg.products.projected import to_degrees
+
+    x, y = np.meshgrid(field["x"].values, field["y"].values)
+    small = 1e-3 * max(1.0, float(np.abs(np.diff(field["x"].values)).min(initial=1e9)))
+    before, after = (unit_vectors(*to_degrees(field.attrs["crs_wkt"], x + way * small, y)) for way in (-1.0, 1.0))
+    return _direction(unit_vectors(*to_degrees(field.attrs["crs_wkt"], x, y)), after - before)
+
+
+def _of_file(ds: xr.Dataset, lon: Floats, lat: Floats, place: Any) -> Floats | None:
+    """Return the angle (rad) that the file gives, at positions of a component; None if it gives none."""
+    for name in _ANGLES:
+        if name in ds.variables and ds[name].ndim >= 2:
+            angle = place(name)
+            values = np.asarray(angle.values, float)
+            if units_of(ds[name]).lower().startswith("deg") or np.nanmax(np.abs(values)) > 2.0 * np.pi + 0.1:
+                values = np.deg2rad(values)
+            return _angle_at(angle, np.cos(values), np.sin(values), lon, lat)
+    for cosine, sine in _COSINES:
+        if {cosine, sine} <= set(ds.variables):
+            placed = place(cosine)
+            return _angle_at(placed, placed.values, place(sine).values, lon, lat)
+    return None
+
+
+def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, lat: Floats) -> Floats | None:
+    if placed.dims != ("y", "x"):
+        return None
+    if (
+        cosine.shape == lon.shape
+        and np.allclose(placed["lat"], lat, equal_nan=True)
+        and np.allclose(placed["lon"], lon, equal_nan=True)
+    ):
+        return np.arctan2(sine, cosine)
+    stencil = curvilinear(placed["lon"].values, placed["lat"].values, lon, lat)
+    return np.asarray(np.arctan2(stencil.plain(sine), stencil.plain(cosine)))
+
+
+def stencil_between(source: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats) -> Stencil:
+    """Return where positions (degrees) lie on the grid of a placed field, whatever its kind."""
+    if "node" in source.dims:
+        return scattered(source["lon"].values, source["lat"].values, lon, lat)
+    if "lat" in source.dims:
+        axis = np.asarray(source["lon"].values, float)
+        turn = 360.0 if goes_round(axis) else 0.0
+        if not turn:
+            middle = 0.5 * (axis[0] + axis[-1])
+            lon = (lon - middle + 180.0) % 360.0 + middle - 180.0
+        return Stencil.bilinear(axis, source["lat"].values, lon, lat, turn=turn)
+    return curvilinear(source["lon"].values, source["lat"].values, lon, lat)
+
+
+def plane_of(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
+    """Return the dimensions of place of a placed field."""
+    if "node" in field.dims:
+        return ("node",)
+    return ("lat", "lon") if "lat" in field.dims else ("y", "x")
+
+
+def moved(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.DataArray:
+    """Return a field on the points of another one: over the known points around, lazily; NaN where there are none."""
+    lon, lat = _positions(like)
+    stencil = stencil_between(field, lon, lat)
+    if stencil.outside.mean() > 1.0 - _OVERLAP:
+        raise ForcingError(
+            f"the grids of {like.name or 'one field'} and {field.name} lie apart: {stencil.outside.mean():.0%} of the points "
+            "of the one are not on the other", remedy="Give both components on grids of the same place",
+        )  # fmt: skip
+    return regridded(
+        field,
+        stencil,
+        plane_of(like),
+        {name: c for name, c in like.coords.items() if set(c.dims) <= set(plane_of(like))},
+    )
+
+
+def regridded(field: xr.DataArray, stencil: Stencil, dims: tuple[str, ...], coords: Any) -> xr.DataArray:
+    """Return a field on the targets of a stencil (shaped like ``dims``), lazily if it is lazy."""
+    plane = plane_of(field)
+
+    def apply(values: Floats) -> Floats:
+        block = values if len(plane) == 2 else values[..., None, :]
+        found, origin = stencil.wet(block, 0)
+        return np.where(origin == MISSING, np.nan, found)
+
+    bare = field.drop_vars([name for name, c in field.coords.items() if set(c.dims) & set(plane)])
+    temporary = [f"_{dim}" for dim in dims]
+    if bare.chunks is not None:
+        bare = bare.chunk({dim: -1 for dim in plane})
+    result: xr.DataArray = xr.apply_ufunc(
+        apply, bare, input_core_dims=[list(plane)], output_core_dims=[temporary], dask="parallelized",
+        output_dtypes=[np.float64], keep_attrs=True,
+        dask_gufunc_kwargs={"output_sizes": dict(zip(temporary, stencil.shape, strict=True))},
+    )  # fmt: skip
+    return result.rename(dict(zip(temporary, dims, strict=True))).assign_coords(coords)
+
+
+def _positions(like: xr.DataArray | xr.Dataset) -> tuple[Floats, Floats]:
+    if "lon" not in like.coords:
+        raise ForcingError("the components lie on different points of a map", remedy="Give both on the same points")
+    lon, lat = np.asarray(like["lon"].values, float), np.asarray(like["lat"].values, float)
+    if "lat" in like.dims:
+        grid_lon, grid_lat = np.meshgrid(lon, lat)
+        return grid_lon, grid_lat
+    return lon, lat
+
+
+def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Bring both components of each vector to the same points, and turn those along a grid to east and north.
+
+    Raises
+    ------
+    ForcingError
+        If a component along the grid lacks its partner.
+    """
+    parts = list(datasets)
+    for east, north in VECTORS:
+        for k, ds in enumerate(parts):
+            if east not in ds.data_vars:
+                continue
+            if north not in ds.data_vars:
+                partner = next((m for m, other in enumerate(parts) if m != k and _fits(ds[east], other, north)), None)
+                if partner is None:
+                    continue
+                other = parts[partner]
+                try:
+                    across = moved(other[north], ds[east])
+                except ForcingError as error:
+                    raise ForcingError(error.what, where=named(ds), remedy=error.remedy) from error
+                source = ", ".join(
+                    dict.fromkeys([*str(ds.attrs["source"]).split(", "), *str(other.attrs["source"]).split(", ")])
+                )
+                ds = ds.assign({north: across}).assign_attrs(source=source)
+                parts[partner] = other.drop_vars(north)
+            parts[k] = _turned(ds, east, north)
+    for ds in parts:
+        for name in [name for pair in VECTORS for name in pair if name in ds.data_vars]:
+            if ds[name].attrs.get("along") == "grid":
+                raise _alone(ds, str(name))
+    return [ds.drop_vars("grid_angle", errors="ignore") for ds in parts if ds.data_vars]
+
+
+def _fits(field: xr.DataArray, other: xr.Dataset, name: str) -> bool:
+    """Tell whether another dataset holds the partner of a component, of the same records, levels and kind."""
+    if name not in other.data_vars or other[name].attrs.get("along") != field.attrs.get("along"):
+        return False
+    for axis in ("time", "depth"):
+        mine, yours = (a[axis].values if axis in a.dims else np.array([]) for a in (field, other[name]))
+        if mine.size != yours.size or (mine.size and not np.all(np.abs(mine - yours) <= _slack(mine))):
+            return False
+    return True
+
+
+def _slack(values: Any) -> Any:
+    return np.timedelta64(1, "s") if values.dtype.kind == "M" else 1e-3 * max(1.0, float(np.abs(values).max()))
+
+
+def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
+    along = {ds[name].attrs.get("along") for name in (east, north)}
+    if along == {None}:
+        return ds
+    if along != {"grid"}:
+        raise ForcingError(
+            f"of {east} and {north} one points along the grid and the other does not", where=named(ds),
+            remedy="Correct the standard names in the file",
+        )  # fmt: skip
+    cosine, sine = np.cos(ds["grid_angle"]), np.sin(ds["grid_angle"])
+    u, v = ds[east], ds[north]
+    turned = {east: u * cosine - v * sine, north: u * sine + v * cosine}
+    for name, old in ((east, u), (north, v)):
+        turned[name] = turned[name].astype(float).transpose(*old.dims)
+        turned[name].attrs = {key: value for key, value in old.attrs.items() if key != "along"}
+    told = f"{east}, {north} are turned from the axes of the grid to east and north"
+    earlier = str(ds.attrs.get("told", ""))
+    return ds.assign(turned).assign_attrs(told="; ".join(filter(None, [earlier, told])))
+
+
+def _alone(ds: xr.Dataset, name: str) -> ForcingError:
+    pair = next(pair for pair in VECTORS if name in pair)
+    other = pair[1 - pair.index(name)]
+    original = ds[name].attrs.get("original_name", name)
+    return ForcingError(
+        f"{original} points along the rows or columns of its grid, and no file gives the other component "
+        f"({QUANTITIES[other].long_name}) with the same records: without it the vector cannot be turned to east and north",
+        where=named(ds), remedy=f"Add the file with the partner of {original}",
+    )  # fmt: skip

@@ -1,0 +1,47 @@
+"""The forces that were applied to the elements, in the run file: mean of each medium since the record before."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from riftberg.state import Floats, Variable
+from riftberg.stepping.media import FORCES
+
+if TYPE_CHECKING:
+    from riftberg.model import Model
+
+
+def force_variables() -> list[Variable]:
+    """Return the variables of a run file with forces: east and north for every row of the table of media."""
+    return [
+        Variable(f"force_{name}_{axis}", "N", f"mean {word} force of {name.replace('_', ' ')} since the record before")
+        for name in FORCES
+        for axis, word in (("x", "eastward"), ("y", "northward"))
+    ]
+
+
+class AppliedForces:
+    """Means of the applied forces between records.
+
+    A long step of the multiple-time-step scheme applies its slow forces about its start and the sea floor in its sub-steps;
+    both count for the step in which they change the velocities.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._impulse: Floats = np.zeros((model.elements.size, len(FORCES), 2))
+        self._seconds = 0.0
+
+    def add(self, model: Model) -> None:
+        """Add the long step that was just taken."""
+        dt = model.parameters.stepping.time_step
+        self._impulse = self._impulse + dt * model.applied_forces()
+        self._seconds += dt
+
+    def take(self) -> dict[str, Floats]:
+        """Return the means (N) since the last call, NaN where no step was taken, and begin anew."""
+        mean = self._impulse / self._seconds if self._seconds > 0.0 else np.full_like(self._impulse, np.nan)
+        self._impulse, self._seconds = np.zeros_like(self._impulse), 0.0
+        flat = mean.reshape(len(mean), -1)
+        return {v.name: flat[:, k] for k, v in enumerate(force_variables())}
