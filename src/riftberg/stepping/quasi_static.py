@@ -11,16 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from datetime import datetime
+from typing import Any, Protocol
 
 import numpy as np
 
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
-from riftberg.parameters import KernelParameters
-from riftberg.state import Floats, Ints
+from riftberg.ocean.forcing import Forcing
+from riftberg.parameters import KernelParameters, Parameters
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import first_break, limits_of, most_overloaded, store_stresses, wear
+from riftberg.stepping.fragments import FragmentTree
 from riftberg.stepping.frames import (
     Bodies,
     element_motion,
@@ -42,7 +45,7 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
-from riftberg.stepping.media import allocate_surroundings
+from riftberg.stepping.media import Surroundings, allocate_surroundings
 from riftberg.stepping.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.rigid_bodies import (
     Motion,
@@ -53,9 +56,6 @@ from riftberg.stepping.rigid_bodies import (
     touching_pairs,
 )
 from riftberg.stepping.sizes import Sizes, interaction_sizes
-
-if TYPE_CHECKING:
-    from riftberg.model import Model
 
 EVENTS = 64
 """Cracks begin at most this often in a long step: overloads that follow each other sooner are met together."""
@@ -92,10 +92,27 @@ class Moment:
     load: Floats
 
 
+class Stepped(Protocol):
+    """What this scheme takes of a model."""
+
+    elements: Elements
+    bonds: Bonds
+    parameters: Parameters
+    constants: KernelParameters
+    forcing: Forcing
+    fragments: FragmentTree
+    time: float
+    step_number: int
+
+    @property
+    def date(self) -> datetime:
+        """Date of the present state."""
+
+
 class QuasiStaticStepper:
     """Rigid bodies with lattices in equilibrium."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Stepped) -> None:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
         self._now: Moment | None = None
@@ -116,15 +133,15 @@ class QuasiStaticStepper:
             body, *rest = (np.asarray(kept[name]) for name in MEMORY)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
 
-    def surround(self, model: Model) -> None:
+    def surround(self, model: Stepped) -> None:
         """Sample at the present positions."""
         model.forcing.sample(model.elements, model.time)
 
-    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+    def synchronised(self, model: Stepped) -> tuple[Floats, Floats]:
         """Return the velocity, which belongs to the positions."""
         return model.elements.u_sync.copy(), model.elements.v_sync.copy()
 
-    def step(self, model: Model) -> None:
+    def step(self, model: Stepped) -> None:
         """Advance by one long step."""
         step = LongStep(model, self._bodies, self._structure, self._now, self._around)
         step.run()
@@ -141,7 +158,7 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: Model, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
+        self, model: Stepped, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
         around: Surroundings,
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
