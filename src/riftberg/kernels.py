@@ -7,6 +7,10 @@ Decisions, with their reasons
 * The cache of numba looks only at the file of the outer function, so a change in a law called by a stepper would go
   unnoticed. The cache folder therefore carries a digest of *all* sources of the package that hold kernels, of numba's
   version and of Python's.
+* No kernel that Python calls returns a named tuple. To make one, compiled code must run Python code, and where a signal
+  waits (Ctrl-C) that code raises instead, which numba does not expect: the process dies of a segmentation fault. Plain
+  tuples, numbers and arrays are made without Python code. A named tuple is put together by the Python function around
+  the kernel; compiled code may hand named tuples to compiled code as it likes.
 * LLVM gives up vectorising a loop that reads and writes some twenty arrays, because it would have to prove or test
   that none overlap; the threshold of that run-time test is raised.
 """
@@ -26,6 +30,8 @@ import numba
 from numba import njit
 from numba.core import config
 from platformdirs import user_cache_path
+
+from riftberg.kernel_cache import SharedCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -87,12 +93,20 @@ def stage(function: _F) -> _F:
     return _compiled(function, inline="always")
 
 
+def plain(function: _F) -> _F:
+    """Return the Python function that a kernel was compiled from, for a kernel that returns a named tuple."""
+    python: _F = function.py_func  # type: ignore[attr-defined]
+    return python
+
+
 def _compiled(function: _F, **options: Any) -> _F:
     before = config.CACHE_DIR  # type: ignore[attr-defined]
     # numba reads the setting at decoration only; other packages must not inherit ours.
     config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
         compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        # Ours stands in for numba's cache, whose files two processes could mix up.
+        compiled._cache = SharedCache(function)  # type: ignore[attr-defined]
         return compiled
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]

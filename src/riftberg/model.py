@@ -13,6 +13,7 @@ from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RiftbergError, RunError
+from riftberg.interrupts import Hold, held, say
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements, Floats, copy_state
@@ -66,6 +67,8 @@ class Model:
         Family tree of the fragments.
     substeps : int
         Sub-steps in a long step.
+    remembered : dict of str to array
+        What recorders must know again to go on exactly; it is saved with the state.
 
     Examples
     --------
@@ -96,6 +99,7 @@ class Model:
         self.time = 0.0
         self.step_number = 0
         self.fragments = FragmentTree()
+        self.remembered: dict[str, Floats] = {}
         self._prepare()
         if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = given.earth
@@ -151,13 +155,17 @@ class Model:
         return self.elements.mass[:, None, None] * self._stepper.applied
 
     def step(self) -> None:
-        """Advance the state by one long step.
+        """Advance the state by one long step, which Ctrl-C does not tear apart: it comes into force after the step.
 
         Raises
         ------
         RunError
             If the contact iteration does not settle, or a position is no longer a number.
         """
+        with held():
+            self._step()
+
+    def _step(self) -> None:
         if self.step_number == 0 and not self._visited:
             self._first_visit()
         before = self.time, list(self.fragments.rows), *copy_state(self.elements, self.bonds)
@@ -229,13 +237,19 @@ class Model:
         RunError
             If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
             where. Without ``output`` the model itself is left at that state.
+        KeyboardInterrupt
+            After Ctrl-C, at the end of the step in hand; the run file is complete up to there, and the state is saved as
+            above. So it is with the SystemExit after a request to terminate.
         """
         from riftberg.runs.run_file import memory_run
 
         before = self.step_number
-        with memory_run(output, every_hours) as writer:
+        with held(), memory_run(output, every_hours) as writer:
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer])
+            except (KeyboardInterrupt, SystemExit):
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, 'interrupted')}")
+                raise
             except RiftbergError as error:
                 if self.step_number == before and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
@@ -244,17 +258,22 @@ class Model:
                 ) from error
             return writer.dataset()
 
-    def _rescued(self, output: str | Path | None) -> str:
+    def _rescued(self, output: str | Path | None, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
         path = Path(output)
-        return f"Go on with Model.resume({str(self.save(path.with_name(f'{path.stem}.failed.restart.nc')))!r}, forcing)"
+        saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
+        return f"Go on with Model.resume({str(saved)!r}, forcing)"
 
     def advance(
         self, days: float | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
     ) -> None:
-        """Run for some days, calling the recorders; see `run`."""
+        """Run for some days, calling the recorders; see `run`.
+
+        Ctrl-C and requests to terminate take effect between two steps, after the recorders have finished. A recorder may
+        have a method ``interrupted(model)``, which is called then.
+        """
         count = self._number_of_steps(days, steps)
         dt = self.parameters.stepping.time_step
         if self.forcing.grid is not None and self.step_number == 0:
@@ -263,12 +282,25 @@ class Model:
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()
+        with held() as hold:
+            try:
+                self._record_steps(count, recorders, hold)
+                hold.check()
+            except (KeyboardInterrupt, SystemExit):
+                for recorder in recorders:
+                    getattr(recorder, "interrupted", _nothing)(self)
+                raise
+
+    def _record_steps(self, count: int, recorders: Sequence[Recorder], hold: Hold) -> None:
+        """Take steps until they are done or a signal waits."""
         started: list[Recorder] = []
         try:
             for recorder in recorders:
                 recorder.start(self)
                 started.append(recorder)
             for _ in range(count):
+                if hold.requested:
+                    return
                 self.step()
                 for recorder in recorders:
                     recorder.record(self)
@@ -295,7 +327,8 @@ class Model:
         """Write a restart file from which `resume` goes on bit for bit."""
         from riftberg.runs.restart import save
 
-        return save(self, path, extra={"substeps": self.substeps, **self._stepper.memory()})
+        # The memory of the stepper comes last: what a resumed run remembers of it is old.
+        return save(self, path, extra={"substeps": self.substeps, **self.remembered, **self._stepper.memory()})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Model:
@@ -316,6 +349,7 @@ class Model:
         model.parameters, model.forcing, model.start = state.parameters, forcing, state.start
         model.time, model.step_number = state.time, state.step_number
         model.fragments = FragmentTree(state.fragment_rows())
+        model.remembered = {name: value for name, value in state.extra.items() if name != "substeps"}
         model._prepare()
         # A number found anew would depend on the bonds broken since.
         model.substeps = int(state.extra.get("substeps", model.substeps))
@@ -337,6 +371,10 @@ class Model:
                 p.describe(),
             ]
         )
+
+
+def _nothing(model: Model) -> None:
+    """Stand for a method that a recorder does not have."""
 
 
 def _with_constant_size(p: Parameters, elements: Elements) -> Parameters:

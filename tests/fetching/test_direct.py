@@ -13,7 +13,6 @@ import pytest
 
 pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
 sys.path.insert(0, str(Path(__file__).parent / "products"))
 from fetching.serving import Shelf

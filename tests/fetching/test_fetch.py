@@ -11,7 +11,6 @@ import pytest
 
 pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
 from fetching.serving import Shelf
 from riftberg.errors import ForcingError

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
 
 from fetching.fake_clients import Cdsapi, Copernicusmarine, Earthaccess
 from riftberg.errors import ForcingError

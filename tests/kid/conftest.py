@@ -77,11 +77,15 @@ def write_nc(path: Path, variables: dict[str, Any], drop: tuple[str, ...] = ()) 
     return path
 
 
+def write_case(folder: Path, driver: dict[str, Any] | None = None, icebergs: dict[str, Any] | None = None) -> Path:
+    """Make a run folder with ``input.nml`` and ``INPUT/icebergs.res.nc``."""
+    folder.mkdir()
+    (folder / "input.nml").write_text(namelist_text(driver, icebergs))
+    write_nc(folder / "INPUT" / "icebergs.res.nc", restart_variables())
+    return folder
+
+
 @pytest.fixture
 def case(tmp_path: Path) -> Path:
     """Return a run folder with ``input.nml`` and ``INPUT/icebergs.res.nc``."""
-    folder = tmp_path / "case"
-    folder.mkdir()
-    (folder / "input.nml").write_text(namelist_text())
-    write_nc(folder / "INPUT" / "icebergs.res.nc", restart_variables())
-    return folder
+    return write_case(tmp_path / "case")

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.model import Model

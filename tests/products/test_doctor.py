@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 sys.path.insert(0, str(Path(__file__).parent / "products"))
 from products import product_files as files
 from riftberg.errors import ForcingError

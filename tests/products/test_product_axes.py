@@ -8,8 +8,6 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 from riftberg.errors import ForcingError
 from riftberg.products.axes import goes_round, tidy_axes, tidy_longitude
 from riftberg.products.window import utc, window

@@ -6,15 +6,10 @@ from pathlib import Path
 
 import netCDF4
 import numpy as np
+import pyproj
 import pytest
 
 from products import product_files as files
-
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-pytest.importorskip("pyproj", reason="needs the extra riftberg[products]")
-
-import pyproj
-
 from riftberg.errors import ForcingError
 from riftberg.products import open_product, recognise, window
 from riftberg.products.interpolate import to_grid

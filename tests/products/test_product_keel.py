@@ -10,8 +10,6 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 from riftberg.errors import ForcingError
 from riftberg.products import keel_integral, keel_mean, mean_over_draft, open_product
 from riftberg.products.interpolate import to_grid

@@ -9,9 +9,6 @@ import pytest
 
 from products import product_files as files
 
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-pytest.importorskip("pyproj", reason="needs the extra riftberg[products]")
-
 LAYOUTS = {
     "oscar_v2_final": files.oscar_v2,
     "oscar_v1_thirddeg": files.oscar_v1,

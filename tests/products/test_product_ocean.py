@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 
 from products import product_files as files
-
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 from riftberg.errors import ForcingError
 from riftberg.products import keel_mean, open_product, recognise, window
 

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 from products import product_files as files
-
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 from riftberg.errors import ForcingError
 from riftberg.products import open_product, recognise, window
 from riftberg.products.interpolate import to_grid

@@ -11,9 +11,6 @@ import pytest
 import xarray as xr
 
 from products import product_files as files
-
-pytest.importorskip("cf_xarray", reason="needs the extra riftberg[products]")
-
 from riftberg.errors import ForcingError
 from riftberg.products import PRODUCTS, open_product, product_named, recognise
 from riftberg.products.canonical import QUANTITIES, conversion

@@ -13,6 +13,7 @@ import numpy as np
 
 from riftberg.bergs.feature import needed
 from riftberg.errors import BergError
+from riftberg.shared_settings import own_filters
 from riftberg.state import Floats
 
 SUFFIXES = (".tif", ".tiff", ".gtiff")
@@ -41,7 +42,7 @@ def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, 
     """
     rasterio = needed("rasterio", "GeoTIFF files need it", "geotiff")
     try:
-        with warnings.catch_warnings():
+        with own_filters():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             with rasterio.open(path) as file:
                 band = _band(file, variable, str(path))

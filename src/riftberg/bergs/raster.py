@@ -17,6 +17,7 @@ from riftberg.bergs.geotiff import SUFFIXES, read_band
 from riftberg.bergs.lattice import Booleans
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
+from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
 
 _LON = ("lon", "longitude", "nav_lon", "x")
@@ -189,7 +190,7 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
         if Path(source).suffix.lower() in SUFFIXES:
             return _tiff(Path(source), variable, date)
         try:
-            with xr.open_dataset(source) as opened:
+            with open_lazily(source) as opened:
                 source = opened.load()
         except (OSError, ValueError) as error:
             raise BergError(

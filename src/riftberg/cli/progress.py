@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time as clock
 from datetime import timedelta
-from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
 from riftberg.cli.failures import say
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.interrupts import Hold
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -97,30 +96,18 @@ class ProgressRecorder:
 class Interrupt:
     """Recorder that ends a run between two steps after Ctrl-C or a request to terminate.
 
-    A second Ctrl-C ends it at once. Give it last, so that the other recorders have seen the step.
+    Give it last, so that the other recorders have seen the step.
     """
 
-    def __init__(self) -> None:
-        self.requested = False
-        self._before: dict[int, Any] = {}
+    def __init__(self, hold: Hold) -> None:
+        self.hold = hold
 
     def start(self, model: Model) -> None:
-        """Take over the signals."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._before[number] = signal.signal(number, self._on_signal)
+        """Do nothing: the signals are held already."""
 
     def record(self, model: Model) -> None:
         """End the run if this was asked for."""
-        if self.requested:
-            raise KeyboardInterrupt
+        self.hold.check()
 
     def finish(self, model: Model) -> None:
-        """Hand the signals back."""
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
-            raise KeyboardInterrupt
-        self.requested = True
-        say("Stopping after this step; press Ctrl-C again to stop at once.")
+        """Do nothing."""

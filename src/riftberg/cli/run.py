@@ -13,6 +13,7 @@ from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
+from riftberg.interrupts import held
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -77,7 +78,10 @@ def run(
         return
     model, info = _built(experiment, options, resume)
     _tell(info)
-    session = Session(model, info, output_folder(output, info.name), _as_given(experiment, options))
+    given = [*_as_given(experiment, options), *_recording(options, every)]
+    session = Session(
+        model, info, output_folder(output, info.name), shlex.join(given), output is not None, _shown(map_, quiet)
+    )
     session.run(days if days is not None else info.days, info.output_every_hours if every is None else every, quiet)
     session.report(draw=map_)
 
@@ -99,7 +103,8 @@ def _run_both(
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         folders[-1].mkdir(parents=True, exist_ok=True)
-        session = Session(model, info, folders[-1], _as_given(experiment, chosen))
+        given = [*_as_given(experiment, chosen), *_recording(options, every)]
+        session = Session(model, info, folders[-1], shlex.join(given), True, _shown(draw, quiet))
         hours = info.output_every_hours if every is None else every
         session.run(options.days if options.days is not None else info.days, hours, quiet)
         session.report(draw=draw)
@@ -118,7 +123,20 @@ def _tell(info: Info) -> None:
         say(f"Notice: {notice}")
 
 
-def _as_given(experiment: str, options: Options) -> str:
+def _recording(options: Options, every: float | None) -> list[str]:
+    """Return the options of length and records, for going on with a run."""
+    words = [] if options.days is None else ["--days", f"{options.days!r}"]
+    if every is not None:
+        words += ["--every", f"{every!r}"]
+    return words
+
+
+def _shown(draw: bool, quiet: bool) -> str:
+    """Return the options of what is shown, for going on with a run."""
+    return ("" if draw else " --no-map") + (" --quiet" if quiet else "")
+
+
+def _as_given(experiment: str, options: Options) -> list[str]:
     """Return the experiment with the options that its forcing depends on, for going on with a run."""
     words = [experiment, *(word for part in sorted(options.without) for word in ("--without", part))]
     if options.data is not None:
@@ -127,7 +145,7 @@ def _as_given(experiment: str, options: Options) -> str:
         words += ["--grid", str(options.grid)]
     if options.numerics is not None:
         words += ["--numerics", options.numerics]
-    return shlex.join(words)
+    return words + (["--fetch"] if options.fetch else [])
 
 
 def experiments() -> None:
@@ -176,6 +194,14 @@ def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path
     return folder
 
 
+def _beside(folder: Path) -> Path:
+    """Return a folder beside one, that holds nothing yet: the files of the part that was run stay as they are."""
+    number = 2
+    while (found := folder.with_name(f"{folder.name}-{number}")).exists():
+        number += 1
+    return found
+
+
 def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Model, Info]:
     from riftberg.experiments import build
 
@@ -205,12 +231,18 @@ class Session:
         Where the results go.
     experiment : str
         As it was given on the command line, with the options that a run that goes on needs again.
+    placed : bool
+        The folder was given.
+    shown : str
+        Options of what is shown, as given.
     """
 
     model: Model
     info: Info
     folder: Path
     experiment: str
+    placed: bool = False
+    shown: str = ""
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
 
@@ -234,17 +266,15 @@ class Session:
             self.track,
             self.stopwatch,
             ProgressRecorder(remaining, quiet=quiet),
-            Interrupt(),
         ]
         before = self.model.step_number
         if not quiet:
             say(berg_line(self.model))
         try:
-            self.model.advance(remaining, recorders=recorders)
-        except KeyboardInterrupt as error:
-            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
-            self.report(draw=False)
-            raise typer.Exit(EXIT_INTERRUPTED) from error
+            with held() as hold:
+                self._advance(remaining, [*recorders, Interrupt(hold)])
+        except typer.Exit:
+            raise
         except RiftbergError as error:
             if self.model.step_number == before and not isinstance(error, RunError):
                 raise  # refused before the first step: there is nothing to save
@@ -253,13 +283,22 @@ class Session:
             say(f"The run failed at {self._date()}. {self._saved('failed')}")
             raise
 
+    def _advance(self, days: float, recorders: list[Recorder]) -> None:
+        try:
+            self.model.advance(days, recorders=recorders)
+        except (KeyboardInterrupt, SystemExit) as error:
+            say(f"Interrupted at {self._date()}. {self._saved('interrupted')}")
+            self.report(draw=False)
+            raise typer.Exit(getattr(error, "code", EXIT_INTERRUPTED)) from error
+
     def _date(self) -> str:
         return f"{self.model.date:%Y-%m-%d %H:%M} (day {self.model.time / 86400.0:.2f})"
 
     def _saved(self, why: str) -> str:
         """Save the state and say how to go on."""
         path = self.model.save(self.folder / f"{why}.restart.nc")
-        return f"Go on with: riftberg run {self.experiment} --resume {path}"
+        place = f" --output {shlex.quote(str(_beside(self.folder)))}" if self.placed else ""
+        return f"Go on with: riftberg run {self.experiment}{place} --resume {shlex.quote(str(path))}{self.shown}"
 
     def report(self, *, draw: bool = True) -> None:
         """Write summary and map, and print the summary."""

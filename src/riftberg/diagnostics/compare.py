@@ -26,6 +26,7 @@ from riftberg.errors import InputError
 from riftberg.places import latitude, longitude
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
+from riftberg.whole_files import write_text
 
 SMALL: Final = 50.0
 """Pieces below this area (km2) are counted, not listed."""
@@ -124,7 +125,7 @@ class Comparison:
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
         path = Path(path)
-        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
         return path
 
 

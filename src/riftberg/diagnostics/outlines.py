@@ -20,6 +20,7 @@ from riftberg.bergs.outline import read_features
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
+from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
 
 NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
@@ -133,7 +134,7 @@ def outlines_of_grid(path: Path, date: str | None = None, variable: str | None =
         If the values are no mask, if there is no ice, or no date.
     """
     try:
-        with xr.open_dataset(path) as opened:
+        with open_lazily(path) as opened:
             data = opened.load()
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read ({error})", where=str(path), remedy="Name a NetCDF file") from error

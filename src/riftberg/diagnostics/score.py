@@ -45,6 +45,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
 from riftberg.state import Floats
+from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -163,7 +164,7 @@ class Score:
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
         path = Path(path)
-        path.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
         return path
 
 

@@ -38,6 +38,7 @@ from riftberg.runs.provenance import forcing_text
 from riftberg.runs.restart import fragment_rows
 from riftberg.runs.track import Position, track_table
 from riftberg.version import __version__
+from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -130,7 +131,7 @@ def summarize(
 def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
     """Write a summary as JSON."""
     path = Path(path)
-    path.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     return path
 
 

@@ -11,7 +11,6 @@ import math
 from pathlib import Path
 from typing import Final
 
-import netCDF4
 import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
@@ -31,6 +30,7 @@ from riftberg.kid.a68 import (
 from riftberg.kid.hours import HourlyFile
 from riftberg.kid.restart import read_restart
 from riftberg.model import DEFAULT_START, Model
+from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID
@@ -121,7 +121,7 @@ def _check_against_grid(path: Path, grid: Grid) -> None:
     """Compare the positions that a file gives itself, if any, with those of the grid."""
     rows, columns = grid.domain
     there = {"lon": grid.arrays.lon[rows, columns][0], "lat": grid.arrays.lat[rows, columns][:, 0]}
-    with netCDF4.Dataset(path) as dataset:
+    with open_netcdf(path) as dataset:
         for name, right in there.items():
             if name not in dataset.variables or dataset[name].shape != right.shape:
                 continue

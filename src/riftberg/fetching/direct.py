@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 
 from riftberg.errors import ForcingError
 from riftberg.fetching.download import Progress, Resuming, Tell, fetch_one, progressing
+from riftberg.netcdf_lock import open_netcdf
 
 NCEP_URL = "https://downloads.psl.noaa.gov/Datasets/ncep.reanalysis/surface_gauss/"
 GEBCO_URL = "https://coastwatch.pfeg.noaa.gov/erddap/griddap/"
@@ -114,7 +114,7 @@ def _check_box(lon: Span, lat: Span) -> None:
 def _fault_of_floor(path: Path, lon: Span, lat: Span) -> str:
     """Return what is wrong with a file of elevations over a box; empty = nothing."""
     try:
-        with netCDF4.Dataset(path) as ds:
+        with open_netcdf(path) as ds:
             if "elevation" not in ds.variables:
                 return "the answer holds no elevations"
             for name, ends in (("longitude", lon), ("latitude", lat)):

@@ -16,6 +16,7 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.fetching.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.fetching.services import fetch_product
+from riftberg.netcdf_lock import open_lazily, open_netcdf
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
 
@@ -190,7 +191,7 @@ def _in_order(parts: Sequence[Path]) -> list[Path]:
     begins = []
     for part in parts:
         try:
-            with netCDF4.Dataset(part) as ds:
+            with open_netcdf(part) as ds:
                 records = len(ds.dimensions["time"]) if "time" in ds.dimensions else 0
                 begins.append(float(ds["time"][0]) if records and "time" in ds.variables else 0.0)
         except (OSError, RuntimeError) as error:
@@ -210,9 +211,9 @@ def _damaged(part: Path, error: Exception) -> ForcingError:
 
 def _join(parts: Sequence[Path], target: Path) -> None:
     """Copy parts one behind the other, as they are (no decoding), holding one part in memory at a time."""
-    with netCDF4.Dataset(target, "w", format="NETCDF4") as out:
+    with open_netcdf(target, "w", format="NETCDF4") as out:
         for part in parts:
-            with netCDF4.Dataset(part) as ds:
+            with open_netcdf(part) as ds:
                 ds.set_auto_maskandscale(False)
                 if not out.dimensions:
                     _copy_header(ds, out)
@@ -253,7 +254,7 @@ def check_hourly(path: Path, field: Hourly) -> None:
     """
     remedy = "Delete it and fetch again; if it stays wrong, the source has changed"
     try:
-        ds = xr.open_dataset(path, engine="netcdf4", decode_times=False)
+        ds = open_lazily(path, decode_times=False)
     except (OSError, ValueError) as error:
         raise ForcingError(f"cannot be read ({error})", where=str(path), remedy=remedy) from error
     with ds:

@@ -14,13 +14,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
-import netCDF4
 import numpy as np
 
 from riftberg.errors import ForcingError
 from riftberg.fetching import logins
 from riftberg.fetching.direct import GEBCO_URL, NCEP_URL, fetch_gebco, fetch_ncep
 from riftberg.fetching.download import Progress, Tell, made, missing_package, tell_terminal
+from riftberg.netcdf_lock import open_netcdf
 from riftberg.products.window import utc
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
@@ -282,7 +282,7 @@ def _unpacked(answer: Path, target: Path) -> list[Path]:
 def _whole(path: Path) -> bool:
     """Tell whether a file is there and can be opened."""
     try:
-        with netCDF4.Dataset(path):
+        with open_netcdf(path):
             return True
     except (OSError, RuntimeError):
         return False

@@ -1,4 +1,4 @@
-"""Files that grow by blocks of records, so that an interrupted run loses little."""
+"""Files that grow by blocks of records, so that an interrupted run loses little and a killed one leaves a whole file."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError
 from riftberg.kid.ncfile import Column
+from riftberg.netcdf_lock import open_netcdf
+from riftberg.one_writer import OneWriter
+from riftberg.whole_files import replacing
 
 BLOCK_RECORDS: Final = 20_000
-"""Records held in memory at most."""
+"""Records held in memory at most, as long as writing them takes little time."""
 
 CHUNK: Final = 4096
 """Records that lie together in the file."""
@@ -22,11 +25,18 @@ CHUNK: Final = 4096
 BLOCK_SECONDS: Final = 10.0
 """Wall-clock time between writes at most, s, as long as records come in."""
 
+QUICK: Final = 1.0
+"""Writes that take less than this wall-clock time (s) may follow each other at once."""
+
+PATIENCE: Final = 20.0
+"""After a longer one records are held this many times as long as it took, so that writing stays a small part."""
+
 
 class BlockWriter:
-    """A NetCDF file with one unlimited dimension ``i``; records are appended in blocks and flushed to the disk.
+    """A NetCDF file with one unlimited dimension ``i``, to which records are appended in blocks.
 
-    The container is NetCDF-4 with the classic data model: KID's own classic files take ten times as long to write.
+    A block goes into a copy of the file, which then takes its name (`riftberg.whole_files`). The container is NetCDF-4
+    with the classic data model: KID's own classic files take ten times as long to write.
 
     Parameters
     ----------
@@ -41,23 +51,24 @@ class BlockWriter:
         self._waiting: list[dict[str, NDArray[Any]]] = []
         self._waiting_size = 0
         self._written = 0
+        self._pause = 0.0
         self._last = time.monotonic()
+        self._taken = OneWriter(self.path)
         try:
-            self._dataset = netCDF4.Dataset(str(path), "w", format="NETCDF4_CLASSIC")
+            self._taken.take()
+            with replacing(self.path) as part, open_netcdf(part, "w", format="NETCDF4_CLASSIC") as dataset:
+                self._define(dataset)
         except OSError as error:
             raise InputError(
                 f"cannot be written ({error.strerror or error})", where=str(path), remedy="Choose another output file"
             ) from error
-        self._define()
 
-    def _define(self) -> None:
-        dataset = self._dataset
+    def _define(self, dataset: netCDF4.Dataset) -> None:
         dataset.setncatts({"file_format_major_version": np.int32(0), "file_format_minor_version": np.int32(1)})
         dataset.createDimension("i", None)
         for item in self.columns:
             variable = dataset.createVariable(item.name, item.dtype, ("i",), chunksizes=(CHUNK,))
             variable.setncatts({"long_name": item.long_name, "units": item.units})
-        dataset.sync()
 
     def append(self, records: dict[str, NDArray[Any]]) -> None:
         """Add records; all arrays have one length. They reach the disk with the block."""
@@ -70,18 +81,28 @@ class BlockWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Write the waiting records to the disk."""
+        """Write the waiting records to the disk, unless that has just taken long."""
+        if time.monotonic() - self._last >= self._pause:
+            self._write()
+
+    def _write(self) -> None:
+        began = time.monotonic()
+        if self._waiting:
+            with replacing(self.path, copy=True) as part, open_netcdf(part, "a") as dataset:
+                self._write_block(dataset)
+            self._written, self._waiting, self._waiting_size = self._written + self._waiting_size, [], 0
         self._last = time.monotonic()
-        if not self._waiting:
-            return
+        self._pause = PATIENCE * (self._last - began) if self._last - began > QUICK else 0.0
+
+    def _write_block(self, dataset: netCDF4.Dataset) -> None:
         end = self._written + self._waiting_size
         for item in self.columns:
             block = np.concatenate([records[item.name] for records in self._waiting])
-            self._dataset.variables[item.name][self._written : end] = block
-        self._dataset.sync()
-        self._written, self._waiting, self._waiting_size = end, [], 0
+            dataset.variables[item.name][self._written : end] = block
 
     def close(self) -> None:
-        """Write what waits and close the file."""
-        self.flush()
-        self._dataset.close()
+        """Write what waits and let go of the file."""
+        try:
+            self._write()
+        finally:
+            self._taken.give_back()

@@ -19,6 +19,7 @@ import f90nml
 from riftberg.errors import NamelistError
 from riftberg.kid.entries import GROUPS, convert, find_entry, refused
 from riftberg.kid.entry_table import REFUSED, REPORTED, TEXT, Entry, Value
+from riftberg.shared_settings import own_filters
 
 _FOLDERS: Final = ("restart_input_dir", "data_dir")
 
@@ -184,9 +185,9 @@ def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> Namelis
 def _parse(name: str, body: str, where: str) -> dict[str, Any]:
     source = f"&{name}\n{quote_texts(name, body)}\n/\n"
     try:
-        with warnings.catch_warnings():
+        with own_filters():
             # The parser warns of values that it leaves out.
-            warnings.simplefilter("error")
+            warnings.filterwarnings("error", module=r"f90nml\b")
             return dict(f90nml.reads(source).todict().get(name, {}))
     except Exception as error:  # the parser raises bare StopIteration, ValueError, AssertionError and more
         raise NamelistError(f"cannot be parsed ({error or type(error).__name__})", where=where) from error

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError
 from riftberg.kid.classic import missing_bytes
+from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.state import Floats, Ints
+from riftberg.whole_files import replacing
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
@@ -37,14 +39,13 @@ def opened_dataset(path: Path) -> Iterator[netCDF4.Dataset]:
         raise InputError("no such file", where=str(path), remedy="Put it there, or correct the path in the namelist")
     if missing := missing_bytes(path):
         raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
-    try:
-        dataset = netCDF4.Dataset(str(path))
-    except OSError as error:
-        raise _unreadable(path, error) from error
-    try:
-        yield dataset
-    finally:
-        dataset.close()
+    with NETCDF:
+        try:
+            dataset = netCDF4.Dataset(str(path))
+        except OSError as error:
+            raise _unreadable(path, error) from error
+        with dataset:
+            yield dataset
 
 
 def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
@@ -165,7 +166,7 @@ def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], s
     counter : bool
         Write the scalar ``i`` with the number of records.
     """
-    with netCDF4.Dataset(str(path), "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+    with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
         dataset.setncatts(
             {
                 "file_format_major_version": np.int32(0),

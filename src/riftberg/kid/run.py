@@ -12,6 +12,7 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
+from riftberg.interrupts import held, say
 from riftberg.kid.bond_restart import read_bonds, write_bonds
 from riftberg.kid.checks import check_bits, check_calving_store, check_rolling, order_sides
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
@@ -191,7 +192,15 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
         Before the first step, if something is missing, unknown, unsupported or impossible.
     RunError
         If the run fails; the last good state is written first.
+    KeyboardInterrupt
+        After Ctrl-C, at the end of the step in hand; the state is written first. So it is with the SystemExit after a
+        request to terminate.
     """
+    with held():
+        return _run(case_dir, output, progress)
+
+
+def _run(case_dir: Path, output: Path, progress: Recorder | None) -> KidReport:
     case = load_case(Path(case_dir))
     paths = _output_paths(case, Path(output))
     recorders, files = _recorders(case, paths)
@@ -204,6 +213,11 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
         raise RunError(
             f"{error}; the last good state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
         ) from error
+    except (KeyboardInterrupt, SystemExit):
+        saved = _write_restarts(case, paths)
+        done = f"{case.model.step_number} of {case.clock.steps} steps"
+        say(f"Stopped after {done}; the state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}")
+        raise
     files += _write_restarts(case, paths)
     return KidReport(case, tuple(files), (*case.namelist.report(), *case.notes))
 

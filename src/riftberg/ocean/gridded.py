@@ -23,6 +23,7 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
+from riftberg.ocean.one_at_a_time import Turn, one_at_a_time
 from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.search import locate_points
 from riftberg.ocean.tides import add_tidal_drift
@@ -105,6 +106,7 @@ class GriddedForcing:
         self._times = _checked_times(times, self._store.count)
         self._buffers = grid.fields()
         self._weights = np.full(len(Fields._fields), -1.0)
+        self.turn = Turn()
         self._no_cells = np.empty(0, dtype=np.int64)
 
     def _check_rules(self, stepwise: Sequence[str]) -> None:
@@ -180,6 +182,7 @@ class GriddedForcing:
         blend_around(i, j, MARGIN, before, after, self._weights, self._buffers)
         return Fields(*chosen)
 
+    @one_at_a_time
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements (``uo`` ... ``vorticity``) at their positions and cells.
 
@@ -204,6 +207,7 @@ class GriddedForcing:
         if self.tidal_drift > 0.0:
             add_tidal_drift(elements, grid, fields.ssh, self.tidal_drift, self.mirrored)
 
+    @one_at_a_time
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).
 
@@ -249,6 +253,7 @@ class GriddedForcing:
         i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
         return x, y, i, j, xi, eta
 
+    @one_at_a_time
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
         _, _, i, j, xi, eta = self._located(lon, lat)
@@ -257,6 +262,7 @@ class GriddedForcing:
         points_from_corners(fields.uo, fields.vo, i, j, xi, eta, self._grid.arrays, u, v)
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
+    @one_at_a_time
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points, by the first record; NaN outside and on land."""
         x, y, i, j, xi, eta = self._located(lon, lat)

@@ -70,7 +70,7 @@ def curvilinear(lon: Floats, lat: Floats, to_lon: Floats, to_lat: Floats) -> Ste
     round_x = goes_round_in_x(points)
     tree, known = _tree(points.reshape(-1, 3))
     targets = unit_vectors(np.ravel(to_lon), np.ravel(to_lat))
-    nearest = known[tree.query(targets)[1]]
+    nearest = known[tree.query(np.nan_to_num(targets))[1]]
     index, weight = np.zeros((4, len(targets)), np.int64), np.full((4, len(targets)), np.nan)
     for start in range(0, len(targets), _BLOCK):
         part = slice(start, start + _BLOCK)
@@ -160,12 +160,14 @@ def scattered(lon: Floats, lat: Floats, to_lon: Floats, to_lat: Floats) -> Stenc
     points, targets = unit_vectors(lon, lat), unit_vectors(np.ravel(to_lon), np.ravel(to_lat))
     tree, known = _tree(points)
     count = min(NEIGHBOURS, known.size)
-    distance, number = (a.reshape(len(targets), count) for a in tree.query(targets, k=count))
+    distance, number = (a.reshape(len(targets), count) for a in tree.query(np.nan_to_num(targets), k=count))
     index, weight = np.zeros((4, len(targets)), np.int64), np.zeros((4, len(targets)))
     inverse = 1.0 / np.maximum(distance, 1e-9) ** 2
     index[:count] = known[number].T
     weight[:count] = (inverse / inverse.sum(axis=1, keepdims=True)).T
-    far = np.rad2deg(distance[:, 0]) > REACH * spacing_of_points(lon, lat)[index[0]]
+    far = ~np.isfinite(targets).all(axis=1) | (
+        np.rad2deg(distance[:, 0]) > REACH * spacing_of_points(lon, lat)[index[0]]
+    )
     weight[:, far] = np.nan
     nearest = np.stack([np.zeros(len(targets), np.int64), index[0]])
     return Stencil(index, weight, nearest, np.shape(to_lon), (1, len(points)), rings=False)

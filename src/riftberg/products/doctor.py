@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_netcdf
 from riftberg.products.axes import goes_round, step_of
 from riftberg.products.canonical import QUANTITIES
 from riftberg.products.findings import DataFinding, FieldFinding, Report
@@ -165,7 +165,7 @@ def _opened(entries: Sequence[tuple[str, str | None]], report: Report) -> list[x
 def _other_kind(name: str) -> str:
     """Tell what a file is that belongs to a run but is no forcing; empty if unknown."""
     try:
-        with netCDF4.Dataset(name) as file:
+        with open_netcdf(name) as file:
             held = set(file.variables)
     except OSError:
         return ""

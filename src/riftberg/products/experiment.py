@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_lazily
 from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
 from riftberg.products.roles import role_of
 
@@ -37,7 +38,7 @@ def _matches(ds: xr.Dataset) -> bool:
 def _grid_beside(path: str) -> xr.Dataset | None:
     """Return the grid file of the experiment in the same folder, if there is one."""
     files = sorted(Path(path).parent.glob("*_grid.nc")) if path else []
-    return xr.open_dataset(files[0]) if files else None
+    return open_lazily(files[0]) if files else None
 
 
 def _has_positions(ds: xr.Dataset) -> bool:

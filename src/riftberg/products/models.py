@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_lazily
 from riftberg.products.product import Product, Source, text_of
 
 _CITATION = "see the file"
@@ -36,7 +37,7 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     )
     wanted = ("lat_rho", "lon_rho", "lat_u", "lon_u", "lat_v", "lon_v", "angle", "h")
     for path in named:
-        with xr.open_dataset(path, engine="netcdf4") as grid:
+        with open_lazily(path) as grid:
             if not {"lat_rho", "lon_rho"} <= set(grid.variables):
                 continue
             fits = all(

@@ -11,11 +11,13 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_lazily
 from riftberg.products.axes import tidy_axes
 from riftberg.products.fields import gathered
 from riftberg.products.product import Product
 from riftberg.products.sizes import whole_size
 from riftberg.products.stated import stated_interval, told_kind
+from riftberg.shared_settings import SETTINGS, own_filters
 
 CHUNK = "16MiB"
 _OPENINGS = (
@@ -90,7 +92,7 @@ def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     if chunked and find_spec("dask") is not None:
         import dask
 
-        with dask.config.set({"array.chunk-size": CHUNK}):
+        with SETTINGS, dask.config.set({"array.chunk-size": CHUNK}):
             ds.close()
             ds = _open(path, chunks="auto", drop_variables=text)
     else:
@@ -110,14 +112,14 @@ def _open(path: str, **options: Any) -> xr.Dataset:
     if not remote:
         check_readable(path)
     try:
-        return xr.open_dataset(path, engine="netcdf4", decode_cf=False, **options)
+        return open_lazily(path, decode_cf=False, **options)
     except (OSError, ValueError, RuntimeError, IndexError, KeyError, TypeError, AttributeError) as error:
         remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
         raise ForcingError(f"cannot be opened ({error})", where=path, remedy=remedy) from error
 
 
 def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
-    with warnings.catch_warnings():
+    with own_filters():
         # A store without consolidated metadata opens more slowly, which is no fault of the reader.
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         try:
@@ -181,7 +183,7 @@ def _read(path: str, product: Product) -> list[xr.Dataset]:
 
 def _decoded(raw: xr.Dataset) -> xr.Dataset:
     """Return the file with packing, fill values and dates decoded; that is xarray's work."""
-    with warnings.catch_warnings():
+    with own_filters():
         warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)
         # Only dates that pandas cannot hold come back as cftime objects.
         warnings.filterwarnings("ignore", message="Unable to decode time axis", category=xr.SerializationWarning)

@@ -39,9 +39,21 @@ class AppliedForces:
         self._impulse = self._impulse + dt * model.applied_forces()
         self._seconds += dt
 
-    def take(self) -> dict[str, Floats]:
-        """Return the means (N) since the last call, NaN where no step was taken, and begin anew."""
-        mean = self._impulse / self._seconds if self._seconds > 0.0 else np.full_like(self._impulse, np.nan)
+    @property
+    def kept(self) -> dict[str, Floats]:
+        """What must be known again to go on: impulse (N s) and length (s) since the record before."""
+        return {"impulse": self._impulse.copy(), "seconds": np.array(self._seconds)}
+
+    def go_on(self, impulse: Floats, seconds: Floats) -> None:
+        """Take up what was kept."""
+        self._impulse, self._seconds = np.array(impulse), float(seconds)
+
+    def begin(self) -> None:
+        """Begin a new interval."""
         self._impulse, self._seconds = np.zeros_like(self._impulse), 0.0
+
+    def means(self) -> dict[str, Floats]:
+        """Return the means (N) since the interval began, NaN where no step was taken."""
+        mean = self._impulse / self._seconds if self._seconds > 0.0 else np.full_like(self._impulse, np.nan)
         flat = mean.reshape(len(mean), -1)
         return {v.name: flat[:, k] for k, v in enumerate(force_variables())}

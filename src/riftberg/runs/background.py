@@ -6,18 +6,17 @@ for looking at; the forces on the elements are recorded with the elements.
 
 from __future__ import annotations
 
-import os
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import netCDF4
 import numpy as np
 import xarray as xr
 
 from riftberg import constants
 from riftberg.errors import RiftbergError, RunError
+from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.state import Floats
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -57,7 +56,7 @@ def append_background(path: str | Path, model: Model) -> bool:
         False where the forcing cannot be asked for maps, or knows nothing here; the file is as it was then.
     """
     path = Path(path)
-    with xr.open_dataset(path, decode_times=False) as run:
+    with open_lazily(path, decode_times=False) as run:
         seconds = run["time"].values
         names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
         axes = _axes(run[names[0]].values, run[names[1]].values, names[0] == "lon", POINTS)
@@ -75,16 +74,11 @@ def append_background(path: str | Path, model: Model) -> bool:
         return False  # a picture without water is better than no run
     if not (np.isfinite(np.array(currents)).any() or np.isfinite(depth).any()):
         return False
-    copy = path.with_name(f".{path.name}.part")
     try:
-        shutil.copyfile(path, copy)
-        with netCDF4.Dataset(copy, "a") as file:
+        with replacing(path, copy=True) as copy, open_netcdf(copy, "a") as file:
             _write(file.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
-        os.replace(copy, path)
     except OSError as error:
         raise RunError(f"cannot add the background to {path} ({error}); the run itself is complete") from error
-    finally:
-        copy.unlink(missing_ok=True)
     return True
 
 
@@ -217,10 +211,10 @@ def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
     source = run.encoding.get("source") if isinstance(run, xr.Dataset) else run
     if source is None or not Path(source).exists():
         return None
-    with netCDF4.Dataset(source) as file:
+    with open_netcdf(source) as file:
         if GROUP not in file.groups:
             return None
-    with xr.open_dataset(source, group=GROUP, decode_times=False) as background:
+    with open_lazily(source, group=GROUP, decode_times=False) as background:
         return StoredWater(background.load())
 
 

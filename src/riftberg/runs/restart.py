@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -19,11 +19,13 @@ import netCDF4
 import numpy as np
 
 from riftberg.errors import InputError
+from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.stepping.fragments import Fragment
 from riftberg.version import __version__
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -93,18 +95,12 @@ def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = No
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with netCDF4.Dataset(partial, "w") as file:
-            _write_header(file, model)
-            _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
-            _write_table(file, "bond", BOND_VARIABLES, model.bonds)
-            _write_fragments(file, fragment_rows(model))
-            _write_extra(file, extra or {})
-        _to_disk(partial)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replacing(path, to_disk=True) as part, open_netcdf(part, "w") as file:
+        _write_header(file, model)
+        _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
+        _write_table(file, "bond", BOND_VARIABLES, model.bonds)
+        _write_fragments(file, fragment_rows(model))
+        _write_extra(file, extra or {})
     return path
 
 
@@ -188,12 +184,13 @@ def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
         group.createVariable(name, array.dtype, dims, fill_value=False)[...] = array
 
 
-def _to_disk(path: Path) -> None:
-    with path.open("r+b") as handle:
-        os.fsync(handle.fileno())
+@contextmanager
+def _open_restart(path: Path) -> Iterator[netCDF4.Dataset]:
+    with NETCDF, _opened(path) as file:
+        yield file
 
 
-def _open_restart(path: Path) -> netCDF4.Dataset:
+def _opened(path: Path) -> netCDF4.Dataset:
     try:
         return netCDF4.Dataset(path)
     except OSError as error:

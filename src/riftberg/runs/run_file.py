@@ -18,7 +18,6 @@ last record, or the last second of a run that makes many records in a second. An
 from __future__ import annotations
 
 import os
-import shutil
 import time as clock
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -32,11 +31,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
+from riftberg.netcdf_lock import open_lazily, open_netcdf
+from riftberg.one_writer import OneWriter
 from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Variable
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import Model
@@ -125,22 +127,22 @@ class RunWriter:
         self._latest = float("nan")
         self._peak: Floats = np.zeros(0)
         self._names: dict[str, str] = {}
+        self._taken = OneWriter(self.path)
 
     def start(self, model: Model) -> None:
         """Create the file and hold the first record."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
-        self.path.unlink(missing_ok=True)
+        os.makedirs(self.path.parent, exist_ok=True)
+        self._taken.take()
         self._names = position_names(model.parameters.earth.latlon)
-        with netCDF4.Dataset(self.path, "w") as file:
+        # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
+        with replacing(self.path) as part, open_netcdf(part, "w") as file:
             _define(file, model, self._names)
             if self.forces:
                 _define_histories(file, force_variables(), self._names)
             file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
-        self.records, self._held, self._next = 0, [], model.time
-        self._peak = model.bonds.normal_stress.copy()
+        self.records, self._held = 0, []
         self._applied = AppliedForces(model) if self.forces else None
-        self._take(model)
+        self._take_up(model)
         self._flush(model)
 
     def record(self, model: Model) -> None:
@@ -148,41 +150,80 @@ class RunWriter:
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         if self._applied is not None:
             self._applied.add(model)
-        if model.time >= self._next - _ROUND:
+        due = model.time >= self._next - _ROUND
+        self._remember(model)
+        if due:
             self._take(model)
+            self._schedule(model)
             if clock.monotonic() - self._last_flush >= self._pause:
                 self._flush(model)
 
     def finish(self, model: Model) -> None:
         """Write what is held, and the last state even where no record was due."""
-        if model.time > self._latest + _ROUND:
-            self._take(model)
-        self._flush(model)
-        if self.background:
-            append_background(self.path, model)
+        try:
+            if model.time > self._latest + _ROUND:
+                self._take(model)
+            self._flush(model)
+            if self.background:
+                append_background(self.path, model)
+        finally:
+            self._taken.give_back()
 
     def _take(self, model: Model) -> None:
-        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.take()))
-        self._peak = model.bonds.normal_stress.copy()
+        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means()))
         self._latest = model.time
+
+    def _schedule(self, model: Model) -> None:
+        """Begin the interval up to the next record."""
+        if self._applied is not None:
+            self._applied.begin()
+        self._peak = model.bonds.normal_stress.copy()
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
+
+    def _remember(self, model: Model) -> None:
+        """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
+        kept: dict[str, Floats] | None = getattr(model, "remembered", None)
+        if kept is not None:
+            kept[self._key("peak_stress")] = self._peak.copy()
+            for name, value in self._applied.kept.items() if self._applied is not None else ():
+                kept[self._key(name)] = value
+            kept[self._key("times")] = np.array([model.time, self._next])
+
+    def _key(self, name: str) -> str:
+        return f"record_{name}_every_{self.interval:g}_s"
+
+    def _due_from(self, time: float) -> float:
+        """Return when the first record is due, with those of a run from the start."""
+        return time if self.interval <= 0.0 else self.interval * np.ceil((time - _ROUND) / self.interval)
+
+    def _take_up(self, model: Model) -> None:
+        """Take the first record; one that goes on is that of the run that never stopped, and so are the ones after it."""
+        kept: dict[str, Floats] = getattr(model, "remembered", {})
+        now, due = kept.get(self._key("times"), (np.nan, np.nan))
+        peak = kept.get(self._key("peak_stress"), np.zeros(0))
+        goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
+        if goes_on:
+            self._peak, self._next = np.array(peak), float(due)
+            if self._applied is not None and self._key("impulse") in kept:
+                self._applied.go_on(kept[self._key("impulse")], kept[self._key("seconds")])
+        else:
+            self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
+        self._remember(model)
+        self._take(model)
+        if model.time >= self._next - _ROUND:
+            self._schedule(model)
 
     def _flush(self, model: Model) -> None:
         before = clock.monotonic()
-        copy = self.path.with_name(f".{self.path.name}.part")
         try:
-            shutil.copyfile(self.path, copy)
-            with netCDF4.Dataset(copy, "a") as file:
+            with replacing(self.path, copy=True) as copy, open_netcdf(copy, "a") as file:
                 file.set_auto_mask(False)
                 self._write(file, model)
-            os.replace(copy, self.path)
         except OSError as error:
             raise RunError(
                 f"cannot write {self.path} ({error}); its last {len(self._held)} records are missing. "
                 "Is the disk full, or was the file removed?"
             ) from error
-        finally:
-            copy.unlink(missing_ok=True)
         self.records += len(self._held)
         self._held = []
         self._last_flush = clock.monotonic()
@@ -203,6 +244,12 @@ class RunWriter:
         for name in bond_history(model):
             file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
         file["time"][block] = [r.time for r in self._held]
+
+
+def _peak_so_far(model: Model) -> Floats:
+    """Return what is known of the largest stress where nothing was recorded before: that of the last long step."""
+    stress: Floats = model.bonds.normal_stress.copy()
+    return stress if model.step_number == 0 else np.maximum(stress, model.bonds.peak_stress)
 
 
 class _Record:
@@ -250,7 +297,7 @@ def open_run(path: str | Path) -> xr.Dataset:
     if not file.exists():
         raise InputError("no such file", where=str(file), remedy="Name run.nc or the folder that 'riftberg run' made")
     try:
-        dataset = xr.open_dataset(file)
+        dataset = open_lazily(file)
     except (OSError, ValueError) as error:
         raise InputError("not a NetCDF file, or a damaged one", where=str(file), remedy="Name a run.nc") from error
     if "trajectory" not in dataset.dims or dataset.attrs.get("featureType") != "trajectory":

@@ -7,7 +7,7 @@ import numpy as np
 from riftberg.kernels import kernel, stage
 from riftberg.physics.fracture import exceeds
 from riftberg.state import Bonds, Elements, Ints
-from riftberg.stepping.neighbours import adjacency
+from riftberg.stepping.neighbours import partners_over_bonds
 
 
 @kernel
@@ -25,7 +25,7 @@ def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints
     -------
     array of int, shape (count,)
     """
-    pairs, _ = adjacency(first, second, status, count)
+    start, partner, _ = partners_over_bonds(first, second, status, count)
     part = np.full(count, -1, np.int64)
     stack = np.empty(count, np.int64)
     parts = 0
@@ -38,8 +38,8 @@ def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints
         while depth > 0:
             depth -= 1
             e = stack[depth]
-            for k in range(pairs.start[e], pairs.start[e + 1]):
-                c = pairs.partner[k]
+            for k in range(start[e], start[e + 1]):
+                c = partner[k]
                 if part[c] < 0:
                     part[c] = parts
                     stack[depth] = c

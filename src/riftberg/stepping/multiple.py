@@ -134,7 +134,6 @@ def _slow_and_fast(partners, count):
     return Partners(none, none, partners.collision), Partners(partners.bonded, partners.same_berg, none)
 
 
-@kernel
 def advance(
     el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
     sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
@@ -161,6 +160,15 @@ def advance(
     -------
     StepReport
     """
+    return StepReport(*_advance(el, bonds, rows, pairs, partners, scratch, sizes, around, earlier, plan, p))
+
+
+@kernel
+def _advance(
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
+    sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
     shown, motion, body = el.shown, el.motion, el.body
     law = pair_law(p)
     slow, fast = _slow_and_fast(partners, motion.u.size)
@@ -172,7 +180,7 @@ def advance(
     if not plan.skip_slow:
         passes = closing_half_kick(el, plan.dt, around, slow, sizes, law, plan.starting, p)
         if passes < 0:
-            return StepReport(0, passes)
+            return 0, passes
         if plan.break_after:
             broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
         opening_half_kick(el, plan.dt, sizes, p)
@@ -203,7 +211,7 @@ def advance(
         else:
             passes = implicit_kick(el, dt, around, fast, sizes, law, scratch, p)
             if passes < 0:
-                return StepReport(broken, passes)
+                return broken, passes
         show_velocities(el, scratch.active)
         if p.dem:
             spin_up(el, scratch, dt)
@@ -217,4 +225,4 @@ def advance(
     for e in range(motion.u.size):
         if body.static[e] < 0.5:
             shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
-    return StepReport(broken, passes)
+    return broken, passes

@@ -74,7 +74,6 @@ def _bin(x: Floats, y: Floats, width_x, width_y, columns, rows, x0, y0, period):
     return cell, start, member
 
 
-@kernel
 def find_pairs(
     x: Floats, y: Floats, berg: Ints, reach: float, rule: int, latlon: bool, radius: float, period: float
 ) -> PairList:
@@ -98,10 +97,18 @@ def find_pairs(
     PairList
         Each pair stands in the lists of both partners; partners ascend.
     """
+    return PairList(*_find_pairs(x, y, berg, reach, rule, latlon, radius, period))
+
+
+@kernel
+def _find_pairs(
+    x: Floats, y: Floats, berg: Ints, reach: float, rule: int, latlon: bool, radius: float, period: float
+) -> tuple[Ints, Ints]:
+    """Return ``start`` and ``partner`` of `find_pairs`; see `riftberg.kernels` why no named tuple."""
     count = x.size
     start = np.zeros(count + 1, np.int64)
     if count == 0:
-        return PairList(start, np.zeros(0, np.int64))
+        return start, np.zeros(0, np.int64)
     width_x, width_y, columns, rows, x0, y0 = _hash_columns(x, y, reach, latlon, radius, period)
     cell, bin_start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
     partner = np.empty(8 * count, np.int64)
@@ -131,10 +138,9 @@ def find_pairs(
                         total += 1
         start[e + 1] = total
         partner[start[e] : total].sort()
-    return PairList(start, partner[:total].copy())
+    return start, partner[:total].copy()
 
 
-@kernel
 def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[PairList, Ints]:
     """Partners of each element over unbroken bonds, in order of bond number, and the bonds themselves.
 
@@ -144,6 +150,13 @@ def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[Pair
     bond : array of int
         Bond of each entry of ``pairs.partner``.
     """
+    start, partner, bond = partners_over_bonds(first, second, status, count)
+    return PairList(start, partner), bond
+
+
+@kernel
+def partners_over_bonds(first: Ints, second: Ints, status: Ints, count: int) -> tuple[Ints, Ints, Ints]:
+    """Return ``start``, ``partner`` and ``bond`` of `adjacency`."""
     start = np.zeros(count + 1, np.int64)
     for b in range(first.size):
         if status[b] == 0:
@@ -161,4 +174,4 @@ def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[Pair
             place[i] += 1
             partner[place[j]], bond[place[j]] = i, b
             place[j] += 1
-    return PairList(start, partner), bond
+    return start, partner, bond

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from riftberg.errors import RunError
+from riftberg.kernels import plain
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.state import Elements, Floats, Ints, copy_state
 from riftberg.stepping import runge_kutta, verlet
@@ -220,7 +221,7 @@ class MultipleStepper(Forgetful):
         slow = Partners(self._near.none, self._near.none, self._near.collisions(model, sizes))
         around = allocate_surroundings(el.mass.size)
         find_surroundings(el, sizes, around, c)
-        passes = closing_half_kick(el, dt, around, slow, sizes, pair_law(c), False, c)
+        passes = closing_half_kick(el, dt, around, slow, sizes, plain(pair_law)(c), False, c)
         return (el.u_sync, el.v_sync) if passes >= 0 else (model.elements.u_sync, model.elements.v_sync)
 
     @property

@@ -32,9 +32,15 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
     return math.sqrt(area / math.pi)
 
 
-@kernel
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     """Compute the sizes of all elements; a constant size of 0 is one that is not given."""
+    radius, bond_radius, bond_mass, bond_area = _interaction_sizes(elements, p)
+    return Sizes(radius, elements.body.mass, bond_radius, bond_mass, bond_area)
+
+
+@kernel
+def _interaction_sizes(elements: Elements, p: KernelParameters) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return radius, and radius, mass and area in bonds; see `riftberg.kernels` why no named tuple."""
     body = elements.body
     count = body.mass.size
     radius, bond_radius = np.empty(count), np.empty(count)
@@ -49,4 +55,4 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
             bond_area[e] = area
             bond_mass[e] = body.mass[e]
         bond_radius[e] = radius_of(bond_area[e], p.hexagonal, True)
-    return Sizes(radius, body.mass, bond_radius, bond_mass, bond_area)
+    return radius, bond_radius, bond_mass, bond_area

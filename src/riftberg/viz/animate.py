@@ -21,6 +21,7 @@ from riftberg.viz import style
 from riftberg.viz.panels import Panel, Water, day_text, fragment_colours, fragment_name, speed_top, widened
 from riftberg.viz.plots import heading
 from riftberg.viz.style import new_figure
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -83,7 +84,7 @@ def write_film(
     records = frame_records(scene, hours, fps)
     writer = _gif_writer(film, records, fps) if gif else _mp4_writer(fps)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with writer.saving(film.figure, str(path), dpi=dpi):
+    with replacing(path, ending=True) as part, writer.saving(film.figure, str(part), dpi=dpi):
         for done, record in enumerate(records, start=1):
             film.draw(int(record))
             writer.grab_frame()

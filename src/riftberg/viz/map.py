@@ -73,7 +73,7 @@ def draw_map(
     records = scene.telling_records(dates)
     figure = style.new_figure(15.5, 8.6, dpi)
     _MapFigure(figure, scene, forcing, observed or {}).draw(records, _title(run, title))
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 

@@ -116,7 +116,7 @@ def draw_dates(
     figure.suptitle(
         "\n".join(lines), x=0.3 / figure.get_figwidth(), y=1.0 - 0.1 / height, va="top", ha="left", fontsize=12
     )
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 
@@ -231,7 +231,7 @@ def draw_damage(
 def _titled(figure: Figure, title: str, path: str | Path) -> Path:
     """Put the title on a figure and write it."""
     figure.suptitle(title, x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 

@@ -26,6 +26,7 @@ from riftberg.state import Floats, Ints
 from riftberg.version import __version__
 from riftberg.viz.packing import pack
 from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
+from riftberg.whole_files import write_text
 
 LARGEST: Final = 10e6
 """Size of the page (bytes) above which records are left out."""
@@ -72,7 +73,7 @@ def write_replay(
     page = page.replace("__DATA__", data.replace("<", "\\u003c"), 1)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    write_text(path, page)
     return path
 
 

@@ -52,7 +52,7 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
         axes[k].spines[["top", "right"]].set_visible(False)
     _dates(axes[-1])
     figure.suptitle(title or f"Run against {score.observed}", x=0.05, ha="left", fontsize=12)
-    figure.savefig(path)
+    style.save_figure(figure, path)
     return Path(path)
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +33,12 @@ SMALL_COLOUR = "#666666"
 
 GROUND_COLOUR = "#A50026"
 """Sea floor that the keel touches."""
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure into a file that is whole or not there; the ending of its name says the format."""
+    with replacing(path) as part:
+        figure.savefig(part, format=Path(path).suffix.removeprefix(".") or None)
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:

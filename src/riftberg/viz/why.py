@@ -12,7 +12,7 @@ import numpy as np
 from riftberg.diagnostics.breakup import Breakup, Reasons
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.forces import FORCES
-from riftberg.viz.style import new_figure
+from riftberg.viz.style import new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +54,7 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
     figure.subplots_adjust(
         left=0.06, right=0.985, top=1.0 - 1.15 / height, bottom=0.62 / height, wspace=0.36, hspace=0.42
     )
-    figure.savefig(path)
+    save_figure(figure, path)
     return Path(path)
 
 

@@ -1,0 +1,112 @@
+"""Ctrl-C and requests to terminate, held back until the work at hand has come to an end that can be gone on from.
+
+A signal that meets a long step in its middle would leave a state of which half has moved. It is noted instead, and comes
+into force where the outermost `held` block ends, or where a loop asks (`Hold.requested`). A second one comes into force
+at once.
+
+Python gives signals to the main thread only, so in other threads there is nothing to hold back.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any, Final
+
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+"""Ctrl-C, and what batch systems send before they kill."""
+
+
+class Hold:
+    """Whether a signal waits.
+
+    Attributes
+    ----------
+    requested : int
+        Number of the first signal that came, 0 while none has.
+    """
+
+    def __init__(self) -> None:
+        self.requested = 0
+        self._before: dict[int, Any] = {}
+
+    def take(self) -> None:
+        """Take over the signals; a program that ignores them, or handles them itself, goes on doing so."""
+        for number in SIGNALS:
+            handler = signal.getsignal(number)
+            if handler in (signal.SIG_DFL, signal.default_int_handler):
+                self._before[number] = handler
+                signal.signal(number, self._note)
+
+    def give_back(self) -> None:
+        """Hand the signals back to whom they belonged."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    def check(self) -> None:
+        """Let the signal that came take effect.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            For Ctrl-C.
+        SystemExit
+            For a request to terminate, so that what is open is closed on the way out.
+        """
+        if self.requested == signal.SIGTERM:
+            raise SystemExit(128 + signal.SIGTERM)
+        if self.requested:
+            raise KeyboardInterrupt
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.requested = number
+        say("Stopping after this step; press Ctrl-C again to stop at once.")
+
+
+def say(text: str) -> None:
+    """Write to the error stream, from a signal handler too, which may have come in the middle of another line."""
+    with suppress(RuntimeError):
+        print(text, file=sys.stderr, flush=True)
+
+
+_holding: Hold | None = None
+
+
+@contextmanager
+def held() -> Iterator[Hold]:
+    """Hold Ctrl-C and termination back in this block; an inner block leaves that to the outer one.
+
+    Yields
+    ------
+    Hold
+        Says whether a signal waits.
+
+    Examples
+    --------
+    >>> with held() as hold:
+    ...     for step in range(3):
+    ...         if hold.requested:
+    ...             break
+    """
+    global _holding
+    if threading.current_thread() is not threading.main_thread():
+        yield Hold()
+        return
+    if _holding is not None:
+        yield _holding
+        return
+    _holding = hold = Hold()
+    try:
+        hold.take()
+        yield hold
+    finally:
+        _holding = None
+        hold.give_back()
+    hold.check()

@@ -1,0 +1,118 @@
+"""One lock for everything that touches NetCDF and HDF5, whose C libraries must be called by one thread at a time.
+
+All files are opened here: `open_netcdf` for blocks of reading and writing, `open_lazily` for datasets of xarray, whose
+later reads take the same lock. It includes xarray's own lock, so that datasets that a program opened itself stay apart
+from ours too.
+
+Nothing that waits for other threads may stand in a locked block, such as the computation of dask arrays: the threads
+that it waits for want the lock.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import netCDF4
+import xarray as xr
+from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
+
+_NETCDF: Final = (b"CDF", b"\x89HDF")
+
+
+class NetcdfLock:
+    """Lock that its holder may take again, held together with xarray's lock; there is one in a process.
+
+    Pickled, for example with a dataset on its way to another process, it becomes the lock of that process.
+    """
+
+    def __init__(self) -> None:
+        self._ours = threading.RLock()
+        self._depth = 0
+
+    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
+        """Take the lock; return whether it was had."""
+        if not self._ours.acquire(blocking, timeout):
+            return False
+        if self._depth == 0 and not NETCDF4_PYTHON_LOCK.acquire(blocking):
+            self._ours.release()
+            return False
+        self._depth += 1
+        return True
+
+    def release(self) -> None:
+        """Give the lock back."""
+        self._depth -= 1
+        if self._depth == 0:
+            NETCDF4_PYTHON_LOCK.release()
+        self._ours.release()
+
+    def locked(self) -> bool:
+        """Return whether anybody holds the lock."""
+        return self._depth > 0
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *error: object) -> None:
+        self.release()
+
+    def __reduce__(self) -> tuple[Callable[[], NetcdfLock], tuple[()]]:
+        return _the_lock, ()
+
+
+NETCDF: Final = NetcdfLock()
+"""The lock of this process."""
+
+
+def _the_lock() -> NetcdfLock:
+    return NETCDF
+
+
+if hasattr(os, "register_at_fork"):
+    # A child made while another thread reads would inherit a lock that nobody gives back, and a library in mid-call.
+    os.register_at_fork(before=NETCDF.acquire, after_in_parent=NETCDF.release, after_in_child=NETCDF.release)
+
+
+@contextmanager
+def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[netCDF4.Dataset]:
+    """Open a NetCDF file for a block in which this thread alone uses NetCDF.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    mode : str, optional
+        As `netCDF4.Dataset` takes it.
+    **options
+        Further arguments of `netCDF4.Dataset`.
+    """
+    with NETCDF, netCDF4.Dataset(str(path), mode, **options) as file:  # type: ignore[arg-type]
+        yield file
+
+
+def open_lazily(source: Any, **options: Any) -> xr.Dataset:
+    """Open a dataset whose values are read when they are asked for, each read under the lock.
+
+    Parameters
+    ----------
+    source : path or what xarray opens
+        NetCDF files are read by netCDF4, anything else by what xarray finds for it.
+    **options
+        Further arguments of `xarray.open_dataset`.
+    """
+    if _is_netcdf(source):
+        options = {"engine": "netcdf4", "lock": NETCDF, **options}
+    with NETCDF:
+        return xr.open_dataset(source, **options)
+
+
+def _is_netcdf(source: Any) -> bool:
+    if not isinstance(source, str | os.PathLike) or not Path(source).is_file():
+        return False
+    with open(source, "rb") as file:
+        return file.read(4).startswith(_NETCDF)

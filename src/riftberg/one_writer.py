@@ -1,0 +1,81 @@
+"""A file that a run is writing is taken: a second run that wants it is refused.
+
+The mark is a lock that the system gives back when the process ends, however it ends, on a hidden file beside it.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from riftberg.errors import InputError
+
+try:
+    import fcntl
+except ImportError:  # Windows: no such locks, runs are not kept apart there
+    fcntl = None  # type: ignore[assignment]
+
+
+class OneWriter:
+    """Holds a file for one run.
+
+    Parameters
+    ----------
+    path : path
+        The file that is about to be written.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.mark = self.path.with_name(f".{self.path.name}.lock")
+        self._handle: int | None = None
+
+    def take(self) -> None:
+        """Take the file.
+
+        Raises
+        ------
+        InputError
+            If another run holds it, in this process or another one.
+        """
+        if fcntl is None:
+            return
+        while True:
+            handle = os.open(self.mark, os.O_RDWR | os.O_CREAT, 0o666)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                who = os.read(handle, 20).decode("ascii", "replace").strip()
+                os.close(handle)
+                raise InputError(
+                    f"another run{f' (process {who})' if who else ''} is writing this file",
+                    where=str(self.path),
+                    remedy="Wait for its end or stop it, or give this run another place",
+                ) from None
+            except OSError:  # a file system without locks
+                os.close(handle)
+                return
+            if self._is_mark(handle):
+                break
+            os.close(handle)  # its last holder removed it meanwhile
+        os.ftruncate(handle, 0)
+        os.write(handle, str(os.getpid()).encode())
+        self._handle = handle
+
+    def _is_mark(self, handle: int) -> bool:
+        try:
+            return os.path.samestat(os.fstat(handle), os.stat(self.mark))
+        except FileNotFoundError:
+            return False
+
+    def give_back(self) -> None:
+        """Let others have the file."""
+        if self._handle is not None:
+            with suppress(OSError):
+                self.mark.unlink()
+            os.close(self._handle)
+            self._handle = None
+
+    def __del__(self) -> None:
+        self.give_back()

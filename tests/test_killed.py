@@ -1,0 +1,242 @@
+"""kill -9 at any moment: every file is whole or not there, its records are those of the whole run, and leftovers go."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pytest
+
+from riftberg.runs.restart import load_state
+from riftberg.runs.run_file import open_run
+from riftberg.whole_files import replacing
+
+HERE = Path(__file__).parent
+
+COMMON = """
+import itertools, sys
+from pathlib import Path
+sys.path[:0] = [{here!r}]
+from fakes import FakeModel
+out = Path(sys.argv[1])
+steps = int(sys.argv[2])
+def tell():
+    print("ready", flush=True)
+"""
+
+WRITERS = {
+    "run.nc": """
+from riftberg.runs.run_file import RunWriter
+model, writer = FakeModel(), RunWriter(out / "run.nc", every_hours=0.5, flush_seconds=0)
+writer.start(model)
+tell()
+for _ in range(steps):
+    model.step()
+    writer.record(model)
+""",
+    "restart": """
+from riftberg.runs.restart import save
+model = FakeModel()
+save(model, out / "run.restart.nc")
+tell()
+for _ in range(steps):
+    model.step()
+    save(model, out / "run.restart.nc")
+""",
+    "kid trajectories": """
+import numpy as np
+from riftberg.kid.blocks import BlockWriter
+from riftberg.kid.ncfile import Column
+writers = [BlockWriter(out / name, [Column("lon", "f8", "longitude", "degrees_E")]) for name in ("t.nc", "bonds.nc")]
+tell()
+for step in range(steps):
+    for writer in writers:
+        writer.append({"lon": np.arange(100.0) + 100 * step})
+        writer.flush()
+""",
+    "kid restart": """
+import numpy as np
+from riftberg.kid.ncfile import Column, write_restart_file
+columns = [(Column(f"v{k}", "f8", "value", "m"), np.arange(5000.0) + k) for k in range(20)]
+write_restart_file(out / "kid.nc", columns, 5000, counter=True)
+tell()
+for _ in range(steps):
+    write_restart_file(out / "kid.nc", columns, 5000, counter=True)
+""",
+    "summary": """
+from riftberg.diagnostics.summary import write_summary
+summary = {"numbers": list(range(200_000))}
+write_summary(summary, out / "summary.json")
+tell()
+for _ in range(steps):
+    write_summary(summary, out / "summary.json")
+""",
+    "picture": """
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from riftberg.viz.style import save_figure
+figure = Figure()
+FigureCanvasAgg(figure)
+figure.add_subplot().plot([1, 2, 3])
+save_figure(figure, out / "map.png")
+tell()
+for _ in range(steps):
+    save_figure(figure, out / "map.png")
+""",
+}
+
+
+def _run_is_whole(folder: Path, steps: int) -> None:
+    with open_run(folder / "run.nc") as run:
+        hours = (run.time.values - run.time.values[0]) / np.timedelta64(30, "m")
+        assert hours.tolist() == list(range(run.sizes["time"]))
+        assert np.isfinite(run.lon.values).all()
+        # An eastward drift: records stand in their order and none is of another run.
+        assert (np.diff(run.lon.values, axis=1) > 0.0).all()
+
+
+def _restart_is_whole(folder: Path, steps: int) -> None:
+    state = load_state(folder / "run.restart.nc")
+    assert state.time == 1800.0 * state.step_number
+
+
+def _tracks_are_whole(folder: Path, steps: int) -> None:
+    for name in ("t.nc", "bonds.nc"):
+        with netCDF4.Dataset(folder / name) as file:
+            lon = file["lon"][:]
+        assert lon.size % 100 == 0
+        np.testing.assert_array_equal(lon, np.arange(lon.size))
+
+
+def _kid_restart_is_whole(folder: Path, steps: int) -> None:
+    with netCDF4.Dataset(folder / "kid.nc") as file:
+        for k in range(20):
+            np.testing.assert_array_equal(file[f"v{k}"][:], np.arange(5000.0) + k)
+
+
+def _summary_is_whole(folder: Path, steps: int) -> None:
+    assert json.loads((folder / "summary.json").read_text()) == {"numbers": list(range(200_000))}
+
+
+def _picture_is_whole(folder: Path, steps: int) -> None:
+    content = (folder / "map.png").read_bytes()
+    assert content.startswith(b"\x89PNG")
+    assert content.endswith(b"IEND\xaeB`\x82")
+
+
+CHECKS: dict[str, Callable[[Path, int], None]] = dict(
+    zip(
+        WRITERS,
+        (
+            _run_is_whole,
+            _restart_is_whole,
+            _tracks_are_whole,
+            _kid_restart_is_whole,
+            _summary_is_whole,
+            _picture_is_whole,
+        ),
+        strict=True,
+    )
+)
+
+
+def program(name: str) -> str:
+    return COMMON.format(here=str(HERE)) + WRITERS[name]
+
+
+def killed(name: str, folder: Path, after: float) -> None:
+    command = [sys.executable, "-c", program(name), str(folder), str(10**9)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        time.sleep(after)
+        process.send_signal(signal.SIGKILL)
+
+
+TIMES = (0.0, 0.037, 0.11)
+MANY = tuple(0.013 * k for k in range(40))
+
+
+@pytest.mark.parametrize("after", [*TIMES, *(pytest.param(t, marks=pytest.mark.slow) for t in MANY)])
+@pytest.mark.parametrize("name", ["run.nc", "kid trajectories"])
+def test_records_are_whole_wherever_the_run_was_killed(tmp_path: Path, name: str, after: float) -> None:
+    killed(name, tmp_path, after)
+    CHECKS[name](tmp_path, 0)
+
+
+@pytest.mark.parametrize("after", [TIMES[1], *(pytest.param(t, marks=pytest.mark.slow) for t in MANY)])
+@pytest.mark.parametrize("name", ["restart", "kid restart", "summary", "picture"])
+def test_files_are_whole_whenever_their_writer_was_killed(tmp_path: Path, name: str, after: float) -> None:
+    killed(name, tmp_path, after)
+    CHECKS[name](tmp_path, 0)
+
+
+@pytest.mark.parametrize("name", ["run.nc", "summary"])
+def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path, name: str) -> None:
+    """A ``.run.nc.part`` once stayed for ever."""
+    gone = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True
+    )
+    file = "run.nc" if name == "run.nc" else "summary.json"
+    import platform
+    import re
+
+    node = re.sub(r"[^\w]", "_", platform.node())
+    old = [f".{file}.part", f".{file}.{gone.stdout.strip()}.part", f".{file}.{node}-{gone.stdout.strip()}-3.part"]
+    kept = [f".{file}.{node}-{os.getpid()}-999.part", f".{file}.elsewhere-7-1.part", f".other-{file}.part"]
+    for left in (*old, *kept):
+        (tmp_path / left).write_bytes(b"half")
+    (tmp_path / f".{file}.lock").write_text(gone.stdout)
+    subprocess.run(
+        [sys.executable, "-c", program(name), str(tmp_path), "2"], check=True, capture_output=True, timeout=120
+    )
+    CHECKS[name](tmp_path, 2)
+    left = {path.name for path in tmp_path.iterdir()} - {file, f".{file}.lock"}
+    assert left == set(kept)
+
+
+def test_nothing_is_left_after_an_error(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("old")
+
+    def fail() -> None:
+        with replacing(tmp_path / "a.txt") as part:
+            part.write_text("new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.txt": "old"}
+
+
+def test_passing_names_are_never_shared(tmp_path: Path) -> None:
+    with replacing(tmp_path / "a.txt") as one, replacing(tmp_path / "a.txt") as other:
+        assert one != other
+        one.write_text("1")
+        other.write_text("2")
+    assert (tmp_path / "a.txt").read_text() in ("1", "2")
+
+
+def test_codes_of_different_signatures_never_share_a_file(tmp_path: Path) -> None:
+    """An index that was begun anew once gave the old code of another signature, until the new one was written."""
+    from riftberg.kernel_cache import SharedFiles
+
+    def files(stamp: Any) -> SharedFiles:
+        return SharedFiles(str(tmp_path), "law-1.py311", stamp)
+
+    files(1).save("double", "code for double")
+    files(2).save("single", "code for single")
+    assert files(2).load("single") == "code for single"
+    assert files(2).load("double") is None
+    assert files(1).load("double") is None
+    assert len(list(tmp_path.glob("*.nbc"))) == 2
+    files(2).save("single", "code for single")
+    assert len(list(tmp_path.glob("*.nbc"))) == 2

@@ -1,0 +1,283 @@
+"""Whole runs with their files, side by side in threads, processes and dask workers: the same bits as in turn."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import riftberg
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import InputError
+from riftberg.kid.run import run_kid
+from riftberg.model import Model
+from riftberg.netcdf_lock import NETCDF, NetcdfLock, open_lazily, open_netcdf
+from riftberg.ocean.analytic import Steady
+from riftberg.ocean.forcing import Forcing
+from riftberg.parameters import A68A_2022
+from riftberg.runs.run_file import open_run
+
+SOURCES = Path(riftberg.__file__).parent
+WEAK = A68A_2022.changed(fracture={"normal_strength": 2e3, "shear_strength": 2e3})
+STEPS = 6
+MADE_ANEW = ("history", "date_created")
+
+
+def digest(path: str | Path) -> str:
+    """Digest of all values and attributes of a run file."""
+    found = hashlib.sha256()
+    with open_netcdf(path) as file:
+        file.set_auto_mask(False)
+        for group in (file, *file.groups.values()):
+            for name in sorted(group.ncattrs()):
+                if name not in MADE_ANEW:
+                    found.update(f"{name}={group.getncattr(name)}".encode())
+            for name, variable in sorted(group.variables.items()):
+                found.update(name.encode() + np.ascontiguousarray(variable[...]).tobytes())
+    return found.hexdigest()
+
+
+def one_run(seed: int, path: str, forcing: Forcing | None = None) -> str:
+    """Run a berg that drifts and breaks, save it, resume it, and return the digest of both files."""
+    berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-37.0, -56.0))
+    ocean = forcing or Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=165.0)
+    model = Model(berg, ocean, WEAK)
+    model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.u.size) * (1 + seed)
+    model.run(steps=STEPS, output=path, every_hours=0.5).close()
+    again = Model.resume(model.save(f"{path}.restart.nc"), ocean)
+    again.run(steps=2, output=f"{path}.more.nc", every_hours=0.5).close()
+    return digest(path) + digest(f"{path}.more.nc")
+
+
+def in_turn(tmp_path: Path, count: int = 3) -> list[str]:
+    return [one_run(seed, str(tmp_path / f"alone{seed}.nc")) for seed in range(count)]
+
+
+@pytest.mark.parametrize("threads", [2, 4])
+def test_runs_with_output_in_threads(tmp_path: Path, threads: int) -> None:
+    """Two runs in two threads crashed inside netCDF, every time."""
+    alone = in_turn(tmp_path)
+    assert len(set(alone)) == 3
+    with ThreadPoolExecutor(threads) as pool:
+        together = list(pool.map(one_run, range(3), [str(tmp_path / f"{seed}.nc") for seed in range(3)]))
+    assert together == alone
+
+
+@pytest.mark.parametrize("start", ["fork", "spawn"])
+def test_runs_with_output_in_processes(tmp_path: Path, start: str) -> None:
+    if start not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"this system cannot {start}")
+    alone = in_turn(tmp_path, 2)
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context(start)) as pool:
+        together = list(pool.map(one_run, range(2), [str(tmp_path / f"{seed}.nc") for seed in range(2)]))
+    assert together == alone
+
+
+def _reading(path: Path, stop: threading.Event) -> None:
+    while not stop.is_set():
+        with open_lazily(path) as ds:
+            ds["lon"].values  # noqa: B018
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
+def test_a_process_forked_while_another_thread_reads_can_read_too(tmp_path: Path) -> None:
+    """It would inherit a lock that nobody gives back."""
+    alone, stop = in_turn(tmp_path, 1), threading.Event()
+    thread = threading.Thread(target=_reading, args=(tmp_path / "alone0.nc", stop))
+    thread.start()
+    try:
+        for trial in range(3):
+            with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
+                assert pool.submit(digest, tmp_path / "alone0.nc").result(60) in alone[0], trial
+    finally:
+        stop.set()
+        thread.join()
+
+
+@pytest.mark.parametrize("processes", [False, True], ids=["threads", "processes"])
+@pytest.mark.filterwarnings("ignore")
+def test_runs_with_output_in_dask_workers(tmp_path: Path, processes: bool) -> None:
+    distributed = pytest.importorskip("distributed")
+    alone = in_turn(tmp_path, 3)
+    options = {"n_workers": 2 if processes else 1, "threads_per_worker": 1 if processes else 3}
+    with (
+        distributed.LocalCluster(processes=processes, dashboard_address=None, **options) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        tasks = client.map(one_run, range(3), [str(tmp_path / f"{seed}.nc") for seed in range(3)], pure=False)
+        assert client.gather(tasks) == alone
+
+
+def field_file(path: Path) -> Path:
+    """Write hourly currents of 20 x 30 points that differ from hour to hour, in compressed chunks."""
+    hours, lat, lon = np.arange(48), np.linspace(-58.0, -54.0, 20), np.linspace(-40.0, -34.0, 30)
+    wave = np.sin(0.3 * hours[:, None, None] + lat[:, None] + lon)
+    names = {"uo": ("eastward_sea_water_velocity", 0.3), "vo": ("northward_sea_water_velocity", 0.2)}
+    ds = xr.Dataset(
+        {
+            name: (("time", "latitude", "longitude"), size * wave, {"units": "m s-1", "standard_name": standard})
+            for name, (standard, size) in names.items()
+        },
+        {
+            "time": ("time", hours, {"units": "hours since 2020-12-09 00:00:00", "standard_name": "time"}),
+            "latitude": ("latitude", lat, {"units": "degrees_north", "standard_name": "latitude"}),
+            "longitude": ("longitude", lon, {"units": "degrees_east", "standard_name": "longitude"}),
+        },
+    )
+    with NETCDF:
+        ds.to_netcdf(path, encoding={name: {"zlib": True, "chunksizes": (1, 20, 30)} for name in names})
+    return path
+
+
+EXPERIMENT = """
+start: 2020-12-09 13:00
+days: 0.5
+berg:
+  rectangle: {length: 18 km, width: 9 km}
+  placement: [-37, -56]
+  thickness: 200 m
+forcing:
+  kind: files
+  files: [FIELDS]
+  longitude: [-38.5, -35.5]
+  latitude: [-57, -55]
+"""
+
+
+def from_files(number: int, folder: str) -> str:
+    """Build an experiment on currents from a file, and run it."""
+    from riftberg.experiments import Options, build
+
+    model, _ = build(str(Path(folder) / "case.yaml"), Options(data=Path(folder)))
+    path = Path(folder) / f"from_files_{threading.get_ident()}_{number}.nc"
+    model.run(steps=6, output=path).close()
+    return digest(path)
+
+
+def test_forcing_files_are_read_from_several_threads(tmp_path: Path) -> None:
+    field_file(tmp_path / "currents.nc")
+    (tmp_path / "case.yaml").write_text(EXPERIMENT.replace("FIELDS", "currents.nc"))
+    alone = from_files(0, str(tmp_path))
+    with ThreadPoolExecutor(4) as pool:
+        assert set(pool.map(from_files, range(1, 5), [str(tmp_path)] * 4)) == {alone}
+
+
+def test_lazy_data_of_the_program_itself_stay_apart_from_runs(tmp_path: Path) -> None:
+    """Datasets that were opened by xarray as they are, with and without dask, are read while runs write."""
+    own = field_file(tmp_path / "currents.nc")
+    with NETCDF:
+        plain, chunked = xr.open_dataset(own), xr.open_dataset(own, chunks={"time": 1})
+    alone = in_turn(tmp_path, 2)
+    with ThreadPoolExecutor(4) as pool:
+        sums = [pool.submit(lambda ds=ds: float(ds["uo"].isel(time=slice(0, 40)).sum())) for ds in (plain, chunked)]
+        runs = [pool.submit(one_run, seed, str(tmp_path / f"{seed}.nc")) for seed in range(2)]
+        assert [run.result() for run in runs] == alone
+        assert sums[0].result() == pytest.approx(sums[1].result())
+    plain.close()
+    chunked.close()
+
+
+def kid_digest(case: Path, output: str) -> str:
+    files = run_kid(case, Path(output)).files
+    return "".join(digest(path) for path in files)
+
+
+def test_kid_runs_in_threads(tmp_path: Path) -> None:
+    from kid.conftest import write_case
+
+    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0})
+    alone = kid_digest(case, str(tmp_path / "alone.nc"))
+    with ThreadPoolExecutor(3) as pool:
+        together = set(pool.map(kid_digest, [case] * 3, [str(tmp_path / f"{n}.nc") for n in range(3)]))
+    assert together == {alone}
+
+
+def test_two_runs_into_one_file_are_noticed(tmp_path: Path) -> None:
+    class Second:
+        """Recorder that starts another run into the same file."""
+
+        def start(self, model: Model) -> None: ...
+
+        def record(self, model: Model) -> None:
+            with pytest.raises(InputError, match=r"another run \(process \d+\) is writing this file"):
+                one_run(1, str(tmp_path / "run.nc"))
+
+        def finish(self, model: Model) -> None: ...
+
+    berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(-37.0, -56.0))
+    model = Model(berg, Steady(current=(0.3, 0.1), depth=500.0))
+    model.run(steps=2, output=tmp_path / "run.nc", recorders=[Second()]).close()
+    assert [path.name for path in tmp_path.iterdir()] == ["run.nc"]
+    one_run(1, str(tmp_path / "run.nc"))  # it is free again
+    with open_run(tmp_path) as run:
+        assert run.sizes["time"] == STEPS + 1
+
+
+def test_the_lock_is_one_in_the_process_and_may_be_taken_again() -> None:
+    assert pickle.loads(pickle.dumps(NETCDF)) is NETCDF
+    assert isinstance(NETCDF, NetcdfLock)
+    assert not NETCDF.locked()
+    with NETCDF, NETCDF:
+        assert NETCDF.locked()
+        seen: list[bool] = []
+        thread = threading.Thread(target=lambda: seen.append(NETCDF.acquire(blocking=False)))
+        thread.start()
+        thread.join()
+        assert seen == [False]
+    assert not NETCDF.locked()
+
+
+def test_files_are_opened_in_one_place_only() -> None:
+    """Anything else would not take the lock."""
+    openers = {"Dataset", "MFDataset", "open_dataset", "open_mfdataset", "open_dataarray", "load_dataset", "to_netcdf"}
+    allowed = {("netcdf_lock.py", "Dataset"), ("netcdf_lock.py", "open_dataset"),
+               ("runs/restart.py", "Dataset"), ("kid/ncfile.py", "Dataset")}  # fmt: skip
+    found = set()
+    for path in SOURCES.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in openers:
+                owner = ast.unparse(node.func.value)
+                if node.func.attr != "Dataset" or owner == "netCDF4":
+                    found.add((path.relative_to(SOURCES).as_posix(), node.func.attr))
+    assert found == allowed
+
+
+COMPILE = """
+import sys
+from riftberg.kernels import kernel
+from riftberg.stepping.neighbours import find_pairs
+from riftberg.stepping.sizes import radius_of
+from riftberg.physics.geometry import separation
+import numpy as np
+kind = {"0": np.float64, "1": np.float32}[sys.argv[1]]
+x = np.arange(6, dtype=kind)
+y = np.zeros(6, dtype=kind)
+print(find_pairs(x, y, np.zeros(6, np.int64), 1.5, 0, False, 6.4e6, 0.0).partner.tolist())
+"""
+"""Compiles the search for pairs for single or double precision: other machine code for another signature."""
+
+
+def test_first_compile_in_two_processes_with_one_cache(tmp_path: Path) -> None:
+    """Also for different signatures of one kernel, whose entries share an index: nobody may get the other's code."""
+    environment = {**os.environ, "RIFTBERG_CACHE": str(tmp_path / "cache")}
+
+    def started(kind: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", COMPILE, kind]
+        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    for _ in range(2):  # compiling, then from the cache
+        running = [started(kind) for kind in ("0", "1", "0", "1")]
+        answers = [process.communicate(timeout=300) for process in running]
+        assert [process.returncode for process in running] == [0] * 4, answers
+        assert {answer for answer, _ in answers} == {"[1, 0, 2, 1, 3, 2, 4, 3, 5, 4]\n"[0:]}
