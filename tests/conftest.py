@@ -23,6 +23,14 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("filterwarnings", "ignore::RuntimeWarning")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave out what needs compilation where there is none."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        for item in items:
+            if item.get_closest_marker("compiled"):
+                item.add_marker(pytest.mark.skip(reason="needs compilation: takes minutes, or measures time"))
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder of shared reference data; skips where it is absent, fails if the run demands it."""

@@ -209,6 +209,7 @@ class Model:
         recorders: Sequence[Recorder] = (),
         output: str | Path | None = None,
         every_hours: float = 1.0,
+        forces: bool = False,
     ) -> xr.Dataset:
         """Run for some days and return the trajectory.
 
@@ -224,6 +225,8 @@ class Model:
             Run file to write; kept in memory only if left out.
         every_hours : float
             Interval of the records in the run file.
+        forces : bool, optional
+            Record the mean force of each medium on each element too.
 
         Returns
         -------
@@ -244,7 +247,7 @@ class Model:
         from riftberg.runs.run_file import memory_run
 
         before = self.step_number
-        with held(), memory_run(output, every_hours) as writer:
+        with held(), memory_run(output, every_hours, forces) as writer:
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer])
             except (KeyboardInterrupt, SystemExit):

@@ -13,6 +13,7 @@ from riftberg import constants
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
+GroundingLaw = Literal["linear", "quadratic"]
 Packing = Literal["square", "hexagonal"]
 
 
@@ -69,8 +70,21 @@ class Drag(Group):
 class Grounding(Group):
     """Drag of the sea floor on an element whose keel touches it."""
 
+    law: GroundingLaw = quantity(
+        "linear",
+        "",
+        "linear in speed, or quadratic: with the square of the speed and the draft in excess of the depth",
+        "spec 4.1; quadratic: Riftberg",
+    )
     coefficient: float = quantity(
         0.0, "kg m-2 s-1", "grounding drag per base area and speed", "spec 0.2 cdrag_grounding", ge=0
+    )
+    quadratic_coefficient: float = quantity(
+        0.0,
+        "kg m-4",
+        "grounding drag of the quadratic law per base area, excess draft and speed squared",
+        "Riftberg",
+        ge=0,
     )
     ramp_height: float = quantity(
         0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0

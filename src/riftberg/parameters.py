@@ -64,6 +64,7 @@ class KernelParameters(NamedTuple):
     rotational_drag: bool
     max_sides: int
     ground_coefficient: float
+    ground_quadratic: float
     ground_ramp: float
     ground_on_substeps: bool
     ground_implicit: bool
@@ -152,10 +153,8 @@ class Parameters(Group):
                 "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
                 "or fracture.enabled = false (spec 7, quirk Q25)"
             )
-        if scheme == "quasi_static" and (self.bonds.law == "spring" or self.bonds.no_shear):
-            raise ValueError(
-                "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
-                "and bonds.no_shear = false, or stepping.scheme = 'mts'"
+        multiple = p.stepping.scheme in ("mts", "quasi_static")
+        quadratic = p.grounding.law == "quadratic"
             )
         if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
@@ -179,7 +178,12 @@ class Parameters(Group):
         """Flatten the groups into the named tuple that compiled code reads."""
         p, c = self, self.compatibility
         hexagonal = p.bonds.packing == "hexagonal"
+<<<<<<< HEAD
         multiple = p.stepping.scheme in ("mts", "quasi_static")
+=======
+        multiple = p.stepping.scheme == "mts"
+        quadratic = p.grounding.law == "quadratic"
+>>>>>>> house
         return KernelParameters(
             multiple_steps=multiple,
             rho_ice=p.ice.density,
@@ -188,7 +192,8 @@ class Parameters(Group):
             radius_based=p.drag.radius_based,
             rotational_drag=p.drag.rotational,
             max_sides=6 if hexagonal else 4,
-            ground_coefficient=p.grounding.coefficient,
+            ground_coefficient=0.0 if quadratic else p.grounding.coefficient,
+            ground_quadratic=p.grounding.quadratic_coefficient if quadratic else 0.0,
             ground_ramp=p.grounding.ramp_height,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
             ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import Known, compare, dated, observed_part, read_compared
+from riftberg.diagnostics.compare import Known, compare, observed_part, read_compared, with_hours
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize, write_summary
 from riftberg.errors import InputError
@@ -115,7 +115,7 @@ def test_places_are_west_of_greenwich_or_in_kilometres(tmp_path: Path) -> None:
 
 def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> None:
     noon = Fix("X", datetime(2020, 12, 9), True, -39.0, -55.0)
-    found = dated([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)
+    found = with_hours([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)
     assert [f.when for f in found] == [datetime(2020, 12, 9, 13, 30), datetime(2020, 12, 9)]
 
 

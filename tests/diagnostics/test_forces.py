@@ -72,6 +72,18 @@ def test_the_sea_floor_slows_by_its_rate(tmp_path: Path) -> None:
         assert np.abs(force[:, 1]).max() == 0.0
 
 
+def test_the_quadratic_floor_slows_by_its_coefficient(tmp_path: Path) -> None:
+    """The budgets of why read the same table as the schemes: force by speed squared and excess draft."""
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
+    p = P.changed(grounding={"law": "quadratic", "quadratic_coefficient": 2e3})
+    Model(berg, Steady(depth=150.0), p).advance(steps=1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=0.5)])
+    with open_run(tmp_path / "run.nc") as run:
+        force = external_forces(run, 0, p.kernel_values())["sea floor"]
+    excess = 200.0 * 850.0 / 1025.0 - 150.0
+    np.testing.assert_allclose(force[:, 0], -2e3 * 9e6 * excess * 0.25, rtol=1e-6)
+    assert np.abs(force[:, 1]).max() == 0.0
+
+
 def test_a_file_without_sea_ice_is_read_as_open_water(floating: xr.Dataset) -> None:
     forces = external_forces(floating.drop_vars(["ui", "vi", "ice_thickness"]), 3, P.kernel_values())
     assert (forces["sea ice"] == 0.0).all()

@@ -70,6 +70,16 @@ def test_hexagons_are_bonded_as_hexagons(slab: Path) -> None:
     assert (model.parameters.bonds.packing, model.parameters.bonds.max_bonds) == ("hexagonal", 6)
 
 
+def test_the_quadratic_sea_floor_is_chosen_in_a_file(slab: Path) -> None:
+    law = "grounding: {law: quadratic, quadratic_coefficient: 2e3}"
+    slab.write_text(SLAB.replace("parameters:\n", f"parameters:\n  {law}\n").replace("wind: [5, -2]", "depth: 150 m"))
+    model, _ = build(str(slab), Options())
+    assert (model.constants.ground_coefficient, model.constants.ground_quadratic) == (0.0, 2e3)
+    slab.write_text(SLAB.replace("parameters:\n", "parameters:\n  grounding: {law: quadratic}\n"))
+    with pytest.raises(InputError, match="needs grounding"):
+        read_file(slab)
+
+
 def test_dates_with_a_zone_become_utc(slab: Path) -> None:
     slab.write_text(SLAB.replace("2020-12-09 13:00", "2020-12-09T15:00:00+02:00"))
     assert read_file(slab)[0].start == datetime(2020, 12, 9, 13)

@@ -111,7 +111,7 @@ def test_units_of_stress_do_not_matter():
 def test_compression_and_nonsense_take_nothing():
     assert damage_rate(stress_ratio(-1e12, 0.0, *STRENGTH), 0.0, DAY, 2.0) == 0.0
     assert damage_rate(np.nan, 0.0, DAY, 2.0) == 0.0
-    assert damage_rate(stress_ratio(0.0, 0.0, 0.0, 0.0), 0.0, DAY, 2.0) == 0.0
+    assert damage_rate(stress_ratio(*np.zeros(4)), 0.0, DAY, 2.0) == 0.0
 
 
 @pytest.mark.parametrize("m", [1.0, 2.0, 3.5])

@@ -50,6 +50,22 @@ def test_rates_equal_their_twins_on_random_elements():
         assert_same(grounding.grounding_spin_rate(c, area, mass, chi), twin.spin_rate(c, area, mass, chi))
 
 
+def test_quadratic_coefficient_equals_its_twin_and_scales():
+    """Linear in coefficient, base area and draft in excess of the depth, inverse in mass; none while the keel is clear."""
+    for seed in SEEDS:
+        r = np.random.default_rng(seed)
+        k, area, mass = r.uniform(0, 1e5), r.uniform(1e4, 1e8), r.uniform(1e8, 1e13)
+        water, keel = r.uniform(0, 300, 2)
+        got = grounding.quadratic_grounding(k, area, mass, keel - water)
+        assert_same(got, twin.quadratic(k, area, mass, water, keel))
+        assert got >= 0.0
+    one = grounding.quadratic_grounding(2e3, 9e6, 1.5e12, 10.0)
+    assert one == pytest.approx(2e3 * 9e6 * 10.0 / 1.5e12, rel=1e-15)
+    assert grounding.quadratic_grounding(4e3, 18e6, 3e12, 5.0) == pytest.approx(one, rel=1e-14)
+    assert grounding.quadratic_grounding(2e3, 9e6, 1.5e12, 0.0) == 0.0
+    assert grounding.quadratic_grounding(2e3, 9e6, 1.5e12, -1.0) == 0.0
+
+
 def test_afloat_means_no_drag_and_rates_scale():
     """Linear in coefficient, area and fraction, inverse in mass; spin with the area of the disc."""
     assert grounding.grounding_rate(1e4, 9e6, 1.5e12, 0.0) == 0.0

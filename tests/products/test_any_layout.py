@@ -302,6 +302,43 @@ def test_a_run_in_1950_is_refused_on_data_of_2020(tmp_path: Path) -> None:
         forcing_from_files(asked, tmp_path, Run.of(datetime(1950, 1, 1), 0.2, e.thickness, 850.0))
 
 
+@pytest.mark.parametrize("style", ["gebco", "cf", "srtm15", "bare"])
+def test_rows_of_a_bathymetry_are_no_positions(style: str, tmp_path: Path) -> None:
+    name = {"gebco": "elevation", "srtm15": "z", "cf": "deptho", "bare": "elevation"}[style]
+    told = {"units": "m"} if style != "bare" else {}
+    field = xr.Dataset({name: (("lat", "lon"), np.full((6, 7), -100.0), told)})
+    field.attrs = {"gebco": {"title": "The GEBCO_2020 Grid"}, "srtm15": {"GMT_version": "6"}}.get(style, {})
+    field.to_netcdf(tmp_path / "floor.nc")
+    with pytest.raises(ForcingError, match="Numbers of rows are no positions"):
+        open_product(tmp_path / "floor.nc")
+
+
+def test_counts_beside_a_grid_mapping_are_no_positions(tmp_path: Path) -> None:
+    """A variable ``crs`` and index axes (axis X, Y) must not make degrees or metres of row numbers."""
+    field = (
+        ("y", "x"),
+        np.zeros((6, 7)),
+        {"units": "m", "standard_name": "sea_surface_height_above_geoid", "grid_mapping": "crs"},
+    )
+    axes = {"y": ("y", np.arange(6), {"axis": "Y"}), "x": ("x", np.arange(7), {"axis": "X"})}
+    stereographic = {"grid_mapping_name": "polar_stereographic", "latitude_of_projection_origin": -90.0,
+                     "straight_vertical_longitude_from_pole": 0.0, "standard_parallel": -70.0}  # fmt: skip
+    for mapping in ({"grid_mapping_name": "latitude_longitude"}, stereographic):
+        xr.Dataset({"zos": field, "crs": ((), 0, mapping)}, axes).to_netcdf(tmp_path / "level.nc")
+        with pytest.raises(ForcingError, match="Numbers of rows are no positions"):
+            open_product(tmp_path / "level.nc")
+
+
+def test_currents_described_as_deep_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, PLAIN)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    ds["a"].attrs["long_name"] = "eastward velocity at 500 m"
+    ds.to_netcdf(tmp_path / "deep.nc")
+    with pytest.raises(ForcingError, match="begins at 500 m"):
+        open_product(tmp_path / "deep.nc")
+
+
 def test_the_doctor_names_the_variable_and_what_it_noticed(tmp_path: Path) -> None:
     path = written(tmp_path, replace(PLAIN, level="depth:1:0.494:m", member="one"))
     text = doctor(path, needed=("uo", "vo")).text()

@@ -9,6 +9,7 @@ import xarray as xr
 
 from riftberg import Iceberg, Model, Steady
 from riftberg.diagnostics.forces import FORCES, applied_forces, external_forces, forces_recorded
+from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022
 from riftberg.runs.applied import force_variables
 from riftberg.runs.run_file import RunWriter, open_run
@@ -33,6 +34,18 @@ def test_forces_are_written_only_where_they_are_asked_for(tmp_path: Path) -> Non
         for name in plain.variables:
             np.testing.assert_array_equal(full[name].values, plain[name].values)
         assert full["force_sea_floor_x"].attrs["units"] == "N"
+
+
+def test_forces_are_chosen_in_a_run_and_in_a_file(tmp_path: Path) -> None:
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0))
+    assert forces_recorded(Model(berg, Steady(), P).run(steps=1, every_hours=0.0, forces=True))
+    assert not forces_recorded(Model(berg, Steady(), P).run(steps=1, every_hours=0.0))
+    text = (
+        "start: 2020-12-09\ndays: 1\noutput_forces: true\nforcing: {kind: constant}\n"
+        "berg: {rectangle: {length: 6 km, width: 3 km}, placement: [-39, -55], thickness: 200 m}\n"
+    )
+    (tmp_path / "it.yaml").write_text(text)
+    assert build(str(tmp_path / "it.yaml"), Options())[1].output_forces
 
 
 def test_a_record_holds_the_mean_since_the_one_before(tmp_path: Path) -> None:

@@ -33,6 +33,10 @@ SCHEMES = {
 """Every way in which a medium acts on an element, with bonds that keep momentum to round-off, or none."""
 
 
+PLOUGH = {"law": "quadratic", "quadratic_coefficient": 2e3}
+LAWS = {"linear": {}, "quadratic": {"grounding": PLOUGH}}
+
+
 def model(scheme, *, depth=150.0, **changes):
     """Return a berg of two by two elements adrift in everything, aground unless the water is deep."""
     p = A68A_2022.changed(
@@ -77,10 +81,11 @@ def test_rows_equal_the_twin(multiple):
         np.testing.assert_allclose(around.coriolis[e], want.f, rtol=1e-12)
 
 
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_applied_forces_are_what_changed_the_momentum(scheme):
+def test_applied_forces_are_what_changed_the_momentum(scheme, law):
     """The sum of all forces kept is the change of momentum to round-off: no medium is forgotten, none counted twice."""
-    m = model(scheme)
+    m = model(scheme, **LAWS[law])
     m.step()
     for _ in range(3):
         before = momentum(m)
@@ -129,6 +134,31 @@ def test_the_mean_force_of_the_floor_over_the_sub_steps_is_that_of_its_law():
     np.testing.assert_allclose(m.applied_forces()[:, SEA_FLOOR, 0], lost, rtol=1e-11)
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_quadratic_floor_slows_by_its_closed_form(scheme):
+    """``u = u0 / (1 + c u0 t)``, ``c = k_g A (D - d) / m``: force by speed squared and by the draft in excess of the depth.
+
+    The work of the force that was applied is the kinetic energy lost.
+    """
+    floor = {**PLOUGH, "quadratic_coefficient": 20.0}
+    steps = {"time_step": 60.0, "substeps": 4}
+    alone = {"drag": {"ocean_scale": 0.0}, "earth": {"reference_latitude": 0.0}, "bonds": {"law": "none"}}
+    m = model(scheme, depth=200.0 * 850.0 / 1025.0 - 8.0, grounding=floor, stepping=steps, **alone)
+    m.forcing = Steady(depth=m.forcing.water)
+    m.elements.v[:] = 0.0
+    m.step()
+    el, work = m.elements, 0.0
+    start = el.u.copy()
+    for _ in range(59):
+        before = el.u.copy()
+        m.step()
+        work += (m.applied_forces()[:, SEA_FLOOR, 0] * 0.5 * (before + el.u)).sum() * 60.0
+    c = 20.0 * 9e6 * 8.0 / el.mass
+    np.testing.assert_allclose(el.u, 0.5 / (1.0 + c * 0.5 * 3600.0), rtol=0.02)
+    lost = 0.5 * (el.mass * (start**2 - el.u**2)).sum()
+    assert -work == pytest.approx(lost, rel=0.02)
+
+
 def test_implicit_sub_steps_leave_no_berg_without_a_floor():
     """Bug once: spring bonds with implicit sub-steps passed over the sea floor as if it were not there."""
     left = {}
@@ -139,6 +169,12 @@ def test_implicit_sub_steps_leave_no_berg_without_a_floor():
         left[explicit] = np.abs(m.velocity()[0]).max()
     assert left[False] < 0.1
     assert left[True] < 0.1
+
+
+def test_aground_under_the_quadratic_law():
+    p = parameters(grounding={**PLOUGH, "coefficient": 0.0, "ramp_height": 0.0})
+    got = media.aground(np.array([200.0, 193.0, 180.0]), np.full(3, 160.0), p)
+    np.testing.assert_array_equal(got, [True, True, False])
 
 
 @pytest.mark.parametrize(("thickness", "coefficient", "ramp", "touches"), [

@@ -42,6 +42,7 @@ def listed(pairs, x, y, reach, latlon, period):
     return found
 
 
+@pytest.mark.compiled
 @settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
@@ -59,6 +60,7 @@ def test_all_pairs_are_found_on_a_plane(seed, count, reach, rule, period):
     assert listed(pairs, x, y, reach, False, period) == all_pairs(x, y, berg, reach, rule, False, period)
 
 
+@pytest.mark.compiled
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 40), middle=st.sampled_from([0.0, -60.0, -79.0, 85.0, 89.3]))
 def test_all_pairs_are_found_on_the_sphere(seed, count, middle):

@@ -69,6 +69,7 @@ def _scattered_thickness(packing):
     return 200.0 * np.random.default_rng(5).uniform(0.5, 1.5, count)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("objective", [True, False])
 @pytest.mark.parametrize(
@@ -84,6 +85,7 @@ def test_lattice_is_stable_below_the_limit_and_not_above(packing, objective, cha
     assert _growth(berg, p, 1.03 * limit) > 30.0
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("objective", [True, False])
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_limit_holds_where_thickness_varies(packing, objective) -> None:
@@ -178,6 +180,7 @@ def test_resumed_run_keeps_its_number_of_substeps(tmp_path) -> None:
     assert np.array_equal(model.elements.lon, resumed.elements.lon)
 
 
+@pytest.mark.compiled
 def test_choice_takes_little_time() -> None:
     p = _parameters()
     berg = _berg(side=22)

@@ -39,7 +39,10 @@ def compare(arrays, twins, names, *, rtol=1e-12, floor=None):
 # nearly cancel, so they are compared to 1e-12 of a bond force over a mass rather than of their own size.
 DEM_FLOOR = {"ax_fast": 1e-3, "ay_fast": 1e-3, "ax": 1e-3, "ay": 1e-3, "spin_rate": 1e-6}
 
+PLOUGH = {"law": "quadratic", "quadratic_coefficient": 200.0, "ramp_height": 0.0}
+
 VERLET = {
+    "quadratic-ground": {"grounding": PLOUGH},
     "branch-A": {},
     "branch-A-speed-damping": {"contact": {"damping_by_speed": True, "tangential_critical_damping": True}},
     "branch-B": {"compatibility": {"plain_kid_branch": True}, "contact": {"spring": 1e-5, "distance": 0.0}},
@@ -108,6 +111,9 @@ def test_runge_kutta_step_equals_twin(options, mean_speeds):
 
 DEM = {
     "riftberg": {},
+    "quadratic-ground": {"grounding": PLOUGH},
+    "quadratic-explicit-ground": {"grounding": {**PLOUGH, "implicit": False}},
+    "quadratic-ground-in-long-step": {"grounding": {**PLOUGH, "on_substeps": False}},
     "reference-damper": {"bonds": {"objective_damping": False, "linear_bending": False}},
     "explicit-ground": {"grounding": {"implicit": False}},
     "ground-in-long-step": {"grounding": {"on_substeps": False}},
@@ -237,6 +243,7 @@ SPRING = {
     "explicit-speed-damping": {"contact": {"damping_by_speed": True, "tangential_critical_damping": True}},
     "uncentred-half-kicks": {"compatibility": {"uncentred_half_kicks": True}},
     "implicit": {"stepping": {"explicit_substeps": False}},
+    "implicit-quadratic-ground": {"stepping": {"explicit_substeps": False}, "grounding": PLOUGH},
     "implicit-Q1": {"stepping": {"explicit_substeps": False}, "compatibility": {"swapped_implicit_velocity": True}},
     "implicit-one-pass": {"stepping": {"explicit_substeps": False}, "contact": {"iterate": False}},
 }

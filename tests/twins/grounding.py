@@ -17,6 +17,11 @@ def rate(coefficient, area, mass, chi):
     return 0.0 if chi == 0 else coefficient * chi * area / mass
 
 
+def quadratic(coefficient, area, mass, depth, draft):
+    """Coefficient of the quadratic drag, m-1: nothing while the keel is clear of the floor."""
+    return coefficient * area * (draft - depth) / mass if draft > depth else 0.0
+
+
 def spin_rate(coefficient, radius, mass, chi):
     """Rotational drag rate, s-1: the disc's area instead of the element's."""
     return rate(coefficient, np.pi * radius**2, mass, chi)

@@ -185,7 +185,8 @@ def floor_rates(e, p):
     """Rates of the sea floor's drag and rotational drag in the sub-steps; zero where they are not applied there."""
     r, mass, area = bond_size(e, p)
     chi = grounding.fraction(e.depth, draft(e, p), p.ground_ramp)
-    slide = grounding.rate(p.ground_coefficient, area, mass, chi) if p.ground_on_substeps else 0.0
+    plough = grounding.quadratic(p.ground_quadratic, area, mass, e.depth, draft(e, p)) * np.hypot(e.u, e.v)
+    slide = grounding.rate(p.ground_coefficient, area, mass, chi) + plough if p.ground_on_substeps else 0.0
     turn = grounding.spin_rate(p.ground_coefficient, r, mass, chi) if p.ground_torque else 0.0
     return slide, turn
 

@@ -21,6 +21,7 @@ def surroundings(e, p, *, latitude, multiple):
     by_radius = multiple and p.dem and p.hexagonal and p.radius_based
     width, length = (drag.side(e.length, e.width, True),) * 2 if by_radius else (e.width, e.length)
     chi = grounding.fraction(e.depth, keel, p.ground_ramp)
+    ploughing = grounding.quadratic(p.ground_quadratic, e.length * e.width, e.mass, e.depth, keel)
     on_floor = grounding.rate(p.ground_coefficient, e.length * e.width, e.mass, chi)
     wave = waves.acceleration((e.ua, e.va), (e.uo, e.vo), e.mass, freeboard, length, width)
     return SimpleNamespace(
@@ -28,6 +29,7 @@ def surroundings(e, p, *, latitude, multiple):
         air=drag.air(e.mass, e.length, e.width, width, freeboard, exposed),
         ice=drag.sea_ice(e.mass, width, ice, exposed, e.ui, e.vi, p.frozen_sea_ice_drag),
         floor=0.0 if multiple and p.ground_on_substeps else on_floor,
+        ploughing=0.0 if multiple and p.ground_on_substeps else ploughing,
         push=slope.acceleration((e.slope_x, e.slope_y)) + wave,
         f=coriolis.parameter(latitude, p.latlon, p.f_plane, p.reference_latitude),
     )
@@ -118,6 +120,7 @@ def solve(
     """
     u_stage = u0 if u_stage is None else u_stage
     media = [(env.ocean, vector(e, "uo")), (env.air, vector(e, "ua")), (env.ice, vector(e, "ui"))]
+    media.append((env.ploughing, np.zeros(2)))
     spring, tensor, vec = pairs(u0, u_stage)
     skew = np.array([[0.0, 1.0], [-1.0, 0.0]])
     explicit = env.push + spring + env.f * skew @ (u_stage if stage else u_star)

@@ -44,7 +44,7 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
         If the file is missing, of an unknown kind or holds no geometry.
     """
     where = str(source) if isinstance(source, str | Path) else type(source).__name__
-    features, own_crs = _read(source, lines)
+    features, own_crs = _read_source(source, lines)
     crs = crs or own_crs
     if crs and not any(name in crs for name in _WGS84):
         features = [Feature(_to_lonlat(f.geometry, crs, where), f.properties) for f in features]
@@ -53,7 +53,7 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
     return features
 
 
-def _read(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
+def _read_source(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
     if isinstance(source, str | Path):
         path = Path(source)
         if not path.exists():

@@ -67,7 +67,7 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
 
 def _known(folder: Path, observed: Path | None) -> Known:
     """Return what is known of the event that the first run is about."""
-    from riftberg.diagnostics.compare import Known, dated
+    from riftberg.diagnostics.compare import Known, with_hours
     from riftberg.diagnostics.observed import Fix, read_observed
     from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
     from riftberg.runs.run_file import open_run
@@ -77,7 +77,7 @@ def _known(folder: Path, observed: Path | None) -> Known:
         start = datetime.fromisoformat(str(dataset.attrs["start"]))
     fixes: list[Fix] = []
     if observed is not None:
-        fixes = dated(read_observed(observed).fixes, start.hour + start.minute / 60.0)
+        fixes = with_hours(read_observed(observed).fixes, start.hour + start.minute / 60.0)
         if not fixes:
             raise InputError("no positions", where=f"--observed {observed}", remedy="Outlines: see riftberg score")
     elif experiment.startswith("a68a"):

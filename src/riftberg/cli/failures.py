@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import functools
-import sys
 from collections.abc import Callable
 from typing import Final, ParamSpec, TypeVar
 
 import typer
 
 from riftberg.errors import RiftbergError
+from riftberg.interrupts import say as say
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 EXIT_ERROR: Final = 2
 EXIT_INTERRUPTED: Final = 130
-
-
-def say(text: str) -> None:
-    """Write to the terminal beside the results."""
-    print(text, file=sys.stderr, flush=True)
 
 
 def reported(command: Callable[P, R]) -> Callable[P, R]:

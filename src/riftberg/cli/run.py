@@ -64,6 +64,9 @@ def run(
         ),
     ] = None,
     every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Write the mean force of each medium between records.")
+    ] = False,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
@@ -74,9 +77,10 @@ def run(
     if numerics == "both":
         if resume is not None:
             raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
-        _run_both(experiment, options, output, every, map_, quiet)
+        _run_both(experiment, options, output, every, map_, quiet, forces)
         return
     model, info = _built(experiment, options, resume)
+    info = replace(info, output_forces=info.output_forces or forces)
     _tell(info)
     given = [*_as_given(experiment, options), *_recording(options, every)]
     session = Session(
@@ -87,7 +91,13 @@ def run(
 
 
 def _run_both(
-    experiment: str, options: Options, output: Path | None, every: float | None, draw: bool, quiet: bool
+    experiment: str,
+    options: Options,
+    output: Path | None,
+    every: float | None,
+    draw: bool,
+    quiet: bool,
+    forces: bool,
 ) -> None:
     """Run an experiment with both numerics and show them side by side."""
     from riftberg.cli.compare import comparison, joined_maps, show
@@ -98,6 +108,7 @@ def _run_both(
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
+        info = replace(info, output_forces=info.output_forces or forces)
         if not folders:
             _tell(info)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
@@ -259,7 +270,11 @@ class Session:
                              remedy=f"Give more than that; now it is {days:g}")  # fmt: skip
         self.track, self.stopwatch = DailyTrack(), Stopwatch()
         writer = RunWriter(
-            self.folder / "run.nc", every_hours=every_hours, experiment=self.info.name, seed=self.info.seed
+            self.folder / "run.nc",
+            every_hours=every_hours,
+            experiment=self.info.name,
+            seed=self.info.seed,
+            forces=self.info.output_forces,
         )
         recorders: list[Recorder] = [
             writer,

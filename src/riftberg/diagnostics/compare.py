@@ -273,7 +273,7 @@ def _rms(values: Sequence[float]) -> float:
     return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
 
 
-def dated(fixes: Sequence[Fix], hour: float) -> list[Fix]:
+def with_hours(fixes: Sequence[Fix], hour: float) -> list[Fix]:
     """Return observations with an hour (UTC) for those that know only their day, and without interpolated ones."""
     return [
         Fix(f.name, f.when + timedelta(hours=hour), False, f.lon, f.lat, f.azimuth, f.area) if f.day_only else f

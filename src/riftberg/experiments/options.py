@@ -76,6 +76,8 @@ class Info:
         Observed outlines for the map: ISO date to rings of longitude and latitude.
     notices : tuple of str
         What should be known before the run, in a line each.
+    output_forces : bool
+        Whether the run file holds the mean force of each medium between records.
     """
 
     name: str
@@ -85,6 +87,7 @@ class Info:
     seed: int | None = None
     observed: Mapping[str, Any] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
+    output_forces: bool = False
 
 
 Builder = Callable[[Options], "tuple[Model, Info]"]

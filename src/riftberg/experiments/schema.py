@@ -164,6 +164,7 @@ class Experiment(Section):
     start: Annotated[datetime, AfterValidator(_in_utc)] = key(..., "", "date and time of the start (UTC)")
     days: float = key(..., "day", "length of the run", gt=0)
     output_every_hours: float = key(1.0, "h", "interval of the records", ge=0)
+    output_forces: bool = key(False, "", "write the mean force of each medium on each element between records")
     berg: Berg
     forcing: Forcing
     parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")

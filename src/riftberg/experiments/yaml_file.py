@@ -313,7 +313,14 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     days = options.days or experiment.days
     forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
     notices = tuple(getattr(forcing, "notices", ()))
-    info = Info(experiment.name, experiment.title, days, experiment.output_every_hours, notices=notices)
+    info = Info(
+        experiment.name,
+        experiment.title,
+        days,
+        experiment.output_every_hours,
+        notices=notices,
+        output_forces=experiment.output_forces,
+    )
     return Model(berg, forcing, parameters, experiment.start), info
 
 

@@ -30,6 +30,24 @@ def grounding_rate(coefficient: float, area: float, mass: float, fraction: float
 
 
 @kernel
+def quadratic_grounding(coefficient: float, area: float, mass: float, excess: float) -> float:
+    """Coefficient (m-1) of the quadratic grounding drag: ``k_g A (D - d) / m``, so that the force is ``-k_g A (D - d) |u| u``.
+
+    A keel that is pressed into the floor by more of its draft ploughs more of it aside, as a dense fluid.
+
+    Parameters
+    ----------
+    coefficient : float
+        ``k_g``, kg m-4.
+    area, mass : float
+        Base (m2) and mass (kg) of the element.
+    excess : float
+        Draft in excess of the depth of water, ``D - d``, m; nothing acts where it is not positive.
+    """
+    return coefficient * area * max(excess, 0.0) / mass
+
+
+@kernel
 def grounding_spin_rate(coefficient: float, radius: float, mass: float, fraction: float) -> float:
     """Rate (s-1) at which the sea floor slows rotation in the reference: ``c_g chi pi R^2 / m`` (spec 6.4, 3c)."""
     return coefficient * fraction * math.pi * radius * radius / mass

@@ -8,7 +8,8 @@ Dimensions
     Longitudes run from -180 to 180; a regional field that crosses the date line goes on beyond 180 (for example
     170..190), so that they stay ascending. Products on a projected grid keep ``y`` and ``x`` (m) with the projection
     in the attribute ``crs_wkt``; products on a curvilinear ocean grid keep ``y``, ``x`` with two-dimensional ``lat``
-    and ``lon``.
+    and ``lon``; scattered points (unstructured models) have one dimension ``node`` with ``lat`` and ``lon`` on it.
+    Vectors point east and north on all of them.
 Variables
     The names of `riftberg.products.canonical.QUANTITIES`, in the units given there. Land and missing values are
     NaN.

@@ -117,7 +117,7 @@ def goes_round(lon: Floats) -> bool:
 def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
     """Sort longitudes, drop columns that repeat a meridian (OSCAR v1 runs 20..420) and shift them to -180..180."""
     ds = _ascending(_float_axis(ds, "lon", "degrees_east"), "lon")
-    ds = _in_order(ds)
+    ds = _round_the_globe(ds)
     lon = ds["lon"].values
     once = lon < lon[0] + 360.0 - 1e-6
     if not once.all():
@@ -125,7 +125,7 @@ def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
     return on_branch(ds, -180.0)
 
 
-def _in_order(ds: xr.Dataset) -> xr.Dataset:
+def _round_the_globe(ds: xr.Dataset) -> xr.Dataset:
     """Sort longitudes that jump (177..180, -180..-177) round the globe, from the largest gap on; each meridian once."""
     lon = ds["lon"].values
     if lon.size < 2 or np.all(np.diff(lon) > 0.0):

@@ -69,17 +69,19 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
     """Return the variables that may hold a quantity: by standard name (true components first), else by usual name."""
     held = [name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"]
     for names in (_STANDARD[quantity], _ALONG_THE_GRID.get(quantity, ())):
-        found = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
-        if found:
-            return sorted(found, key=lambda name: _rank(quantity, name))
+        by_name = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
+        if by_name:
+            return sorted(by_name, key=lambda name: _rank(quantity, name))
     usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
 
 
 def _near_enough(ds: xr.Dataset, name: str) -> bool:
     """Tell whether a standard name that is not in the tables leaves a usual name believable: no tides, no Stokes drift."""
-    told = standard_name(ds.variables[name])
-    return not any(word in told for word in ("tid", "stokes", "geostrophic", "anomaly", "error", "wave_to", "gust"))
+    metadata_name = standard_name(ds.variables[name])
+    return not any(
+        word in metadata_name for word in ("tid", "stokes", "geostrophic", "anomaly", "error", "wave_to", "gust")
+    )
 
 
 def _rank(quantity: str, name: str) -> int:
@@ -97,13 +99,13 @@ def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
     """
     chosen: dict[str, tuple[str, str]] = {}
     for quantity in _STANDARD:
-        found = _candidates(ds, quantity)
-        if not found:
+        candidates = _candidates(ds, quantity)
+        if not candidates:
             continue
-        first, *others = found
+        first, *others = candidates
         if others and _rank(quantity, first) == len(_USUAL[quantity]):
             raise ForcingError(
-                f"{len(found)} variables could be {quantity} ({QUANTITIES[quantity].long_name}): {', '.join(found)}",
+                f"{len(candidates)} variables could be {quantity} ({QUANTITIES[quantity].long_name}): {', '.join(candidates)}",
                 where=str(ds.encoding.get("source", "")),
                 remedy=f"Keep one of them, for example: ncks -x -v {','.join(others)} FILE OUT",
             )

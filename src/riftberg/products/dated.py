@@ -49,8 +49,8 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
         If a dimension of time has no dates, or dates are written in a way that is not understood.
     """
     field = ds[name]
-    found = _stamps(ds, name, where)
-    stamped = [c for c in found if ds[c].ndim == 1]
+    stamps = _stamps(ds, name, where)
+    stamped = [c for c in stamps if ds[c].ndim == 1]
     dims = [str(dim) for dim in field.dims if any(ds[c].dims == (dim,) for c in stamped) or role_of_name(dim) == "time"]
     if not moves:
         return field.isel({dim: 0 for dim in dims}, drop=True).drop_vars("time", errors="ignore")
@@ -69,35 +69,35 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
                 remedy=f"Write one, in Python: ds.assign_coords({dims[0]}=dates).to_netcdf('dated.nc')",
             )
         values = _valid(ds, chosen)
-        return _with_time(field.rename({dims[0]: "time"}) if dims[0] != "time" else field, values)
-    single = _best(ds, [c for c in found if ds[c].ndim == 0], "")
+        return _with_dates(field.rename({dims[0]: "time"}) if dims[0] != "time" else field, values)
+    single = _best(ds, [c for c in stamps if ds[c].ndim == 0], "")
     if single is not None:
         value = _valid(ds, single).expand_dims("time")
-        return _with_time(field.drop_vars("time", errors="ignore").expand_dims("time"), value)
+        return _with_dates(field.drop_vars("time", errors="ignore").expand_dims("time"), value)
     covered = _covered(ds)
     bare = field.drop_vars("time", errors="ignore")
-    return bare if covered is None else _with_time(bare.expand_dims("time"), xr.DataArray([covered], dims="time"))
+    return bare if covered is None else _with_dates(bare.expand_dims("time"), xr.DataArray([covered], dims="time"))
 
 
 def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
     """Return the coordinates of a field that hold dates; numbers like 20201216 are turned into dates in place."""
-    found = []
+    stamps = []
     for other, role, declared in list(coordinates_of(ds, name)):
         variable = ds[other]
         if role != "time" or variable.ndim > 1:
             continue
         if holds_dates(variable):
-            found.append(other)
+            stamps.append(other)
         elif (dates := _counted(variable)) is not None:
             ds[other] = (variable.dims, dates, variable.attrs)
-            found.append(other)
+            stamps.append(other)
         elif variable.ndim == 1 and declared and variable.dims == (other,):
             raise ForcingError(
                 f"time has no units that say since when it counts ({other} reads {units_of(variable)!r})",
                 where=where,
                 remedy=f"Write units such as 'hours since 2020-12-01 00:00:00' on {other}",
             )
-    return found
+    return stamps
 
 
 def _counted(variable: xr.DataArray) -> Any:
@@ -125,9 +125,9 @@ def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:
     """Return the coordinate that says when a field is valid, rather than when its forecast was issued."""
 
     def rank(name: str) -> tuple[bool, bool, bool, bool]:
-        told = standard_name(ds[name])
-        issued = bool(_NOT_VALID.search(f"{told} {name.lower()}"))
-        return issued, told != "time", name != dim, name != "time"
+        metadata_name = standard_name(ds[name])
+        issued = bool(_NOT_VALID.search(f"{metadata_name} {name.lower()}"))
+        return issued, metadata_name != "time", name != dim, name != "time"
 
     return min(names, key=rank, default=None)
 
@@ -148,7 +148,7 @@ def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
     return dates
 
 
-def _with_time(field: xr.DataArray, dates: xr.DataArray) -> xr.DataArray:
+def _with_dates(field: xr.DataArray, dates: xr.DataArray) -> xr.DataArray:
     others = [name for name, c in field.coords.items() if "time" in c.dims and name != "time"]
     return field.drop_vars(others).assign_coords(time=("time", np.atleast_1d(dates.values), dates.attrs))
 
@@ -157,18 +157,18 @@ def _covered(ds: xr.Dataset) -> Any:
     """Return the middle of the time that the heading of the file says it covers, if that is a month at most."""
     for first, last in _COVERAGE:
         if first in ds.attrs:
-            start = _moment(ds.attrs[first])
-            end = _moment(ds.attrs.get(last, ds.attrs[first]))
+            start = _moment_of_text(ds.attrs[first])
+            end = _moment_of_text(ds.attrs.get(last, ds.attrs[first]))
             if start is not None and end is not None and np.timedelta64(0) <= end - start <= _LONGEST:
                 return start + (end - start) / 2
     return None
 
 
-def _moment(text: Any) -> Any:
-    found = re.match(r"^\s*(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2}))?", str(text))
-    if found is None:
+def _moment_of_text(text: Any) -> Any:
+    match = re.match(r"^\s*(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2}))?", str(text))
+    if match is None:
         return None
-    year, month, day, hour, minute = found.groups()
+    year, month, day, hour, minute = match.groups()
     try:
         return np.datetime64(f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}", "ns")
     except ValueError:

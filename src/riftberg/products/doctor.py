@@ -100,7 +100,7 @@ def doctor(
     rules = {"max_gap_seconds": max_gap, "hold_seconds": hold}
     noted = {name: seconds for name, seconds in rules.items() if seconds is not None}
     report = Report()
-    for ds in _opened(_entries(files, product, report), report):
+    for ds in _opened_entries(_entries(files, product, report), report):
         try:
             report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
         except ForcingError as error:
@@ -129,18 +129,18 @@ def _entries(
 ) -> list[tuple[str, str | None]]:
     """Return all files with the product named for them; note patterns that match nothing."""
     entries: list[tuple[str, str | None]] = []
-    for given in [files] if isinstance(files, str | Path) else files:
+    for stated in [files] if isinstance(files, str | Path) else files:
         try:
-            names = expand(given)
+            names = expand(stated)
         except ForcingError as error:
             report.unreadable[error.where] = _without_place(error)
             continue
-        named = product if product is None or isinstance(product, str) else product.get(str(given))
+        named = product if product is None or isinstance(product, str) else product.get(str(stated))
         entries += [(name, named) for name in names]
     return entries
 
 
-def _opened(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
+def _opened_entries(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
     """Open what can be opened; note the rest in the report."""
     usable: list[tuple[str, str | None]] = []
     for name, product in entries:
@@ -186,7 +186,7 @@ def _examined(
     ds: xr.Dataset, lon: Span | None, lat: Span | None, time: tuple[Any, Any] | None, path: Sequence[Span] | None
 ) -> DataFinding:
     product = product_named(ds.attrs["product"])
-    found = DataFinding(
+    finding = DataFinding(
         files=str(ds.attrs["source"]).split(", "),
         product=product.name,
         title=product.title,
@@ -196,23 +196,27 @@ def _examined(
         time=_time_cover(ds),
     )
     crs = ds.attrs.get("crs_wkt")
-    part = _part(ds, lon, lat, time, found)
-    _space_problems(part if part is not None and "lat" not in ds.dims and not crs else ds, lon, lat, found)
+    part = _part(ds, lon, lat, time, finding)
+    _space_problems(part if part is not None and "lat" not in ds.dims and not crs else ds, lon, lat, finding)
     if part is None:
-        _time_problems(ds, {}, time, found)
-        return found
+        _time_problems(ds, {}, time, finding)
+        return finding
     empty = empty_by_field(part)
-    _time_problems(ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, found)
+    _time_problems(
+        ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, finding
+    )
     outside = on_path(part[next(iter(part.data_vars))], path, crs).outside
     if outside:
-        found.problems.append(f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area")
-    sample = _sampled(part, empty, found)
-    found.fields = [_field_report(sample[name], path, crs) for name in sample.data_vars]
-    return found
+        finding.problems.append(
+            f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area"
+        )
+    sample = _sampled(part, empty, finding)
+    finding.fields = [_field_report(sample[name], path, crs) for name in sample.data_vars]
+    return finding
 
 
 def _part(
-    ds: xr.Dataset, lon: Span | None, lat: Span | None, time: tuple[Any, Any] | None, found: DataFinding
+    ds: xr.Dataset, lon: Span | None, lat: Span | None, time: tuple[Any, Any] | None, finding: DataFinding
 ) -> xr.Dataset | None:
     """Return the part of the data in the experiment, or None with the reason noted."""
     try:
@@ -224,12 +228,12 @@ def _part(
         if lon is not None and lat is not None:
             ds = window(ds, lon, lat)
     except ForcingError as error:
-        found.problems.append(_without_place(error))
+        finding.problems.append(_without_place(error))
         return None
-    return _middle(ds, found) if lon is None or lat is None else ds
+    return _middle(ds, finding) if lon is None or lat is None else ds
 
 
-def _sampled(ds: xr.Dataset, empty: Mapping[str, Flags], found: DataFinding) -> xr.Dataset:
+def _sampled(ds: xr.Dataset, empty: Mapping[str, Flags], finding: DataFinding) -> xr.Dataset:
     """Return a few records of many, if possible such with values of all fields, and say so."""
     if "time" not in ds.dims:
         return ds
@@ -237,18 +241,18 @@ def _sampled(ds: xr.Dataset, empty: Mapping[str, Flags], found: DataFinding) -> 
     if not whole.size or ds.sizes["time"] <= _SAMPLE_RECORDS:
         return ds
     picked = whole[np.unique(np.linspace(0, whole.size - 1, _SAMPLE_RECORDS).astype(int))]
-    found.sampled = (
+    finding.sampled = (
         f"ranges, missing shares and land on the path: {picked.size} of {ds.sizes['time']} records "
         f"({', '.join(minute(moment) for moment in ds['time'].values[picked])}); records without values: all"
     )
     return ds.isel(time=picked)
 
 
-def _middle(ds: xr.Dataset, found: DataFinding) -> xr.Dataset:
+def _middle(ds: xr.Dataset, finding: DataFinding) -> xr.Dataset:
     """Cut very large fields to their middle, so that nobody waits for a whole globe to be read."""
     large = {name: size for name, size in ds.sizes.items() if name in ("lat", "lon", "y", "x") and size > _LARGE}
     if large:
-        found.notes.append("ranges are those of the middle of the data: give the box of the experiment for its own")
+        finding.notes.append("ranges are those of the middle of the data: give the box of the experiment for its own")
     return ds.isel({name: slice(size // 2 - _LARGE // 2, size // 2 + _LARGE // 2) for name, size in large.items()})
 
 
@@ -266,14 +270,14 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 86400:.3g} days" if seconds >= 86400 else f"{seconds / 3600:.3g} h"
 
 
-def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: DataFinding) -> None:
+def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, finding: DataFinding) -> None:
     """Note where the experiment's box reaches beyond the data."""
-    if lon is None or lat is None or found.problems:
+    if lon is None or lat is None or finding.problems:
         return
     if "lat" not in ds.dims and "node" not in ds.dims:
         outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
         if outside > 0.0:
-            found.problems.append(
+            finding.problems.append(
                 f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
             )
         return
@@ -281,7 +285,7 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: D
         return
     for axis in ("lat", "lon"):
         if ds.sizes[axis] < 2:
-            found.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
+            finding.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
     east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
     near = longitudes_near(ds, lon[0], east)
     lats, lons = near["lat"].values, near["lon"].values
@@ -292,63 +296,63 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, found: D
     if not goes_round(lons) and (lon[0] < lons[0] - half_lon or east > lons[-1] + half_lon):
         short.append(f"longitudes {lons[0]:g}..{lons[-1]:g} of {lon[0]:g}..{east:g}")
     if short:
-        found.problems.append(f"covers only part of the experiment: {'; '.join(short)}. Fetch a larger area")
+        finding.problems.append(f"covers only part of the experiment: {'; '.join(short)}. Fetch a larger area")
 
 
 def _time_problems(
-    ds: xr.Dataset, empty: Mapping[str, Dates], time: tuple[Any, Any] | None, found: DataFinding
+    ds: xr.Dataset, empty: Mapping[str, Dates], time: tuple[Any, Any] | None, finding: DataFinding
 ) -> None:
     """Note gaps between records, records without values and dates of the experiment without records."""
-    if "time" not in ds.dims or (found.problems and "no record lies" in found.problems[0]):
+    if "time" not in ds.dims or (finding.problems and "no record lies" in finding.problems[0]):
         return
     records = ds["time"].values
     first, last = (utc(moment) for moment in time) if time is not None else (records[0], records[-1])
     lacking: dict[tuple[np.datetime64, ...], list[str]] = {}
     for name, dates in empty.items():
         lacking.setdefault(tuple(dates), []).append(name)
-    _gap_problems(ds, records, first, last, found, "")
+    _gap_problems(ds, records, first, last, finding, "")
     for dates_lost, names in lacking.items():
         who = ", ".join(names)
         kept = records[~np.isin(records, dates_lost)]
         shown = ", ".join(map(minute, dates_lost[:6])) + (" ..." if len(dates_lost) > 6 else "")
-        found.notes.append(f"{len(dates_lost)} record(s) without any value of {who} count as missing: {shown}")
+        finding.notes.append(f"{len(dates_lost)} record(s) without any value of {who} count as missing: {shown}")
         if kept.size:
-            _gap_problems(ds, kept, first, last, found, f" of {who}", known=records)
-            _end_problems(ds, kept, first, last, found, f" with values of {who}")
+            _gap_problems(ds, kept, first, last, finding, f" of {who}", known=records)
+            _end_problems(ds, kept, first, last, finding, f" with values of {who}")
     if time is not None:
-        _end_problems(ds, records, first, last, found, "")
+        _end_problems(ds, records, first, last, finding, "")
 
 
 def _gap_problems(
-    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, found: DataFinding, what: str,
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, what: str,
     known: Dates | None = None,
 ) -> None:  # fmt: skip
     """Tell the gaps at the dates of the experiment: those that a run refuses, and those that it interpolates across."""
     interval, limit = own_interval(ds), gap_limit(ds)
-    told = set(long_gaps(known, 1.5 * interval, first, last)) if known is not None else set()
+    reported = set(long_gaps(known, 1.5 * interval, first, last)) if known is not None else set()
     for gap in long_gaps(records, min(1.5 * interval, limit), first, last):
-        if gap in told:
+        if gap in reported:
             continue
         lost = round(gap.seconds / interval) - 1
         text = f"gap: about {lost} record(s){what} missing between {minute(gap.before)} and {minute(gap.after)}"
         if gap.seconds > limit:
             allowed = f"longer than the {_duration(limit)} that a run interpolates across"
-            found.problems.append(f"{text}, {allowed}. Add these files, or set forcing.max_gap")
+            finding.problems.append(f"{text}, {allowed}. Add these files, or set forcing.max_gap")
         else:
-            found.notes.append(f"{text}; runs interpolate across it")
+            finding.notes.append(f"{text}; runs interpolate across it")
 
 
 def _end_problems(
-    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, found: DataFinding, what: str
+    ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, what: str
 ) -> None:
     """Note dates of the experiment before the first and after the last record."""
     held = np.timedelta64(int(hold_of(ds)), "s")
     if first < records[0] - held:
-        found.problems.append(
+        finding.problems.append(
             f"begins{what} at {minute(records[0])}, after the experiment ({minute(first)}). Add earlier files"
         )
     if last > records[-1] + held:
-        found.problems.append(
+        finding.problems.append(
             f"ends{what} at {minute(records[-1])}, before the experiment ({minute(last)}). Add later files"
         )
 
@@ -360,7 +364,7 @@ def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | No
     known = np.isfinite(values)
     low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (np.nan, np.nan)
     lacks = on_path(data, path, crs)
-    found = FieldFinding(
+    report = FieldFinding(
         name=quantity.name,
         original_name=str(data.attrs.get("original_name", "")),
         original_units=str(data.attrs.get("original_units", "")),
@@ -372,33 +376,35 @@ def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | No
         missing_on_path=lacks.missing,
         unfilled_on_path=lacks.unfilled,
     )
-    _judge(found, quantity.limit, len(path or ()))
-    return found
+    _judge(report, quantity.limit, len(path or ()))
+    return report
 
 
-def _judge(found: FieldFinding, limit: float, points: int) -> None:
+def _judge(finding: FieldFinding, limit: float, points: int) -> None:
     """Add what looks wrong about a field."""
-    if found.missing_share == 1.0:
-        found.problems.append("holds no value at all in the experiment: all land or missing")
+    if finding.missing_share == 1.0:
+        finding.problems.append("holds no value at all in the experiment: all land or missing")
         return
-    if max(abs(found.low), abs(found.high)) > limit:
-        found.problems.append(f"values beyond {limit:g} {found.units} are not believable: check the units in the file")
-    if found.low == found.high == 0.0:
-        found.problems.append("is zero everywhere in the experiment: check that the right variable was written")
-    if found.missing_on_path:
-        text = f"missing (land, ice or gap) at {found.missing_on_path} of {points} positions of the berg: "
-        found.problems.append(text + _effect(found))
+    if max(abs(finding.low), abs(finding.high)) > limit:
+        finding.problems.append(
+            f"values beyond {limit:g} {finding.units} are not believable: check the units in the file"
+        )
+    if finding.low == finding.high == 0.0:
+        finding.problems.append("is zero everywhere in the experiment: check that the right variable was written")
+    if finding.missing_on_path:
+        text = f"missing (land, ice or gap) at {finding.missing_on_path} of {points} positions of the berg: "
+        finding.problems.append(text + _effect(finding))
 
 
-def _effect(found: FieldFinding) -> str:
+def _effect(finding: FieldFinding) -> str:
     """Say what a run does where a field is missing on the path of the berg."""
-    if found.name == "depth_below_surface":
+    if finding.name == "depth_below_surface":
         return f"these count as land, {HARMLESS}"
-    if found.name in MAY_BE_EMPTY:
+    if finding.name in MAY_BE_EMPTY:
         return f"ice beside them is taken, else open water, {HARMLESS}"
-    if found.unfilled_on_path:
+    if finding.unfilled_on_path:
         return (
-            f"at {found.unfilled_on_path} of them water is farther away than {FILL_CELLS} cells of the product, and the "
+            f"at {finding.unfilled_on_path} of them water is farther away than {FILL_CELLS} cells of the product, and the "
             "field is 0 there. Take a product with water on the path"
         )
     return f"values from the nearest water will be used there, {HARMLESS}"
@@ -407,13 +413,13 @@ def _effect(found: FieldFinding) -> str:
 def _conclude(report: Report, needed: Sequence[str]) -> None:
     """Say what is missing and what to do, the most pressing first."""
     for name in QUANTITIES:
-        holders = [found for found in report.data if any(item.name == name for item in found.fields)]
+        holders = [finding for finding in report.data if any(item.name == name for item in finding.fields)]
         if len(holders) > 1:
-            files = ", ".join(Path(found.files[0]).name for found in holders)
+            files = ", ".join(Path(finding.files[0]).name for finding in holders)
             report.notes.append(
                 f"{name} is in {len(holders)} sets of files ({files}); of these a run from files takes the last"
             )
-    good = {item.name for found in report.data for item in found.fields if item.missing_share < 1.0}
+    good = {item.name for finding in report.data for item in finding.fields if item.missing_share < 1.0}
     report.missing = [name for name in needed if name not in good]
     for name in report.missing:
         source = WHERE_FROM.get(name, "any CF file with standard name " + QUANTITIES[name].standard_name)
@@ -422,10 +428,10 @@ def _conclude(report: Report, needed: Sequence[str]) -> None:
     if report.missing:
         report.advice += [f"{Path(name).name}: {reason}" for name, reason in report.unreadable.items()]
     report.advice += report.clashes
-    for found in report.data:
-        wanted = [item for item in found.fields if item.name in needed]
-        if wanted or not found.fields:
-            report.advice += [f"{Path(found.files[0]).name}: {problem}" for problem in found.problems]
+    for finding in report.data:
+        wanted = [item for item in finding.fields if item.name in needed]
+        if wanted or not finding.fields:
+            report.advice += [f"{Path(finding.files[0]).name}: {problem}" for problem in finding.problems]
         for item in wanted:
             serious = [text for text in item.problems if not text.endswith(HARMLESS)]
-            report.advice += [f"{Path(found.files[0]).name}, {item.name}: {problem}" for problem in serious]
+            report.advice += [f"{Path(finding.files[0]).name}, {item.name}: {problem}" for problem in serious]

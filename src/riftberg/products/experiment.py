@@ -56,6 +56,8 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
     if {"lon", "lat"} <= set(ds.variables) or _has_positions(ds):
         return ds
     where = str(ds.encoding.get("source", ""))
+    if not re.search("a68|hourly", Path(where).name.lower()) and _grid_beside(where) is None:
+        return ds  # not a file of the experiment: what it lacks is told in general words
     grid = _grid_beside(where)
     if grid is None or not {"longitude", "latitude"} <= set(grid.variables):
         raise ForcingError(
@@ -94,7 +96,7 @@ def _mend(ds: xr.Dataset) -> xr.Dataset:
     return _dated(_positioned(ds))
 
 
-def _masked(ds: xr.Dataset) -> xr.Dataset:
+def _without_zeros(ds: xr.Dataset) -> xr.Dataset:
     """Turn the zeros that stand for land into NaN: both currents exactly zero in an unpacked field.
 
     Packed files are left alone: there a zero may be slack water rounded to the packing step.
@@ -109,7 +111,7 @@ def _masked(ds: xr.Dataset) -> xr.Dataset:
 def _finish(ds: xr.Dataset) -> xr.Dataset:
     from riftberg.products.bathymetry import depth_from_elevation
 
-    return depth_from_elevation(_masked(ds))
+    return depth_from_elevation(_without_zeros(ds))
 
 
 def _sources(east: str, north: str) -> tuple[Source, ...]:

@@ -31,7 +31,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     """
     groups: dict[tuple[object, ...], dict[str, xr.DataArray]] = {}
     levels: dict[tuple[object, ...], bytes] = {}
-    told: dict[tuple[object, ...], list[str]] = {}
+    remarks_by_field: dict[tuple[object, ...], list[str]] = {}
     wkt: dict[tuple[object, ...], str] = {}
     for quantity, name, remark in _chosen(ds, product, where):
         field, remarks = _canonical(ds, product, quantity, name, where)
@@ -41,11 +41,11 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
             key = (*key, depth)
         wkt[key] = str(field.attrs.pop("crs_wkt", ""))
         groups.setdefault(key, {})[quantity] = field
-        told.setdefault(key, []).extend(filter(None, [remark, *remarks]))
+        remarks_by_field.setdefault(key, []).extend(filter(None, [remark, *remarks]))
     parts = []
     for key, fields in groups.items():
         part = xr.Dataset(fields)
-        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": "; ".join(dict.fromkeys(told[key]))}
+        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": "; ".join(dict.fromkeys(remarks_by_field[key]))}
         if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
             attributes["longest_step"] = DAY_SECONDS
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
@@ -62,23 +62,23 @@ def _instants(ds: xr.Dataset, name: str) -> bool:
 def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str, str, str]]:
     """Yield quantity, variable and remark for each canonical field in the file."""
     if product.select is not None:
-        found = [(quantity, name, remark) for quantity, (name, remark) in product.select(ds).items()]
+        choice = [(quantity, name, remark) for quantity, (name, remark) in product.select(ds).items()]
     else:
-        found = []
+        choice = []
         for source in product.sources:
             held = [name for name in source.names if name in ds.variables]
-            if held and source.quantity not in {quantity for quantity, _, _ in found}:
+            if held and source.quantity not in {quantity for quantity, _, _ in choice}:
                 others = ", ".join(held[1:])
                 remark = f"{source.quantity} is taken from {held[0]}; {others} could be it too" if others else ""
-                found.append((source.quantity, held[0], remark))
-    if not found:
+                choice.append((source.quantity, held[0], remark))
+    if not choice:
         held = sorted(map(str, ds.data_vars))
         raise ForcingError(
             f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has {', '.join(held) or 'nothing'}",
             where=where,
             remedy="Give the file with the wanted variables, or name the right product",
         )
-    return found
+    return choice
 
 
 def _canonical(
@@ -89,7 +89,7 @@ def _canonical(
     units = units_of(ds[name]) or (source.units if source is not None else "")
     attributes = dict(ds[name].attrs)
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
-    field, told = _one_member(ds, name, field, where)
+    field, one = _one_member(ds, name, field, where)
     field, remarks = judged(ds, name, field, quantity, where=where)
     field = positioned(ds, name, field, where=where)
 
@@ -107,7 +107,7 @@ def _canonical(
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
     noted = {"original_name": name, "original_units": units, "along": along, "crs_wkt": wkt}
     field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
-    return field, [*told, *remarks]
+    return field, [*one, *remarks]
 
 
 def _levels(ds: xr.Dataset, name: str) -> xr.DataArray:
@@ -117,7 +117,7 @@ def _levels(ds: xr.Dataset, name: str) -> xr.DataArray:
 
 def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
     """Return the only member of an ensemble and a remark; refuse several."""
-    told: list[str] = []
+    member_remarks: list[str] = []
     for other, role, _ in coordinates_of(ds, name):
         if role != "member" or (ds[other].size != 1 and not set(ds[other].dims) <= set(field.dims)):
             continue
@@ -130,8 +130,8 @@ def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> t
             )
         value = np.ravel(ds[other].values)[0]
         if value != 0:
-            told.append(f"{name} is member {value} ({other}) of an ensemble")
-    return field, told
+            member_remarks.append(f"{name} is member {value} ({other}) of an ensemble")
+    return field, member_remarks
 
 
 def _key(field: xr.DataArray) -> tuple[object, ...]:

@@ -80,10 +80,10 @@ class Report:
     def text(self) -> str:
         """Return the report as plain text."""
         lines: list[str] = []
-        told: set[str] = set()
-        for found in self.data:
-            lines += _data_lines(found, told)
-            told.update(found.notes)
+        shown: set[str] = set()
+        for finding in self.data:
+            lines += _data_lines(finding, shown)
+            shown.update(finding.notes)
         for name, reason in self.unreadable.items():
             lines += [f"{name}", f"  cannot be used: {reason}", ""]
         lines += [f"Note: {note}" for note in self.notes]
@@ -92,19 +92,19 @@ class Report:
         return "\n".join(lines)
 
 
-def _data_lines(found: DataFinding, told: set[str]) -> list[str]:
+def _data_lines(finding: DataFinding, shown: set[str]) -> list[str]:
     """Return the lines of a dataset, without the notes that were told before."""
-    head = found.files[0] if len(found.files) == 1 else f"{found.files[0]} and {len(found.files) - 1} more"
-    lines = [head, f"  is      {found.title} ({found.product}; reader checked against {found.checked_against})"]
-    lines += [f"  space   {found.space}", f"  time    {found.time}"]
-    for item in found.fields:
+    head = finding.files[0] if len(finding.files) == 1 else f"{finding.files[0]} and {len(finding.files) - 1} more"
+    lines = [head, f"  is      {finding.title} ({finding.product}; reader checked against {finding.checked_against})"]
+    lines += [f"  space   {finding.space}", f"  time    {finding.time}"]
+    for item in finding.fields:
         meaning = QUANTITIES[item.name].long_name
         lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
         lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
         lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
         lines[-1] += f", {item.missing_share:.2%} missing" if item.missing_share > 0.0 else ""
         lines += [f"          ! {problem}" for problem in item.problems]
-    lines += [f"  sample  {found.sampled}"] if found.sampled else []
-    lines += [f"  note    {note}" for note in found.notes if note not in told]
-    lines += [f"  !       {problem}" for problem in found.problems]
+    lines += [f"  sample  {finding.sampled}"] if finding.sampled else []
+    lines += [f"  note    {note}" for note in finding.notes if note not in shown]
+    lines += [f"  !       {problem}" for problem in finding.problems]
     return [*lines, ""]

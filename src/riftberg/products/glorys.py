@@ -30,11 +30,11 @@ _PAST = ("multiyear", "reanalysis", "001_030", "glorys")
 
 
 def _is_forecast(ds: xr.Dataset) -> bool:
-    told = (
+    words = (
         text_of(ds, "title", "source", "product", "id", "comment", "field_type")
         + str(ds.encoding.get("source", "")).lower()
     )
-    return _matches(ds) and any(word in told for word in _FORECASTS) and not any(word in told for word in _PAST)
+    return _matches(ds) and any(word in words for word in _FORECASTS) and not any(word in words for word in _PAST)
 
 
 def _with_time(ds: xr.Dataset) -> xr.Dataset:

@@ -59,49 +59,53 @@ def judged(
         If the field holds elsewhere than the run needs it, or on levels that nothing places.
     """
     _judge_words(field, name, quantity, where)
-    found = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
-    told: list[str] = []
+    levels = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
+    remarks: list[str] = []
     dims = [
         dim
         for dim in map(str, field.dims)
-        if dim in {str(d) for c in found for d in ds[c].dims} or role_of_name(dim) == "level"
+        if dim in {str(d) for c in levels for d in ds[c].dims} or role_of_name(dim) == "level"
     ]
     if len(dims) > 1:
         raise ForcingError(
             f"{name} has {len(dims)} dimensions of levels ({', '.join(dims)})", where=where,
             remedy=f"Choose one entry first, in Python: ds.isel({dims[-1]}=0)",
         )  # fmt: skip
-    for scalar in [c for c in found if ds[c].ndim == 0]:
-        told += _judge_single(ds[scalar], name, quantity, where)
+    for scalar in [c for c in levels if ds[c].ndim == 0]:
+        remarks += _judge_single(ds[scalar], name, quantity, where)
         field = field.drop_vars(scalar, errors="ignore")
     if not dims:
-        return field, told
+        return field, remarks
     dim = dims[0]
-    axis = next((c for c in sorted(found, key=lambda c: c != dim) if ds[c].dims == (dim,)), None)
+    axis = next((c for c in sorted(levels, key=lambda c: c != dim) if ds[c].dims == (dim,)), None)
     if axis is None:
-        return _unplaced(field, name, dim, quantity, where), told
+        return _unplaced(field, name, dim, quantity, where), remarks
     if field.sizes[dim] == 1:
-        told += _judge_single(ds[axis].isel({dim: 0}), name, quantity, where)
-        return field.isel({dim: 0}, drop=True).drop_vars(axis, errors="ignore"), told
+        remarks += _judge_single(ds[axis].isel({dim: 0}), name, quantity, where)
+        return field.isel({dim: 0}, drop=True).drop_vars(axis, errors="ignore"), remarks
     field, more = _several(field, ds[axis], name, dim, quantity, where)
-    return field, told + more
+    return field, remarks + more
 
 
 def kind_of(axis: xr.DataArray) -> Kind:
     """Return what a vertical coordinate counts."""
-    units, told, name = units_of(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
-    if units in _PRESSURES or told in ("air_pressure", "pressure"):
+    units, metadata, name = units_of(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
+    if units in _PRESSURES or metadata in ("air_pressure", "pressure"):
         return "pressure"
-    if any(word in f"{told} {name}" for word in ("sigma", "ocean_s_", "hybrid", "s_rho", "siglay", "eta")):
+    if any(word in f"{metadata} {name}" for word in ("sigma", "ocean_s_", "hybrid", "s_rho", "siglay", "eta")):
         return "sigma"
-    if units in ("1", "level", "levels", "layer", "count") or told == "model_level_number":
+    if units in ("1", "level", "levels", "layer", "count") or metadata == "model_level_number":
         return "number"
-    metres = units in ("m", "meter", "meters", "metre", "metres", "km", "cm")
-    if told in ("height", "altitude", "height_above_mean_sea_level") or (
-        name.startswith(("height", "alt")) and told != "depth"
+    metres = units in ("m", "meter", "meters", "metre", "metres", "km", "cm", "centimeter", "centimeters")
+    if metadata in ("height", "altitude", "height_above_mean_sea_level") or (
+        name.startswith(("height", "alt")) and metadata != "depth"
     ):
         return "height"
-    if told == "depth" or name.startswith("dep") or (metres and str(axis.attrs.get("positive", "")).lower() == "down"):
+    if (
+        metadata == "depth"
+        or name.startswith("dep")
+        or (metres and str(axis.attrs.get("positive", "")).lower() == "down")
+    ):
         return "depth"
     if metres:
         return "height" if str(axis.attrs.get("positive", "")).lower() == "up" else "depth"
@@ -109,25 +113,33 @@ def kind_of(axis: xr.DataArray) -> Kind:
 
 
 def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> None:
-    """Refuse a wind whose own description names another height or a pressure."""
+    """Refuse a wind whose own description names another height or a pressure, and a current far below the surface."""
+    if quantity in CURRENTS:
+        deep = re.search(
+            r"\bat (?:a depth of )?(\d+(?:\.\d+)?) ?(?:m|met(?:re|er)s?)\b(?! ?/)",
+            str(field.attrs.get("long_name", "")),
+        )
+        if deep and float(deep[1]) > SURFACE:
+            raise _too_deep(name, f"{deep[1]} m (its description reads {field.attrs['long_name']!r})", where)
     if quantity not in WINDS:
         return
     words = " ".join(str(field.attrs.get(k, "")) for k in ("long_name", "level_desc", "var_desc", "GRIB_name"))
     on_level = str(field.attrs.get("GRIB_typeOfLevel", "")).lower()
     if "isobaric" in on_level or "hybrid" in on_level or re.search(r"\bpressure level", words, re.I):
         raise _no_surface_wind(name, f"on a pressure or model level ({words or on_level})", where)
-    told = _TOLD.findall(words)
+    heights = _TOLD.findall(words)
     if any(
-        unit.lower() in ("m", "metre", "meter", "metres", "meters") and float(number) == 10.0 for number, unit in told
+        unit.lower() in ("m", "metre", "meter", "metres", "meters") and float(number) == 10.0
+        for number, unit in heights
     ):
         return
-    for number, unit in told:
+    for number, unit in heights:
         metres = unit.lower().startswith("m") and not unit.lower().startswith(("mb", "mil"))
         if not metres or not WIND_HEIGHTS[0] <= float(number) <= WIND_HEIGHTS[1]:
             raise _no_surface_wind(name, f"at {number} {unit} (its description reads {words.strip()!r})", where)
-    found = re.fullmatch(r"(?:[uv]|[uv]wnd|wind_[uv])_?(\d{2,4})m?", name.lower())
-    if found and not WIND_HEIGHTS[0] <= float(found[1]) <= WIND_HEIGHTS[1]:
-        raise _no_surface_wind(name, f"at {found[1]} m or hPa by its name", where)
+    match = re.fullmatch(r"(?:[uv]|[uv]wnd|wind_[uv])_?(\d{2,4})m?", name.lower())
+    if match and not WIND_HEIGHTS[0] <= float(match[1]) <= WIND_HEIGHTS[1]:
+        raise _no_surface_wind(name, f"at {match[1]} m or hPa by its name", where)
 
 
 def _no_surface_wind(name: str, place: str, where: str) -> ForcingError:
@@ -136,14 +148,14 @@ def _no_surface_wind(name: str, place: str, where: str) -> ForcingError:
     )
 
 
-def _value(axis: xr.DataArray) -> float:
+def _level_value(axis: xr.DataArray) -> float:
     value = np.ravel(axis.values)
     return float(value[0]) if value.dtype.kind in "iuf" else float("nan")
 
 
 def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> list[str]:
     """Refuse a field on a single level elsewhere than it is needed; return a remark where the level is worth one."""
-    kind, value, units = kind_of(axis), _value(axis), units_of(axis)
+    kind, value, units = kind_of(axis), _level_value(axis), units_of(axis)
     place = f"{axis.name} = {value:g} {units}".rstrip()
     if quantity in WINDS:
         if kind in ("height", "depth") and WIND_HEIGHTS[0] <= abs(value) * _metres(units) <= WIND_HEIGHTS[1]:
@@ -174,7 +186,15 @@ def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> l
 
 
 def _metres(units: str) -> float:
-    return {"km": 1000.0, "cm": 0.01}.get(units.strip().lower(), 1.0)
+    named = {
+        "km": 1000.0,
+        "kilometer": 1000.0,
+        "kilometers": 1000.0,
+        "cm": 0.01,
+        "centimeter": 0.01,
+        "centimeters": 0.01,
+    }
+    return named.get(units.strip().lower(), 1.0)
 
 
 def _too_deep(name: str, place: str, where: str) -> ForcingError:

@@ -30,10 +30,12 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     where = str(ds.encoding.get("source", ""))
     if {"lat_rho", "lon_rho"} <= set(ds.variables) or not where or "://" in where:
         return ds
-    told = Path(str(ds.attrs.get("grd_file", ""))).name
+    grid_file = Path(str(ds.attrs.get("grd_file", ""))).name
     folder = Path(where).parent
     named = (
-        [folder / told] if told and (folder / told).is_file() else sorted({*folder.glob("*gr*d*.nc")} - {Path(where)})
+        [folder / grid_file]
+        if grid_file and (folder / grid_file).is_file()
+        else sorted({*folder.glob("*gr*d*.nc")} - {Path(where)})
     )
     wanted = ("lat_rho", "lon_rho", "lat_u", "lon_u", "lat_v", "lon_v", "angle", "h")
     for path in named:
@@ -93,7 +95,7 @@ def _staggered(ds: xr.Dataset) -> xr.Dataset:
     return ds
 
 
-def _masked(ds: xr.Dataset) -> xr.Dataset:
+def _without_land(ds: xr.Dataset) -> xr.Dataset:
     """Turn values where the masks of the model say land into missing ones."""
     for name in [
         n for n in ds.data_vars if n in ("u", "v", "u_eastward", "v_northward", "zeta", "aice", "hice", "uice", "vice")
@@ -124,7 +126,7 @@ ROMS = Product(
         Source("vi", ("vice_northward", "vice"), "m s-1"),
         Source("depth_below_surface", ("h",), "m"),
     ),
-    reshape=lambda ds: _masked(_staggered(_with_grid(ds))),
+    reshape=lambda ds: _without_land(_staggered(_with_grid(ds))),
     notes=(
         "u and v are brought to the points of u and turned with the angle of the file",
         "levels that follow the sea floor are interpolated to depths",
@@ -244,8 +246,8 @@ WRF = Product(
 
 
 def _is_fesom(ds: xr.Dataset) -> bool:
-    told = "fesom" in text_of(ds, "title", "source", "model", "Conventions", "history")
-    return bool({"nod2", "ncells", "nodes_2d", "elem"} & set(map(str, ds.dims))) or told
+    words = "fesom" in text_of(ds, "title", "source", "model", "Conventions", "history")
+    return bool({"nod2", "ncells", "nodes_2d", "elem"} & set(map(str, ds.dims))) or words
 
 
 FESOM = Product(

@@ -20,11 +20,11 @@ _LEVELS = ("deptht", "depthu", "depthv")
 
 def _matches(ds: xr.Dataset) -> bool:
     """Tell ORAS5 from other output of NEMO by heading or name: its records are months, those of others may be hours."""
-    told = (
+    words = (
         text_of(ds, "title", "source", "summary", "product", "id", "references")
         + str(ds.encoding.get("source", "")).lower()
     )
-    named = "oras5" in told or "oras-5" in told or "_monthly_highres_" in told
+    named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
     return named and bool(_NAMES & set(ds.variables)) and {"nav_lat", "nav_lon"} <= set(ds.variables)
 
 

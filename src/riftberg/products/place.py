@@ -42,12 +42,12 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
         If a dimension is no position, date or level, or positions are missing or impossible.
     """
     field, rest = _without_singles(ds, name, field, where)
-    found = list(coordinates_of(ds, name))
-    projected = _projected(ds, name, field, rest, found)
+    coordinates = list(coordinates_of(ds, name))
+    projected = _projected(ds, name, field, rest, coordinates)
     if projected is not None:
         return projected
-    lat, lon = _pair(ds, found, rest, name, where)
-    north, east = (_degrees(ds[c], where) for c in (lat, lon))
+    lat, lon = _pair(ds, coordinates, rest, name, where)
+    north, east = (_checked_degrees(ds[c], where) for c in (lat, lon))
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     if north.ndim == 1 and north.dims != east.dims:
         _check_axes(ds, lat, lon, north, east, where)
@@ -125,14 +125,14 @@ def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str)
 
 
 def _pair(
-    ds: xr.Dataset, found: list[tuple[str, Any, bool]], rest: list[str], name: str, where: str
+    ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], rest: list[str], name: str, where: str
 ) -> tuple[str, str]:
     """Return the names of the latitude and the longitude that belong to a field, together on all dims of place."""
-    lats = [(declared, c) for c, role, declared in found if role == "lat" and ds[c].ndim in (1, 2)]
-    lons = [(declared, c) for c, role, declared in found if role == "lon" and ds[c].ndim in (1, 2)]
-    told = str(ds[name].encoding.get("coordinates", "")).split()
+    lats = [(declared, c) for c, role, declared in coordinates if role == "lat" and ds[c].ndim in (1, 2)]
+    lons = [(declared, c) for c, role, declared in coordinates if role == "lon" and ds[c].ndim in (1, 2)]
+    listed = str(ds[name].encoding.get("coordinates", "")).split()
     fitting = [
-        (not (lat in told and lon in told), not (d1 and d2), ds[lat].ndim, lat, lon)
+        (not (lat in listed and lon in listed), not (d1 and d2), ds[lat].ndim, lat, lon)
         for d1, lat in lats for d2, lon in lons
         if {*map(str, ds[lat].dims), *map(str, ds[lon].dims)} == set(rest) and ds[lat].ndim == ds[lon].ndim
         and ds[lat].size > 0
@@ -151,7 +151,7 @@ def _pair(
     )  # fmt: skip
 
 
-def _degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
+def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
     """Return positions in degrees, without impossible ones (fill values become NaN)."""
     values = variable.values.astype(float)
     if variable.dtype == np.float32:  # the noise beyond the sixth decimal is of single precision
@@ -206,22 +206,22 @@ def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:
 
 def mapping_of(ds: xr.Dataset, name: str) -> xr.Variable | None:
     """Return the variable that describes the map projection of a field, if there is one."""
-    told = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", ""))).split(":")[0].strip()
-    if told in ds.variables:
-        return ds.variables[told]
+    mapping = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", ""))).split(":")[0].strip()
+    if mapping in ds.variables:
+        return ds.variables[mapping]
     named = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
     return named[0] if len(named) == 1 else None
 
 
 def _projected(
-    ds: xr.Dataset, name: str, field: xr.DataArray, rest: list[str], found: list[tuple[str, Any, bool]]
+    ds: xr.Dataset, name: str, field: xr.DataArray, rest: list[str], coordinates: list[tuple[str, Any, bool]]
 ) -> xr.DataArray | None:
     """Return a field on the axes of a map projection that the file or the product describes; None if it is on none."""
     from riftberg.products.projected import METRES, crs_of_mapping, to_degrees
 
     if len(rest) != 2:
         return None
-    axes = {dim: c for c, _, _ in found for dim in rest if ds[c].dims == (dim,)}
+    axes = {dim: c for c, _, _ in coordinates for dim in rest if ds[c].dims == (dim,)}
     if set(axes) != set(rest):
         return None
     roles = {dim: _map_axis(ds, c) for dim, c in axes.items()}
@@ -230,43 +230,57 @@ def _projected(
     ready = "crs_wkt" in ds.attrs
     mapping = mapping_of(ds, name)
     crs = ds.attrs["crs_wkt"] if ready else crs_of_mapping(mapping) if mapping is not None else None
-    if crs is None:
+    units = {kind: units_of(ds[axes[dim]]).strip().lower() for dim, kind in roles.items()}
+    degrees = all(unit.startswith("deg") for unit in units.values())
+    if crs is None or not (ready or _serves(crs, units, degrees)):
         return None
     x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
-    factor = {kind: METRES.get(units_of(ds[axes[dim]]).lower(), 0.0) for kind, dim in (("x", x_dim), ("y", y_dim))}
+    factor = {kind: METRES.get(unit, 0.0) for kind, unit in units.items()}
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
-    if not all(factor.values()) or not getattr(crs, "is_projected", True):  # rotated pole: axes are degrees
+    if degrees:  # of a rotated pole
         lon, lat = to_degrees(crs, *np.meshgrid(x, y))
         return bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
     x, y = x * factor["x"], y * factor["y"]
-    _check_against(ds, crs, x, y, found, (y_dim, x_dim))
+    _check_against(ds, crs, x, y, coordinates, (y_dim, x_dim))
     placed = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
     for kind, attributes in (("lat", _NORTH), ("lon", _EAST)):
-        told = next((c for c, role, _ in found if role == kind and set(ds[c].dims) == {y_dim, x_dim}), None)
-        if told is not None:
-            placed = placed.assign_coords({kind: (("y", "x"), ds[told].transpose(y_dim, x_dim).values, attributes)})
+        position = next((c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == {y_dim, x_dim}), None)
+        if position is not None:
+            placed = placed.assign_coords({kind: (("y", "x"), ds[position].transpose(y_dim, x_dim).values, attributes)})
     return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
 
 
+def _serves(crs: Any, units: dict[str, str], degrees: bool) -> bool:
+    """Tell whether axes of these units are those of a projection: lengths on a map, degrees on a rotated pole.
+
+    Bare counts of rows and columns beside a grid mapping are neither.
+    """
+    from riftberg.products.projected import METRES
+
+    if degrees:
+        return bool(getattr(crs, "is_derived", False)) and not crs.is_projected
+    return bool(crs.is_projected) and all(unit and unit in METRES for unit in units.values())
+
+
 def _check_against(
-    ds: xr.Dataset, crs: Any, x: Floats, y: Floats, found: list[tuple[str, Any, bool]], dims: tuple[str, str]
+    ds: xr.Dataset, crs: Any, x: Floats, y: Floats, coordinates: list[tuple[str, Any, bool]], dims: tuple[str, str]
 ) -> None:
     """Refuse a projection that does not lead to the two-dimensional positions that the file gives beside it."""
     from riftberg.products.projected import to_degrees
 
     pair = [
-        next((c for c, role, _ in found if role == wanted and set(ds[c].dims) == set(dims)), None)
+        next((c for c, role, _ in coordinates if role == wanted and set(ds[c].dims) == set(dims)), None)
         for wanted in ("lon", "lat")
     ]
     if None in pair or x.size < 2 or y.size < 2:
         return
     rows, columns = (np.unique(np.linspace(0, axis.size - 1, 9).astype(int)) for axis in (y, x))
     lon, lat = to_degrees(crs, *np.meshgrid(x[columns], y[rows]))
-    told = [ds[c].transpose(*dims).values[np.ix_(rows, columns)].astype(float) for c in pair]
-    east = ((lon - told[0] + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat))
-    off = np.hypot(east, lat - told[1]) * 111e3
+    stated = [ds[c].transpose(*dims).values[np.ix_(rows, columns)].astype(float) for c in pair]
+    east = ((lon - stated[0] + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat))
+    off = np.hypot(east, lat - stated[1]) * 111e3
     spacing = max(abs(x[1] - x[0]), abs(y[1] - y[0]))
     if np.isfinite(off).any() and np.nanmax(off) > 0.5 * spacing + 1e-4 * 111e3:
         raise ForcingError(
@@ -277,9 +291,9 @@ def _check_against(
 
 
 def _map_axis(ds: xr.Dataset, name: str) -> str:
-    told, axis = standard_name(ds[name]), str(ds[name].attrs.get("axis", "")).upper()
-    if told in ("projection_x_coordinate", "grid_longitude") or axis == "X" or name.lower() in ("x", "xc", "rlon"):
+    metadata, axis = standard_name(ds[name]), str(ds[name].attrs.get("axis", "")).upper()
+    if metadata in ("projection_x_coordinate", "grid_longitude") or axis == "X" or name.lower() in ("x", "xc", "rlon"):
         return "x"
-    if told in ("projection_y_coordinate", "grid_latitude") or axis == "Y" or name.lower() in ("y", "yc", "rlat"):
+    if metadata in ("projection_y_coordinate", "grid_latitude") or axis == "Y" or name.lower() in ("y", "yc", "rlat"):
         return "y"
     return ""

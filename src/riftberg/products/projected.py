@@ -52,9 +52,9 @@ def _crs_of(ds: xr.Dataset, fallback: str) -> Any:
 
     for variable in ds.variables.values():
         if variable.ndim == 0 and "grid_mapping_name" in variable.attrs:
-            found = crs_of_mapping(variable)
-            if found is not None:
-                return found
+            crs = crs_of_mapping(variable)
+            if crs is not None:
+                return crs
     return CRS.from_user_input(fallback)
 
 
@@ -85,19 +85,22 @@ def crs_of_mapping(mapping: xr.Variable) -> Any:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    attributes = _plain(mapping.attrs)
+    attributes = _plain_attributes(mapping.attrs)
     texts = [
         attributes[key] for key in ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text") if key in attributes
     ]
-    for reading, given in ((cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)):
+    for reading, stated in (
+        (cast(Any, CRS).from_cf, attributes),
+        *((cast(Any, CRS).from_user_input, t) for t in texts),
+    ):
         try:
-            return reading(given)
+            return reading(stated)
         except (CRSError, KeyError, ValueError, TypeError, AttributeError):
             continue
     return None
 
 
-def _plain(attributes: Any) -> dict[str, Any]:
+def _plain_attributes(attributes: Any) -> dict[str, Any]:
     """Return attributes with lists instead of arrays; a tangent cone has one standard parallel."""
     plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in attributes.items()}
     parallels = plain.get("standard_parallel")

@@ -152,21 +152,21 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
         If the file cannot be read, for whatever reason.
     """
     try:
-        return _read(path, product)
+        return _read_as(path, product)
     except ForcingError:
         raise
     except Exception as error:  # whatever libraries make of a damaged or strange file, it is told in words
-        told = " ".join(str(error).split())[:200] or type(error).__name__
+        message = " ".join(str(error).split())[:200] or type(error).__name__
         raise ForcingError(
-            f"cannot be read as {product.name} ({told})",
+            f"cannot be read as {product.name} ({message})",
             where=path,
             remedy="The file may be damaged, or of a layout that is not known: look at it with ncdump -h",
         ) from error
 
 
-def _read(path: str, product: Product) -> list[xr.Dataset]:
+def _read_as(path: str, product: Product) -> list[xr.Dataset]:
     raw = _without_false_fill(product.mend(open_raw(path)))
-    ds = product.reshape(_decoded(raw))
+    ds = product.reshape(_decoded_dataset(raw))
     ds.encoding["source"] = path
     stated = stated_interval(raw, path)
     parts = []
@@ -181,7 +181,7 @@ def _read(path: str, product: Product) -> list[xr.Dataset]:
     return parts
 
 
-def _decoded(raw: xr.Dataset) -> xr.Dataset:
+def _decoded_dataset(raw: xr.Dataset) -> xr.Dataset:
     """Return the file with packing, fill values and dates decoded; that is xarray's work."""
     with own_filters():
         warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)

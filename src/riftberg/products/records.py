@@ -67,8 +67,8 @@ def own_interval(ds: xr.Dataset) -> float:
     """
     if "interval_seconds" in ds.attrs:
         return float(ds.attrs["interval_seconds"])
-    told = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
-    known = [float(value) for value in told if float(value) > 0.0]
+    stated = (ds.attrs.get("stated_seconds", 0.0), ds.attrs.get("averaging_seconds", 0.0))
+    known = [float(value) for value in stated if float(value) > 0.0]
     records = ds["time"].values
     few = not known and records.size < FEW_RECORDS
     longest = float(ds.attrs.get("longest_step", LONGEST_OF_FEW if few else LONGEST_STEP))

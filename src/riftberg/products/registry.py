@@ -252,8 +252,8 @@ def _merge(parts: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
-    told = "; ".join(dict.fromkeys(str(part.attrs["told"]) for part in parts if "told" in part.attrs))
-    ds = ds.assign_attrs(told=told) if told else ds
+    told_text = "; ".join(dict.fromkeys(str(part.attrs["told"]) for part in parts if "told" in part.attrs))
+    ds = ds.assign_attrs(told=told_text) if told_text else ds
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
 
 

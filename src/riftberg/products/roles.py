@@ -33,8 +33,8 @@ def standard_name(variable: xr.Variable | xr.DataArray) -> str:
 
 def units_of(variable: xr.Variable | xr.DataArray) -> str:
     """Return the units as written, empty if there are none."""
-    found = (variable.attrs[key] for key in ("units", "Units", "Unit", "unit") if key in variable.attrs)
-    return str(next(found, ""))
+    values = (variable.attrs[key] for key in ("units", "Units", "Unit", "unit") if key in variable.attrs)
+    return str(next(values, ""))
 
 
 def holds_dates(variable: xr.Variable | xr.DataArray) -> bool:
@@ -73,8 +73,8 @@ def role_of(name: Hashable, variable: xr.Variable | xr.DataArray) -> Role:
         return ""
     if holds_dates(variable):
         return "time"
-    told = _by_metadata(variable)
-    return told or role_of_name(name)
+    role = _by_metadata(variable)
+    return role or role_of_name(name)
 
 
 def role_of_name(name: Hashable) -> Role:
@@ -96,12 +96,12 @@ def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, 
     count if their metadata or names make them positions, dates or levels on dimensions of the field.
     """
     field = ds[name]
-    told = str(field.encoding.get("coordinates", field.attrs.get("coordinates", ""))).split()
+    listed = str(field.encoding.get("coordinates", field.attrs.get("coordinates", ""))).split()
     for other in map(str, ds.variables):
         variable = ds.variables[other]
         if other == str(name) or not set(variable.dims) <= set(field.dims):
             continue
-        declared = other in told or other in field.dims
+        declared = other in listed or other in field.dims
         if variable.ndim == 0 and not declared and other in ds.data_vars and not _says_where(other, variable):
             continue
         role = role_of(other, variable)

@@ -88,8 +88,8 @@ def told_kind(raw: xr.Dataset, path: str) -> str:
         "name",
     )
     for text in (*(str(raw.attrs.get(key, "")) for key in keys), Path(path).name):
-        found = _NEAR.search(text)
-        if found and not _PAST.search(text):
+        match = _NEAR.search(text)
+        if match and not _PAST.search(text):
             return f"analysis, forecast or near real time, no reanalysis: the file says {text.strip()[:80]!r}"
     return ""
 

@@ -112,10 +112,16 @@ def _terms(ds: xr.Dataset, axis: xr.DataArray, where: str) -> tuple[str, Floats,
     words = str(axis.attrs.get("formula_terms", "")).replace(":", ": ").split()
     terms = {word[:-1]: words[k + 1] for k, word in enumerate(words[:-1]) if word.endswith(":")}
     floor = next((name for name in (terms.get("depth"), "h") if name and name in ds.variables), None)
-    told = standard_name(axis)
+    metadata_name = standard_name(axis)
     transform = next((float(np.ravel(ds[n].values)[0]) for n in ("Vtransform",) if n in ds.variables), None)
-    kind = "g1" if "g1" in told or transform == 1.0 else "g2" if "g2" in told or transform == 2.0 else "sigma"
-    if "sigma" in told:
+    kind = (
+        "g1"
+        if "g1" in metadata_name or transform == 1.0
+        else "g2"
+        if "g2" in metadata_name or transform == 2.0
+        else "sigma"
+    )
+    if "sigma" in metadata_name:
         kind = "sigma"
     c_name = next((n for n in (terms.get("C"), "Cs_r", "Cs_rho", "sc_r") if n and n in ds.variables), None)
     hc_name = next((n for n in (terms.get("depth_c"), "hc", "Tcline") if n and n in ds.variables), None)
@@ -147,7 +153,7 @@ def _depth_of(s: Floats, stretch: Floats, critical: float, kind: str, h: Floats)
 
 def _interpolated(values: Floats, depth: Floats, floor: Floats, targets: Floats) -> Floats:
     """Interpolate (..., level, place) at depths; constant above the first and below the last level, NaN in the floor."""
-    found = []
+    columns = []
     lead = values.ndim - depth.ndim
     for target in targets:
         below = (depth <= target).sum(axis=0)
@@ -160,5 +166,5 @@ def _interpolated(values: Floats, depth: Floats, floor: Floats, targets: Floats)
             k[(None,) * (lead + 1)] * np.ones((*values.shape[:lead], 1, *k.shape), np.int64) for k in (lower, upper)
         ]
         a, b = (np.take_along_axis(values, k, axis=lead)[(slice(None),) * lead + (0,)] for k in index)
-        found.append(np.where(floor >= target, (1.0 - part) * a + part * b, np.nan))
-    return np.stack(found, axis=lead)
+        columns.append(np.where(floor >= target, (1.0 - part) * a + part * b, np.nan))
+    return np.stack(columns, axis=lead)

@@ -47,12 +47,12 @@ _OVERLAP = 0.8
 
 def is_true(field: xr.DataArray, name: str) -> bool:
     """Tell whether a component points east or north, by its grid, standard name, description or name."""
-    told = standard_name(field)
-    if told.startswith("grid_"):
+    metadata_name = standard_name(field)
+    if metadata_name.startswith("grid_"):
         return False
-    if set(field.dims) >= {"lat", "lon"} or "eastward" in told or "northward" in told:
+    if set(field.dims) >= {"lat", "lon"} or "eastward" in metadata_name or "northward" in metadata_name:
         return True
-    if "_x_" in f"_{told}" or "_y_" in f"_{told}":
+    if "_x_" in f"_{metadata_name}" or "_y_" in f"_{metadata_name}":
         return False
     words = str(field.attrs.get("long_name", "")).lower()
     return name in _TRUE_NAMES or "eastward" in words or "northward" in words
@@ -84,16 +84,16 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
         angle = _of_projection(field)
     else:
         lon, lat = np.asarray(field["lon"].values), np.asarray(field["lat"].values)
-        told = _of_file(ds, lon, lat, place)
-        angle = _of_positions(lon, lat, name, where, any_hand=told is not None)
-        if told is not None:
-            off = np.nanmedian(np.abs((told - angle + np.pi) % (2.0 * np.pi) - np.pi))
+        of_file = _of_file(ds, lon, lat, place)
+        angle = _of_positions(lon, lat, name, where, any_hand=of_file is not None)
+        if of_file is not None:
+            off = np.nanmedian(np.abs((of_file - angle + np.pi) % (2.0 * np.pi) - np.pi))
             if off > _TOLERANCE:
                 raise ForcingError(
                     f"the angle that the file gives differs from the direction of its grid by {np.rad2deg(off):.0f} degrees",
                     where=where, remedy="Correct the angle (radians from east to the first axis) or its units",
                 )  # fmt: skip
-            angle = np.where(np.isfinite(told), told, angle)
+            angle = np.where(np.isfinite(of_file), of_file, angle)
     return field.assign_coords(grid_angle=(("y", "x"), angle)).assign_attrs(along="grid")
 
 
@@ -201,8 +201,8 @@ def regridded(field: xr.DataArray, stencil: Stencil, dims: tuple[str, ...], coor
 
     def apply(values: Floats) -> Floats:
         block = values if len(plane) == 2 else values[..., None, :]
-        found, origin = stencil.wet(block, 0)
-        return np.where(origin == MISSING, np.nan, found)
+        block_values, origin = stencil.wet(block, 0)
+        return np.where(origin == MISSING, np.nan, block_values)
 
     bare = field.drop_vars([name for name, c in field.coords.items() if set(c.dims) & set(plane)])
     temporary = [f"_{dim}" for dim in dims]
@@ -257,7 +257,7 @@ def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     for ds in parts:
         for name in [name for pair in VECTORS for name in pair if name in ds.data_vars]:
             if ds[name].attrs.get("along") == "grid":
-                raise _alone(ds, str(name))
+                raise _without_partner(ds, str(name))
     return [ds.drop_vars("grid_angle", errors="ignore") for ds in parts if ds.data_vars]
 
 
@@ -291,12 +291,12 @@ def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
     for name, old in ((east, u), (north, v)):
         turned[name] = turned[name].astype(float).transpose(*old.dims)
         turned[name].attrs = {key: value for key, value in old.attrs.items() if key != "along"}
-    told = f"{east}, {north} are turned from the axes of the grid to east and north"
+    remark = f"{east}, {north} are turned from the axes of the grid to east and north"
     earlier = str(ds.attrs.get("told", ""))
-    return ds.assign(turned).assign_attrs(told="; ".join(filter(None, [earlier, told])))
+    return ds.assign(turned).assign_attrs(told="; ".join(filter(None, [earlier, remark])))
 
 
-def _alone(ds: xr.Dataset, name: str) -> ForcingError:
+def _without_partner(ds: xr.Dataset, name: str) -> ForcingError:
     pair = next(pair for pair in VECTORS if name in pair)
     other = pair[1 - pair.index(name)]
     original = ds[name].attrs.get("original_name", name)

@@ -58,7 +58,7 @@ def window(
     west, east = lon[0], lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
     box = (west - margin, east + margin, lat[0] - margin, lat[1] + margin)
     if "crs_wkt" in ds.attrs:
-        ds = _projected(ds, box)
+        ds = _cut_projected(ds, box)
     elif "node" in ds.dims:
         ds = _scattered(ds, box)
     elif "y" in ds.dims:
@@ -96,7 +96,7 @@ def _regular(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Datas
     return _not_empty(ds.isel(lat=rows, lon=columns), ds, box)
 
 
-def _projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+def _cut_projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
     """Cut a projected grid to the rectangle that holds the box."""
     from riftberg.products.projected import to_projection
 
@@ -154,8 +154,8 @@ def _nearest(lon: Floats, lat: Floats, to_lon: float, to_lat: float) -> NDArray[
     from riftberg.products.cells import unit_vectors
 
     off = np.linalg.norm(unit_vectors(lon, lat) - unit_vectors(np.array(to_lon), np.array(to_lat)), axis=-1)
-    found: NDArray[np.bool_] = off == np.nanmin(off)
-    return found
+    nearest: NDArray[np.bool_] = off == np.nanmin(off)
+    return nearest
 
 
 def _surrounds(lon: Floats, lat: Floats, west: float, east: float, south: float, north: float) -> bool:
@@ -180,7 +180,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
     middle = 0.5 * (west + east)
     lat = ds["lat"].values
     lon = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle
-    if np.ptp(lat, axis=1).max() > 1e-3 or np.ptp(lon, axis=0).max() > 1e-3:
+    if not (np.ptp(lat, axis=1).max() <= 1e-3 and np.ptp(lon, axis=0).max() <= 1e-3):  # also where positions are NaN
         return ds.assign_coords(lon=(ds["lon"].dims, lon, ds["lon"].attrs))
     order = np.unique(np.round(lon.mean(axis=0), 5), return_index=True)[1]
     ds = ds.isel(x=order).drop_vars(["lat", "lon"]).rename(y="lat", x="lon")

@@ -309,9 +309,9 @@ def open_run(path: str | Path) -> xr.Dataset:
 class _RunWithDataset(RunWriter):
     """Writer whose file can be had as a dataset; one without a name of its own lives in memory afterwards."""
 
-    def __init__(self, path: Path, every_hours: float, in_memory: bool) -> None:
+    def __init__(self, path: Path, every_hours: float, in_memory: bool, forces: bool) -> None:
         # The background is read from a file; a run in memory can do without.
-        super().__init__(path, every_hours=every_hours, background=not in_memory)
+        super().__init__(path, every_hours=every_hours, background=not in_memory, forces=forces)
         self._in_memory = in_memory
 
     def dataset(self) -> xr.Dataset:
@@ -324,7 +324,7 @@ class _RunWithDataset(RunWriter):
 
 
 @contextmanager
-def memory_run(output: str | Path | None, every_hours: float) -> Iterator[_RunWithDataset]:
+def memory_run(output: str | Path | None, every_hours: float, forces: bool = False) -> Iterator[_RunWithDataset]:
     """Give a recorder for ``output``, or for a passing file whose content ends up in memory.
 
     Parameters
@@ -333,10 +333,12 @@ def memory_run(output: str | Path | None, every_hours: float) -> Iterator[_RunWi
         The run file to write, if one is wanted.
     every_hours : float
         Interval between records, in hours of model time.
+    forces : bool, optional
+        Write the mean force of each medium.
     """
     with TemporaryDirectory(prefix="riftberg-") as folder:
         path = Path(folder) / "run.nc" if output is None else Path(output)
-        yield _RunWithDataset(path, every_hours, in_memory=output is None)
+        yield _RunWithDataset(path, every_hours, in_memory=output is None, forces=forces)
 
 
 def _define(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:

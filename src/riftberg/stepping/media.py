@@ -22,7 +22,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.coriolis import coriolis_parameter
 from riftberg.physics.drag import air_drag, exposed_sides, ocean_drag, sea_ice_drag, side_width
 from riftberg.physics.floating import draft_of
-from riftberg.physics.grounding import grounded_fraction, grounding_rate
+from riftberg.physics.grounding import grounded_fraction, grounding_rate, quadratic_grounding
 from riftberg.physics.slope import slope_acceleration
 from riftberg.physics.waves import wave_acceleration
 from riftberg.state import Elements, Floats
@@ -120,7 +120,9 @@ def sea_floor(thickness: float, depth: float, area: float, mass: float, p: Kerne
     fraction = grounded_part(thickness, depth, p)
     if fraction == 0.0:
         return Medium(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return Medium(grounding_rate(p.ground_coefficient, area, mass, fraction), 0.0, 0.0, 0.0, 0.0, 0.0)
+    linear = grounding_rate(p.ground_coefficient, area, mass, fraction)
+    quadratic = quadratic_grounding(p.ground_quadratic, area, mass, draft_of(thickness, p.rho_ice) - depth)
+    return Medium(linear, quadratic, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
@@ -132,7 +134,7 @@ def grounded_part(thickness: float, depth: float, p: KernelParameters) -> float:
     thickness, depth : float
         Of the ice and of the water, m.
     """
-    if p.ground_coefficient <= 0.0:
+    if p.ground_coefficient <= 0.0 and p.ground_quadratic <= 0.0:
         return 0.0
     return grounded_fraction(depth, draft_of(thickness, p.rho_ice), p.ground_ramp)
 

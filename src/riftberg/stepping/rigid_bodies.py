@@ -61,7 +61,7 @@ class Loading(NamedTuple):
     ``media`` and ``coriolis`` are those of `riftberg.stepping.media.Surroundings`, less the linear drag of the sea floor:
     ``floor`` and ``floor_spin`` are its rates (s-1), ``aground`` tells how far an element touches it (0 to 1).
     ``spinning`` is the rotational drag (rad-1) and ``water_spin`` the rotation of the water (s-1); ``push_x``, ``push_y``
-    are steady forces (N).
+    are steady forces (N). ``surrounded`` tells whether the media act, ``touches`` whether the sea floor does.
     """
 
     media: Floats
@@ -76,6 +76,7 @@ class Loading(NamedTuple):
     push_x: Floats
     push_y: Floats
     surrounded: bool
+    touches: bool
 
 
 class Touching(NamedTuple):
@@ -112,7 +113,7 @@ def find_loading(el: Elements, sizes: Sizes, around: Surroundings, p: KernelPara
             spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
     return Loading(
         media, around.coriolis.copy(), mass, inertia, floor, floor_spin, aground, spinning,
-        0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions,
+        0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions, touches,
     )  # fmt: skip
 
 
@@ -200,11 +201,12 @@ def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, 
 def keep_applied(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
     """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities."""
     for e in range(u.size):
-        if load.surrounded:
-            for m in range(load.media.shape[1]):
+        for m in range(load.media.shape[1]):
+            if load.surrounded or (m == SEA_FLOOR and load.touches):
                 ax, ay, _, _, _ = _drag(load.media[e, m], u[e], v[e])
                 applied[e, m, 0] += part * ax
                 applied[e, m, 1] += part * ay
+        if load.surrounded:
             applied[e, CORIOLIS, 0] += part * load.coriolis[e] * v[e]
             applied[e, CORIOLIS, 1] -= part * load.coriolis[e] * u[e]
         applied[e, SEA_FLOOR, 0] -= part * load.floor[e] * u[e]
@@ -237,7 +239,8 @@ def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
         if load.surrounded:
             f = load.coriolis[e]
             ax, ay = f * v, -f * u
-            for k in range(media.shape[1]):
+        for k in range(media.shape[1]):
+            if load.surrounded or (k == SEA_FLOOR and load.touches):
                 dx, dy, dxx, dxy, dyy = _drag(media[e, k], u, v)
                 ax += dx
                 ay += dy

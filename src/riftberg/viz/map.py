@@ -126,8 +126,8 @@ class _MapFigure:
         box = widened(self.scene.grown(self.scene.box(), 0.05), self.scene, shape)
         panel = Panel(ax, self.scene, box, self.water, ticks=6, labels=True)
         grounded = panel.draw_floor()
-        panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=3.7)
-        panel.draw_ice(records[-1], self.colours, zorder=3.8)
+        panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
+        panel.draw_ice(records[-1], self.colours, zorder=2.8)
         labels = style.Labels(ax)
         self._draw_breakups(ax, labels)
         for number in reversed(list(self.colours)):
@@ -186,5 +186,6 @@ class _MapFigure:
                                  label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip
         if self.observed:
             handles.append(Line2D([], [], color="black", lw=1.1, label="observed outline"))
-        ax.legend(handles=handles, fontsize=8, loc="upper left", bbox_to_anchor=(-0.02, -0.05), ncols=2, frameon=False,
+        below = -0.05 if self.scene.latlon else -0.075  # the axis of a run in metres has a name
+        ax.legend(handles=handles, fontsize=8, loc="upper left", bbox_to_anchor=(-0.02, below), ncols=2, frameon=False,
                   borderpad=0.2, columnspacing=1.4, handlelength=1.8)  # fmt: skip

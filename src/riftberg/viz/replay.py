@@ -308,10 +308,10 @@ class ReplayContent:
         south, north = max(box.south, -90.0), min(box.north, 90.0)
         for lon in np.arange(np.ceil(box.west / step_x), np.floor(box.east / step_x) + 1) * step_x:
             x, y = self.plane.forward(np.full(25, lon), np.linspace(south, north, 25))
-            lines.append({"label": _degrees(float(lon), "E", "W", step_x), "axis": "x", "line": _flat(x, y)})
+            lines.append({"label": _degree_text(float(lon), "E", "W", step_x), "axis": "x", "line": _flat(x, y)})
         for lat in np.arange(np.ceil(south / step_y), np.floor(north / step_y) + 1) * step_y:
             x, y = self.plane.forward(np.linspace(box.west, box.east, 33), np.full(33, lat))
-            lines.append({"label": _degrees(float(lat), "N", "S", step_y), "axis": "y", "line": _flat(x, y)})
+            lines.append({"label": _degree_text(float(lat), "N", "S", step_y), "axis": "y", "line": _flat(x, y)})
         return lines
 
     def _observed(self) -> list[dict[str, Any]]:
@@ -340,7 +340,7 @@ def nice_step(rough: float) -> float:
     return float(steps[np.argmin(np.abs(np.log(steps / max(rough, 1e-9))))])
 
 
-def _degrees(value: float, positive: str, negative: str, step: float) -> str:
+def _degree_text(value: float, positive: str, negative: str, step: float) -> str:
     from riftberg.viz.style import degree_label
 
     return degree_label(value, positive, negative, 1 if step < 1.0 else 0)
