@@ -153,8 +153,16 @@ class Parameters(Group):
                 "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
                 "or fracture.enabled = false (spec 7, quirk Q25)"
             )
-        multiple = p.stepping.scheme in ("mts", "quasi_static")
-        quadratic = p.grounding.law == "quadratic"
+        if scheme == "quasi_static" and (self.bonds.law == "spring" or self.bonds.no_shear):
+            raise ValueError(
+                "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
+                "and bonds.no_shear = false, or stepping.scheme = 'mts'"
+            )
+        g = self.grounding
+        if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
+            raise ValueError(
+                "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
+                "they are of the linear law"
             )
         if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
@@ -178,12 +186,8 @@ class Parameters(Group):
         """Flatten the groups into the named tuple that compiled code reads."""
         p, c = self, self.compatibility
         hexagonal = p.bonds.packing == "hexagonal"
-<<<<<<< HEAD
         multiple = p.stepping.scheme in ("mts", "quasi_static")
-=======
-        multiple = p.stepping.scheme == "mts"
         quadratic = p.grounding.law == "quadratic"
->>>>>>> house
         return KernelParameters(
             multiple_steps=multiple,
             rho_ice=p.ice.density,
