@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.model import Model
     from riftberg.ocean.analytic import Steady
+    from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.run_file import open_run
@@ -36,6 +37,7 @@ _HOMES = {
     "A68A_2022_KID": "riftberg.parameters",
     "Steady": "riftberg.ocean.analytic",
     "GriddedForcing": "riftberg.ocean.gridded",
+    "DatasetForcing": "riftberg.ocean.datasets",
     "open_run": "riftberg.runs.run_file",
     "draw_map": "riftberg.viz.map",
 }
@@ -43,6 +45,7 @@ _HOMES = {
 __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
+    "DatasetForcing",
     "GriddedForcing",
     "Iceberg",
     "Model",

@@ -20,9 +20,7 @@ from typing import Any, Final
 MODULES: Final = {
     "diagnostics.fragments": "stepping.fragments",
     "diagnostics.track": "runs.track",
-    "experiments.files_fields": "ocean.files_fields",
     "experiments.files_forcing": "ocean.files_forcing",
-    "experiments.files_levels": "ocean.files_levels",
     "io": "runs",
     "io.background": "runs.background",
     "io.kid": "kid",

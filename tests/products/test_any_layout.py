@@ -264,6 +264,11 @@ def test_vectors_on_turned_grids_point_east_and_north(layout: str, tmp_path: Pat
         np.testing.assert_allclose(found[name][0], values, atol=0.02 if told.kind == "ua" else 2e-3)
 
 
+@pytest.mark.parametrize("layout", TURNED)
+def test_fields_on_turned_grids_reach_the_berg_of_a_run(layout: str, tmp_path: Path) -> None:
+    reaches_or_is_refused(tmp_path, TURNED[layout])
+
+
 LAYOUTS = st.builds(
     Layout,
     kind=st.sampled_from(["uo", "uo", "ua"]),
@@ -282,7 +287,7 @@ LAYOUTS = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(layout=LAYOUTS)
 def test_any_combination_reaches_the_berg_or_is_refused(layout: Layout, tmp_path: Path) -> None:
     """The class of all faults at once: whatever is combined, a value is right or the run is refused in words."""
@@ -345,3 +350,21 @@ def test_the_doctor_names_the_variable_and_what_it_noticed(tmp_path: Path) -> No
     assert "from a (m s-1 in the file)" in text
     assert "0.494 m" in text
     assert "member 1" in text
+
+
+def test_currents_on_one_level_reach_the_berg_of_a_run(tmp_path: Path) -> None:
+    """`depth = 1`, the usual surface subset of Copernicus, became 0 and the doctor said Ready."""
+    from riftberg.experiments import build
+
+    written(tmp_path, replace(PLAIN, level="depth:1:0.494:m", packed="int16"))
+    (tmp_path / "one.yaml").write_text(
+        "start: 2020-12-16 06:00\ndays: 0.1\nberg:\n  rectangle: {length: 12 km, width: 6 km}\n"
+        "  placement: [-39.0, -55.5]\nforcing:\n  kind: files\n  files: [field.nc]\n"
+        "  longitude: [-41, -37]\n  latitude: [-57, -54]\n"
+    )
+    model, _ = build(str(tmp_path / "one.yaml"))
+    e = model.elements
+    model.forcing.sample(e, 0.0)
+    east, north = truth("uo", e.lon, e.lat, -39.0)
+    np.testing.assert_allclose(e.uo, east, atol=1e-3)
+    np.testing.assert_allclose(e.vo, north, atol=1e-3)

@@ -12,8 +12,10 @@ import pytest
 import xarray as xr
 
 from products import product_files as files
-from products.test_any_layout import Layout, written
+from products.test_any_layout import START, Layout, elements, written
 from riftberg.errors import ForcingError
+from riftberg.ocean.files_forcing import Run, forcing_from_files
+from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all
 from riftberg.products.doctor import doctor
 
@@ -154,3 +156,20 @@ def test_dates_as_plain_numbers_and_in_the_heading_are_read(tmp_path: Path) -> N
     forecast.to_netcdf(tmp_path / "forecast.nc")
     [found] = open_all(tmp_path / "forecast.nc")
     assert found["time"].values[0] == np.datetime64("2020-12-16T12:00")
+
+
+def test_values_that_a_damaged_file_does_not_give_up_are_told_by_a_run(tmp_path: Path) -> None:
+    path = written(tmp_path, Layout())
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    ds.to_netcdf(tmp_path / "sum.nc", encoding={name: {"fletcher32": True, "chunksizes": (1, 13, 17)} for name in "ab"})
+    data = bytearray((tmp_path / "sum.nc").read_bytes())
+    place = data.find(ds["a"].values[1].tobytes())
+    assert place > 0
+    data[place + 40] ^= 0xFF
+    (tmp_path / "sum.nc").write_bytes(bytes(data))
+    asked = FileForcing(kind="files", files=["sum.nc"], longitude=(-41, -37), latitude=(-57.5, -53.5), hold=24)
+    e = elements(-39.0)
+    with pytest.raises(ForcingError, match="values of a cannot be read"):
+        forcing_from_files(asked, tmp_path, Run.of(START, 0.2, e.thickness, 850.0)).sample(e, 3600.0)
+    assert "cannot be read" in doctor(tmp_path / "sum.nc", needed=("uo", "vo")).text()

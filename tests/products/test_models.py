@@ -295,3 +295,53 @@ def test_a_rotated_pole_is_read_through_its_grid_mapping(tmp_path: Path) -> None
     e = elements(CENTRE)
     found = to_grid(open_product(tmp_path / "rotated.nc"), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
     np.testing.assert_allclose(found["uo"].values.ravel(), truth("uo", e.lon, e.lat, CENTRE)[0], atol=1e-3)
+
+
+def other_layout(kind: str) -> xr.Dataset:
+    """Return a small file as HYCOM, WRF and GRIB readers write it: the field is 1 eastward, 0 northward."""
+    lat, lon = np.arange(-60, -50, 0.5), np.arange(-45, -33, 0.5)
+    columns, rows = np.meshgrid(lon, lat)
+    stamps = np.array(["2020-12-16", "2020-12-17"], "M8[ns]")
+    one = np.ones((2, lat.size, lon.size))
+    north, east = {"units": "degrees_north"}, {"units": "degrees_east"}
+    if kind == "hycom":
+        dims = ("MT", "Depth", "Y", "X")
+        names = [f"{way}_sea_water_velocity" for way in ("eastward", "northward")]
+        fields = {
+            n: (dims, k * one[:, None], {"units": "m/s", "standard_name": told})
+            for n, k, told in zip("uv", (1, 0), names, strict=True)
+        }
+        axes = {
+            "MT": stamps, "Depth": ("Depth", [0.0], {"units": "m", "axis": "Z"}),
+            "Y": ("Y", np.arange(lat.size), {"axis": "Y"}), "X": ("X", np.arange(lon.size), {"axis": "X"}),
+            "Latitude": (("Y", "X"), rows, north), "Longitude": (("Y", "X"), columns, east),
+        }  # fmt: skip
+        return xr.Dataset(fields, axes)
+    if kind == "wrf":
+        dims = ("Time", "south_north", "west_east")
+        fields = {"U10": (dims, 0 * one), "V10": (dims, -one), "COSALPHA": (dims, 0 * one), "SINALPHA": (dims, one)}
+        places = {"XLAT": (dims, np.stack([rows.T] * 2), north), "XLONG": (dims, np.stack([columns.T[::-1]] * 2), east)}
+        turned = {n: (d, np.swapaxes(v, 1, 2), {"units": "m s-1"}) for n, (d, v) in fields.items()}
+        return xr.Dataset({**turned, **places, "XTIME": (("Time",), stamps)})
+    fields = {
+        n: (("step", "latitude", "longitude"), k * one, {"units": "m s**-1"}) for n, k in (("u10", 1), ("v10", 0))
+    }
+    axes = {
+        "time": ((), stamps[0], {"standard_name": "forecast_reference_time"}),
+        "step": ("step", [0, 6], {"units": "hours"}),
+        "valid_time": ("step", stamps[0] + np.arange(2) * np.timedelta64(6, "h"), {"standard_name": "time"}),
+        "heightAboveGround": ((), 10.0, {"units": "m"}),
+        "latitude": ("latitude", lat, north), "longitude": ("longitude", lon, east),
+    }  # fmt: skip
+    return xr.Dataset(fields, axes)
+
+
+@pytest.mark.parametrize("kind", ["hycom", "wrf", "cfgrib"])
+def test_layouts_of_other_producers(kind: str, tmp_path: Path) -> None:
+    other_layout(kind).to_netcdf(tmp_path / "file.nc")
+    ds = open_product(tmp_path / "file.nc")
+    east, north = ("uo", "vo") if kind == "hycom" else ("ua", "va")
+    np.testing.assert_allclose(ds[east], 1.0, atol=1e-12)
+    np.testing.assert_allclose(ds[north], 0.0, atol=1e-12)
+    later = np.timedelta64(6, "h") if kind == "cfgrib" else np.timedelta64(24, "h")
+    assert ds["time"].values[1] == np.datetime64("2020-12-16") + later

@@ -96,7 +96,7 @@ class Iceberg(BondedBerg):
             Mend an outline that crosses itself instead of refusing it.
         **options
             Radius, packing, density, velocity, spin, radius of the sphere (`riftberg.bergs.options.Material`); rotation, shift,
-            placement, offset, conformal (`riftberg.bergs.options.Layout`). The report gives areas on the sphere, not on the
+            placement, offset, conformal (`riftberg.bergs.options.Placing`). The report gives areas on the sphere, not on the
             ellipsoid of a chart (0.7 % less at 55 S for the radius of the A68a experiment).
 
         Raises

@@ -50,7 +50,7 @@ class Material(NamedTuple):
     pieces: Any = None
 
 
-class Layout(NamedTuple):
+class Placing(NamedTuple):
     """How a shape is filled and where the berg is put.
 
     Attributes
@@ -122,7 +122,7 @@ class PointOptions(TypedDict, total=False):
     pieces: Any
 
 
-def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tuple[Material, Layout]:
+def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tuple[Material, Placing]:
     """Return options of a kind as material and layout.
 
     Parameters
@@ -144,5 +144,5 @@ def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tu
         if name not in known:
             raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")
     material = {name: value for name, value in options.items() if name in Material._fields}
-    layout = {name: value for name, value in options.items() if name in Layout._fields}
-    return Material(thickness, **material), Layout(**layout)
+    layout = {name: value for name, value in options.items() if name in Placing._fields}
+    return Material(thickness, **material), Placing(**layout)

@@ -57,7 +57,7 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
             ) from error
         key, part = tuple(row[k] for k in keys), tuple(row[k] for k in parts)
         groups.setdefault(key, {}).setdefault(part, []).append(point)
-    combined = _lines if lines else _polygons_of_rings
+    combined = _lines_of_rows if lines else _polygons_of_rings
     return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
 
 
@@ -94,7 +94,7 @@ def _polygons_of_rings(rings: list[Points], path: Path) -> Any:
     return geometry
 
 
-def _lines(lines: list[Points], path: Path) -> Any:
+def _lines_of_rows(lines: list[Points], path: Path) -> Any:
     for line in lines:
         if len(line) < 2:
             raise BergError(

@@ -82,7 +82,7 @@ def run(
     model, info = _built(experiment, options, resume)
     info = replace(info, output_forces=info.output_forces or forces)
     _tell(info)
-    given = [*_as_given(experiment, options), *_recording(options, every)]
+    given = [*_as_given(experiment, options), *_recording(options, every, forces)]
     session = Session(
         model, info, output_folder(output, info.name), shlex.join(given), output is not None, _shown(map_, quiet)
     )
@@ -114,7 +114,7 @@ def _run_both(
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         folders[-1].mkdir(parents=True, exist_ok=True)
-        given = [*_as_given(experiment, chosen), *_recording(options, every)]
+        given = [*_as_given(experiment, chosen), *_recording(options, every, forces)]
         session = Session(model, info, folders[-1], shlex.join(given), True, _shown(draw, quiet))
         hours = info.output_every_hours if every is None else every
         session.run(options.days if options.days is not None else info.days, hours, quiet)
@@ -134,11 +134,13 @@ def _tell(info: Info) -> None:
         say(f"Notice: {notice}")
 
 
-def _recording(options: Options, every: float | None) -> list[str]:
+def _recording(options: Options, every: float | None, forces: bool) -> list[str]:
     """Return the options of length and records, for going on with a run."""
     words = [] if options.days is None else ["--days", f"{options.days!r}"]
     if every is not None:
         words += ["--every", f"{every!r}"]
+    if forces:
+        words.append("--forces")
     return words
 
 

@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import split_id
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import opened_dataset, unpacked
 from riftberg.kid.restart import Origin
+from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats
 
 CALVING_FILE: Final = "calving.res.nc"
@@ -26,8 +26,8 @@ _SCHEME_TWO: Final = 999.0
 
 def tips_over(elements: Elements, group: NamelistGroup) -> Floats:
     """Return 1 for elements whose shape makes them roll as soon as they have no bond, else 0 (section 1.11)."""
-    ratio = group.number("rho_bergs") / RHO_SEAWATER
-    thickness, draft = elements.thickness, ratio * elements.thickness
+    thickness, density = elements.thickness, group.number("rho_bergs")
+    ratio, draft = draft_of(1.0, density), draft_of(thickness, density)
     short, long = np.minimum(elements.width, elements.length), np.maximum(elements.width, elements.length)
     tip = group.number("tip_parameter")
     squared = 6.0 * ratio * (1.0 - ratio)

@@ -1,4 +1,4 @@
-"""Forcing from files of any products that Riftberg knows: each on its own grid, or all on one model grid."""
+"""Forcing from files of any products that Riftberg knows: opened, cut to the run, checked, and handed to the elements."""
 
 from __future__ import annotations
 
@@ -13,28 +13,31 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.files_fields import NAMES, FieldMaker, Mesh, belongs, even_mesh, own_mesh
-from riftberg.ocean.files_levels import LevelColumns, has_levels, without_levels
+from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, part_of, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
-from riftberg.ocean.gridded import GriddedForcing
-from riftberg.ocean.over_draft import DraftCurrents
-from riftberg.ocean.own_grids import FILLS, OwnGrids, Part
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.mesh import AxesMesh
+from riftberg.ocean.product_records import ProductRecords
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.canonical import QUANTITIES
+from riftberg.products.interpolate import to_grid
 from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window
 from riftberg.state import Floats
 
-PARTNER = dict(records.VECTORS)
-"""Northward component of each vector by its eastward one."""
+WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy"})
+"""Canonical fields that a run takes from its files."""
 
-MOVING = frozenset({"ssh", *PARTNER, *PARTNER.values()})
+MOVING = WANTED - {"depth_below_surface", "sst", "sss", "ice_fraction", "ice_thickness", "taux", "tauy"}
 """Fields that change by the day; without dates they are a mean or a snapshot."""
 
 MARGIN = 3
 """Points of a product around the box that are read too."""
+
+MOST_POINTS = 4e6
+"""Points of a sea floor without records; finer ones are averaged in blocks first."""
 
 
 class Run(NamedTuple):
@@ -60,7 +63,7 @@ class Run(NamedTuple):
         return [(moment - self.start).total_seconds() for moment in moments]
 
 
-def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> GriddedForcing | OwnGrids:
+def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> DatasetForcing:
     """Return the forcing for a run.
 
     Parameters
@@ -86,15 +89,98 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> GriddedFor
             where=", ".join(entry.file for entry in given.entries),
             remedy=f"They give {', '.join(found)}; add a file of currents",
         )
-    if given.currents == "surface":
-        datasets = [without_levels(ds, surface=True) for ds in datasets]
     _check_pairs(datasets)
+    datasets = [_not_too_fine(surface_of_others(ds, currents=given.currents == "draft")) for ds in datasets]
     if given.spacing is None:
-        forcing: GriddedForcing | OwnGrids = _on_own_grids(given, datasets, run)
+        parts, grid = [part_of(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
     else:
-        forcing = _on_one_grid(given, even_mesh(_box(given.longitude), given.latitude, given.spacing), datasets, run)
-    forcing.notices = _notices(datasets, given)
-    return forcing
+        model_grid = ModelGrid.of(given, datasets, run)
+        parts, grid = [model_grid.part(ds, run) for ds in datasets], model_grid.grid
+    return DatasetForcing(
+        parts,
+        ice_density=run.ice_density,
+        draft=float(run.drafts.mean()),
+        coastal_drift=given.coastal_drift,
+        grid=grid,
+        notices=_notices(datasets, given),
+    )
+
+
+def surface_of_others(ds: xr.Dataset, *, currents: bool) -> xr.Dataset:
+    """Return a dataset with the uppermost level of all fields, those of more levels excepted if ``currents`` keep theirs."""
+    if "depth" not in ds.dims:
+        return ds
+    deep = {"uo", "vo"} if currents and ds.sizes["depth"] > 1 else set()
+    fields = {
+        name: field if name in deep or "depth" not in field.dims else field.isel(depth=0, drop=True)
+        for name, field in ds.data_vars.items()
+    }
+    kept = ds.assign(fields)
+    return kept if deep & set(map(str, ds.data_vars)) else kept.drop_vars("depth", errors="ignore")
+
+
+def _not_too_fine(ds: xr.Dataset) -> xr.Dataset:
+    """Return a sea floor of very many points as means of blocks of them."""
+    if "time" in ds.dims or not {"lat", "lon"} <= set(ds.dims):
+        return ds
+    count = math.ceil(math.sqrt(ds.sizes["lat"] * ds.sizes["lon"] / MOST_POINTS))
+    if count < 2:
+        return ds
+    coarse: xr.Dataset = ds.fillna(0.0).coarsen(lat=count, lon=count, boundary="trim").mean(keep_attrs=True)
+    return coarse
+
+
+class ModelGrid(NamedTuple):
+    """Equal cells over the box of a run, on whose corners all products are interpolated at equal intervals.
+
+    Attributes
+    ----------
+    lon, lat : ndarray
+        Lines of corners, degrees.
+    moments : list of datetime
+        Dates (UTC).
+    grid : Grid
+        The cells; land where the sea floor is above the water.
+    """
+
+    lon: Floats
+    lat: Floats
+    moments: list[datetime]
+    grid: Grid
+
+    @classmethod
+    def of(cls, given: FileForcing, datasets: list[xr.Dataset], run: Run) -> ModelGrid:
+        """Return the grid that an experiment file asks for."""
+        assert given.spacing is not None
+        lon, lat = (_lines(*span, given.spacing) for span in (_box(given.longitude), given.latitude))
+        hours = (run.end - run.start) / timedelta(hours=1)
+        count = math.ceil(hours / given.every_hours - 1e-9)
+        moments = [run.start + timedelta(hours=given.every_hours * k) for k in range(count + 1)]
+        mask = None
+        for ds in datasets:
+            if "depth_below_surface" in ds.data_vars:
+                floor = ds[["depth_below_surface"]].assign_attrs(ds.attrs)
+                middles = 0.5 * (lon[:-1] + lon[1:]), 0.5 * (lat[:-1] + lat[1:])
+                times = [run.start] if "time" in floor.dims else None
+                depth = to_grid(floor, *middles, times)["depth_below_surface"]
+                mask = np.where(depth.squeeze(drop=True).values > 0.0, 1.0, 0.0)
+        return cls(lon, lat, moments, Grid.from_corners(*np.meshgrid(lon, lat), mask=mask, includes_southwest=True))
+
+    def part(self, ds: xr.Dataset, run: Run) -> Part:
+        """Return a product on this grid."""
+        moments = [utc(moment) for moment in self.moments] if "time" in ds.dims else None
+        fields = ProductRecords(ds, run.start, moments, self._read, keel=float(run.drafts.max()))
+        return Part(AxesMesh(self.lon, self.lat), fields, served(fields))
+
+    def _read(self, ds: xr.Dataset, chosen: slice) -> xr.Dataset:
+        """Interpolate a dataset to some of the dates; NaN where nothing is known."""
+        fields = to_grid(ds, self.lon, self.lat, self.moments[chosen] if "time" in ds.dims else None)
+        return xr.Dataset({name: fields[name].where(fields[f"{name}_origin"] > 0) for name in ds.data_vars})
+
+
+def _lines(low: float, high: float, spacing: float) -> Floats:
+    """Return the lines of cells of about a width that begin at the lower end of a span."""
+    return np.asarray(low + spacing * np.arange(max(1, round((high - low) / spacing)) + 1), np.float64)
 
 
 def _check_pairs(datasets: list[xr.Dataset]) -> None:
@@ -147,7 +233,7 @@ def serving_only(datasets: list[xr.Dataset], given: FileForcing) -> list[xr.Data
     held = {str(name) for ds in datasets for name in ds.data_vars}
     if given.wind == "none" or {"ua", "va"} <= held:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if given.wind == "none" else set())
-    last = {str(name): number for number, ds in enumerate(datasets) for name in ds.data_vars if belongs(str(name))}
+    last = {str(name): number for number, ds in enumerate(datasets) for name in ds.data_vars if str(name) in WANTED}
     kept = [
         [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
         for number, ds in enumerate(datasets)
@@ -219,87 +305,3 @@ def _with_area(ds: xr.Dataset) -> xr.Dataset:
                 remedy="Fetch a larger area, at least two points each way",
             )
     return ds
-
-
-def _source(ds: xr.Dataset) -> str:
-    return str(ds.attrs.get("product") or ds.attrs.get("source", "files"))
-
-
-def _forcing(
-    given: FileForcing, maker: FieldMaker, moments: Sequence[datetime], levels: xr.Dataset | None, source: str, run: Run
-) -> GriddedForcing:
-    """Return gridded forcing from a maker of fields, with currents over the draft if there are levels."""
-    if levels is not None:
-        columns = LevelColumns(levels, maker.mesh.corners, moments, float(run.drafts.max()))
-        columns.grid = maker.grid
-        maker.over_draft = DraftCurrents(columns.limits, columns, run.ice_density, float(run.drafts.mean()))
-    return GriddedForcing(
-        maker.grid, maker, run.seconds(moments), coastal_drift=given.coastal_drift, over_draft=maker.over_draft,
-        start=run.start, source=source,
-    )  # fmt: skip
-
-
-def _on_one_grid(given: FileForcing, mesh: Mesh, datasets: list[xr.Dataset], run: Run) -> GriddedForcing:
-    """All products on one grid, at equal intervals."""
-    days = (run.end - run.start) / timedelta(days=1)
-    count = math.ceil(24.0 * days / given.every_hours - 1e-9)
-    moments = [run.start + timedelta(hours=given.every_hours * k) for k in range(count + 1)]
-    levels = next((ds for ds in reversed(datasets) if "uo" in ds and has_levels(ds)), None)
-    maker = FieldMaker(mesh, [without_levels(ds, surface=False) for ds in datasets], moments)
-    return _forcing(given, maker, moments, levels, "; ".join(map(_source, datasets)), run)
-
-
-def _on_own_grids(given: FileForcing, datasets: list[xr.Dataset], run: Run) -> OwnGrids:
-    """Each product on its own points, at its own times."""
-    serving = _serving(datasets)
-    sea_level = serving.get("ssh")
-    parts: dict[tuple[int, str], list[str]] = {}
-    for name, ds in serving.items():
-        number = next(k for k, other in enumerate(datasets) if other is ds)
-        # Depth needs the sea level at its own points: it is a part of its own.
-        parts.setdefault((number, "depth" if name == "depth" else belongs(name)), []).append(name)
-    return OwnGrids([
-        Part(_own_part(given, datasets[number], kind, names, sea_level, run), tuple(names))
-        for (number, kind), names in parts.items()
-    ])  # fmt: skip
-
-
-def _serving(datasets: list[xr.Dataset]) -> dict[str, xr.Dataset]:
-    """Return the dataset that each field comes from: of several the last."""
-    serving: dict[str, xr.Dataset] = {}
-    for name in FILLS:
-        canonical = next((long for long, short in NAMES.items() if short == name), name)
-        holders = [ds for ds in datasets if canonical in ds.data_vars]
-        if name == "ua" and not holders:
-            holders = [ds for ds in datasets if "taux" in ds.data_vars]
-        if holders:
-            serving[name] = holders[-1]
-    return serving
-
-
-def _own_part(
-    given: FileForcing, ds: xr.Dataset, kind: str, names: list[str], sea_level: xr.Dataset | None, run: Run
-) -> GriddedForcing:
-    """Return the forcing of one product that serves some fields."""
-    canonical = {short: long for long, short in NAMES.items()}
-    wanted = {canonical.get(name, name) for name in names} | {PARTNER[name] for name in names if name in PARTNER}
-    if "ua" in names:
-        wanted |= {"taux", "tauy"}
-    mine = ds[[name for name in ds.data_vars if name in wanted]].assign_attrs(ds.attrs)
-    levels = mine if "uo" in names and has_levels(mine) else None
-    used = [without_levels(mine, surface=False)]
-    if kind == "depth" and sea_level is not None:
-        used.append(sea_level[["ssh"]].assign_attrs(sea_level.attrs))
-    moments = _own_moments([mine, *used], run)
-    known = next((name for name in ("ssh", "uo") if name in names and levels is None), "")
-    maker = FieldMaker(own_mesh(mine, at="corner" if kind == "corner" else "centre"), used, moments, known)
-    return _forcing(given, maker, moments, levels, _source(ds), run)
-
-
-def _own_moments(datasets: Sequence[xr.Dataset], run: Run) -> list[datetime]:
-    """Return start, end, and the records between them."""
-    first, last = utc(run.start), utc(run.end)
-    times = [ds["time"].values for ds in datasets if "time" in ds.dims]
-    within = [time[(time > first) & (time < last)] for time in times]
-    moments = np.unique(np.concatenate([[first, last], *within]).astype("datetime64[us]"))
-    return [moment.item() for moment in moments]

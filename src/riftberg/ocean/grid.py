@@ -7,7 +7,7 @@ is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +81,13 @@ def _closes(lon: Floats, ni: int, halo: int, period: float) -> bool:
     return bool(abs(row[-1] + spacing - row[0] - period) < 0.5 * abs(spacing))
 
 
+class Turn(TypedDict, total=False):
+    """Cosine and sine of the angle by which a grid is turned at its north-east corners; None for not at all."""
+
+    cos_angle: ArrayLike | None
+    sin_angle: ArrayLike | None
+
+
 class Grid:
     """Grid of the ocean with its halo; make one with `Grid.cartesian` or `Grid.from_corners`.
 
@@ -128,8 +135,7 @@ class Grid:
     def from_corners(
         cls, lon2d: ArrayLike, lat2d: ArrayLike, *, latlon: bool = True, regular: bool = True, period: float = 360.0,
         radius_for_metrics: float = EARTH_RADIUS_A68, mask: ArrayLike | None = None, halo: int = 4,
-        includes_southwest: bool = False, cyclic: bool | None = None,
-        cos_angle: ArrayLike | None = None, sin_angle: ArrayLike | None = None,
+        includes_southwest: bool = False, cyclic: bool | None = None, **turn: Unpack[Turn],
     ) -> Grid:  # fmt: skip
         """Return the grid with the given cell corners.
 
@@ -151,9 +157,10 @@ class Grid:
             The corners have shape (nj + 1, ni + 1), the outermost south and west line first.
         cyclic : bool, optional
             Whether the western and eastern end are joined; found from ``period`` if not given.
-        cos_angle, sin_angle : array_like, optional
-            Turn of the grid at the north-east corners; none if not given.
+        **turn
+            ``cos_angle`` and ``sin_angle``: turn of the grid at the north-east corners; none if not given.
         """
+        cos_angle, sin_angle = turn.get("cos_angle"), turn.get("sin_angle")
         lon_given, lat_given = np.asarray(lon2d, dtype=np.float64), np.asarray(lat2d, dtype=np.float64)
         _check_corners(lon_given, lat_given, halo)
         nj, ni = (n - includes_southwest for n in lon_given.shape)

@@ -23,10 +23,9 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
-from riftberg.ocean.one_at_a_time import Turn, one_at_a_time
-from riftberg.ocean.over_draft import DraftCurrents
 from riftberg.ocean.search import locate_points
 from riftberg.ocean.tides import add_tidal_drift
+from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
@@ -38,6 +37,8 @@ DEPTH_RULES = {"cell": DEPTH_OF_CELL, "biquadratic": DEPTH_BIQUADRATIC, "zone": 
 
 MARGIN = 3
 """Cells around the elements whose fields are blended in time; interpolation reaches two."""
+
+NO_CELLS: Ints = np.empty(0, dtype=np.int64)
 
 TIME_TOLERANCE = 1e-6
 """Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
@@ -74,9 +75,6 @@ class GriddedForcing:
     sea_level_gaps : bool
         Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
         reference (spec 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
-    over_draft : DraftCurrents, optional
-        Currents over the draft of each element, at the times of the records; ``uo`` and ``vo`` of the records then
-        serve maps only.
     start : datetime, optional
         Date of time 0, named in messages.
     source : str
@@ -87,7 +85,7 @@ class GriddedForcing:
         self, grid: Grid, records: Records, times: ArrayLike | None = None, *, depth_rule: DepthRule = "biquadratic",
         zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
         coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
-        sea_level_gaps: bool = False, over_draft: DraftCurrents | None = None,
+        sea_level_gaps: bool = False,
         start: datetime | None = None, source: str = "",
     ) -> None:  # fmt: skip
         self.grid: Grid | None = grid
@@ -97,17 +95,13 @@ class GriddedForcing:
         self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
         self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
         self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
-        self.sea_level_gaps, self.over_draft = bool(sea_level_gaps), over_draft
+        self.sea_level_gaps = bool(sea_level_gaps)
         self._check_rules(stepwise)
         self._rule = DEPTH_RULES[depth_rule]
         self._zone_lon, self._zone_lat = (float(z) for z in zone) if zone else (0.0, 0.0)
         self._held = frozenset(Fields._fields if interpolation == "previous" else stepwise)
         self._store = _Records(grid, records, {"ssh"} if sea_level_gaps else set())
         self._times = _checked_times(times, self._store.count)
-        self._buffers = grid.fields()
-        self._weights = np.full(len(Fields._fields), -1.0)
-        self.turn = Turn()
-        self._no_cells = np.empty(0, dtype=np.int64)
 
     def _check_rules(self, stepwise: Sequence[str]) -> None:
         if self.depth_rule not in DEPTH_RULES:
@@ -167,22 +161,20 @@ class GriddedForcing:
         Returns
         -------
         Fields
-            Arrays that the next call may overwrite.
+            Not to be written to.
         """
         k, weight = self._between(time)
         before = self._store[k]
         if weight == 0.0:
             return before
-        after, chosen = self._store[k + 1], []
-        for n, name in enumerate(Fields._fields):
-            same = before[n] is after[n] or name in self._held
-            self._weights[n] = -1.0 if same else weight
-            chosen.append(before[n] if same else self._buffers[n])
-        i, j = (self._no_cells, self._no_cells) if cell_i is None or cell_j is None else (cell_i, cell_j)
-        blend_around(i, j, MARGIN, before, after, self._weights, self._buffers)
-        return Fields(*chosen)
+        after = self._store[k + 1]
+        same = [first is last or name in self._held for name, first, last in zip(Fields._fields, before, after)]
+        # New arrays in every call: two models in two threads may share this forcing.
+        blended = Fields(*(b if held else np.empty_like(b) for b, held in zip(before, same)))
+        i, j = (NO_CELLS, NO_CELLS) if cell_i is None or cell_j is None else (cell_i, cell_j)
+        blend_around(i, j, MARGIN, before, after, np.where(same, -1.0, weight), blended)
+        return blended
 
-    @one_at_a_time
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements (``uo`` ... ``vorticity``) at their positions and cells.
 
@@ -200,14 +192,9 @@ class GriddedForcing:
             elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
             self.coastal_drift, self.mirrored, self.even_parity,
         )  # fmt: skip
-        if self.over_draft is not None:
-            record, weight = self._between(time)
-            held = "uo" in self._held
-            self.over_draft.sample(elements, grid, record, 0.0 if held else weight, self.coastal_drift)
         if self.tidal_drift > 0.0:
             add_tidal_drift(elements, grid, fields.ssh, self.tidal_drift, self.mirrored)
 
-    @one_at_a_time
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).
 
@@ -215,8 +202,6 @@ class GriddedForcing:
         """
         self._require_cover(start, end)
         self._check_elements(elements)
-        if self.over_draft is not None:
-            self.over_draft.check(elements)
         (first, _), (last, weight) = self._between(start), self._between(end)
         for k in range(first, last + 1 + (weight > 0.0)):
             gap = self._store.gap(k)
@@ -253,7 +238,6 @@ class GriddedForcing:
         i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
         return x, y, i, j, xi, eta
 
-    @one_at_a_time
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
         _, _, i, j, xi, eta = self._located(lon, lat)
@@ -262,7 +246,6 @@ class GriddedForcing:
         points_from_corners(fields.uo, fields.vo, i, j, xi, eta, self._grid.arrays, u, v)
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
-    @one_at_a_time
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points, by the first record; NaN outside and on land."""
         x, y, i, j, xi, eta = self._located(lon, lat)
@@ -286,8 +269,6 @@ class GriddedForcing:
         lines = ["gridded fields" + (f" from {self.source}" if self.source else ""), time, f"depth: {depth}"]
         if self._held and self.interpolation == "linear":
             lines.append(f"held until the next record: {', '.join(sorted(self._held))}")
-        if self.over_draft is not None:
-            lines.append(self.over_draft.describe())
         if self.sea_level_gaps:
             lines.append("no slope of the sea surface beside gaps in the sea level")
         for name in ("coastal_drift", "tidal_drift"):
@@ -321,6 +302,7 @@ class _Records:
         self._prepared: dict[int, tuple[Floats, Floats, tuple[int, int]]] = {}
         self._kept: dict[int, tuple[Fields, tuple[str, int, int] | None]] = {}
         self._load: Callable[[int], Fields] | None = None
+        self._turn = Turn()
         self.count = -1
         if callable(records):
             self._load = records
@@ -360,13 +342,22 @@ class _Records:
         return known[1], known[2]
 
     def _get(self, k: int) -> tuple[Fields, tuple[str, int, int] | None]:
-        if k not in self._kept and self._load is not None:
-            while len(self._kept) > 1:
-                del self._kept[min(self._kept, key=lambda old: (abs(old - k) <= 1, old))]
-            self._kept[k] = self._prepare(self._load(k))
-            alive = {id(a) for state, _ in self._kept.values() for a in state}
-            self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in alive}
-        return self._kept[k]
+        known = self._kept.get(k)
+        if known is not None:
+            return known
+        with self._turn:  # another thread may have loaded it meanwhile
+            return self._kept.get(k) or self._loaded(k)
+
+    def _loaded(self, k: int) -> tuple[Fields, tuple[str, int, int] | None]:
+        if self._load is None:
+            raise IndexError(k)
+        prepared = self._prepare(self._load(k))
+        # The dictionary is replaced, never changed: other threads look into it without the lock.
+        spared = sorted(self._kept, key=lambda old: (abs(old - k) <= 1, old))[-1:]
+        self._kept = {**{old: self._kept[old] for old in spared}, k: prepared}
+        alive = {id(a) for state, _ in self._kept.values() for a in state}
+        self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in alive}
+        return prepared
 
     def __getitem__(self, k: int) -> Fields:
         return self._get(k)[0]

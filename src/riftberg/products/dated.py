@@ -69,7 +69,9 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
                 remedy=f"Write one, in Python: ds.assign_coords({dims[0]}=dates).to_netcdf('dated.nc')",
             )
         values = _valid(ds, chosen)
-        return _with_dates(field.rename({dims[0]: "time"}) if dims[0] != "time" else field, values)
+        if dims[0] != "time":  # a single date of that name is when a forecast was issued
+            field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
+        return _with_dates(field, values)
     single = _best(ds, [c for c in stamps if ds[c].ndim == 0], "")
     if single is not None:
         value = _valid(ds, single).expand_dims("time")

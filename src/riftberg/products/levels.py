@@ -126,7 +126,7 @@ def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> N
     words = " ".join(str(field.attrs.get(k, "")) for k in ("long_name", "level_desc", "var_desc", "GRIB_name"))
     on_level = str(field.attrs.get("GRIB_typeOfLevel", "")).lower()
     if "isobaric" in on_level or "hybrid" in on_level or re.search(r"\bpressure level", words, re.I):
-        raise _no_surface_wind(name, f"on a pressure or model level ({words or on_level})", where)
+        raise _no_surface_wind(name, f"on a pressure or model level ({words.strip() or on_level})", where)
     heights = _TOLD.findall(words)
     if any(
         unit.lower() in ("m", "metre", "meter", "metres", "meters") and float(number) == 10.0

@@ -165,7 +165,22 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
 
 
 def _read_as(path: str, product: Product) -> list[xr.Dataset]:
-    raw = _without_false_fill(product.mend(open_raw(path)))
+    return canonical_parts(open_raw(path), product, path)
+
+
+def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:
+    """Return what `read` does of a dataset that is open already, decoded or not.
+
+    Parameters
+    ----------
+    raw : xarray.Dataset
+        As in a file of the product.
+    product : Product
+        What it is.
+    path : str
+        Where it comes from, for messages.
+    """
+    raw = _without_false_fill(product.mend(raw))
     ds = product.reshape(_decoded_dataset(raw))
     ds.encoding["source"] = path
     stated = stated_interval(raw, path)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -151,6 +151,19 @@ def named(ds: xr.Dataset) -> str:
     return f"{product} ({text})" if product and text else product or text
 
 
+def values_of(field: xr.DataArray) -> NDArray[Any]:
+    """Return the values of a field; `ForcingError` where a damaged file does not give them up."""
+    try:
+        return np.asarray(field.values)
+    except (OSError, RuntimeError, EOFError) as error:
+        name = field.attrs.get("original_name", field.name)
+        raise ForcingError(
+            f"values of {name} cannot be read ({' '.join(str(error).split())[:120]})",
+            where="forcing",
+            remedy="The file is damaged: fetch it again",
+        ) from error
+
+
 def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
     """Tell which records of a field hold no value at all; of levels the uppermost is looked at.
 
@@ -163,11 +176,11 @@ def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
     for k in range(empty.size):
         if known is not None and known[k]:
             continue
-        finite = np.isfinite(surface.isel(time=k).values)
+        finite = np.isfinite(values_of(surface.isel(time=k)))
         empty[k] = not finite.any()
         if known is None and not empty[k]:
             row = int(finite.sum(axis=-1).argmax())
-            known = np.isfinite(surface.isel({surface.dims[1]: row}).values).any(axis=-1)
+            known = np.isfinite(values_of(surface.isel({surface.dims[1]: row}))).any(axis=-1)
     return empty
 
 

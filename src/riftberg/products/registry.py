@@ -28,7 +28,7 @@ from riftberg.products import (
     srtm15,
 )
 from riftberg.products.product import Product
-from riftberg.products.reading import is_zarr, open_raw, read
+from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import own_interval
 from riftberg.products.vectors import together
 
@@ -188,6 +188,28 @@ def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: b
     return together(merged) if turned else merged
 
 
+def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Return canonical datasets of others that are open already and follow CF, one for each grid and set of records.
+
+    Parameters
+    ----------
+    datasets : sequence of xarray.Dataset
+        With CF standard names, or usual names and units.
+
+    Raises
+    ------
+    ForcingError
+        If one holds nothing that is known, or does not say enough of it.
+    """
+    product = cf.PRODUCT
+    parts = [
+        part
+        for number, ds in enumerate(datasets, 1)
+        for part in canonical_parts(ds.copy(), product, str(ds.encoding.get("source", f"dataset {number}")))
+    ]
+    return together(_merged([_settled(part, product) for part in parts]))
+
+
 def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     """Return joined files with the interval of all their records noted, which a window would no longer show."""
     if "time" not in ds.dims:
@@ -260,6 +282,7 @@ def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
 __all__ = [
     "PRODUCTS",
     "expand",
+    "in_memory",
     "is_zarr",
     "open_all",
     "open_named",

@@ -67,8 +67,8 @@ class Stencil:
         if turn:
             to_x = (to_x - x[0]) % turn + x[0]
             x = np.append(x, x[0] + turn)
-        columns, fx = _brackets(x, to_x)
-        rows, fy = _brackets(y, to_y)
+        columns, fx = brackets(x, to_x)
+        rows, fy = brackets(y, to_y)
         nx = x.size - 1 if turn else x.size
         right, up = np.minimum(columns + 1, x.size - 1), np.minimum(rows + 1, y.size - 1)
         corners = [(rows, columns), (rows, right), (up, columns), (up, right)]
@@ -128,7 +128,7 @@ class Stencil:
         """Give targets without wet corners the value of the nearest wet point within ``reach`` cells."""
         rows, columns = self.source
         inside = ~np.isnan(self.weight[0])
-        for dj, di in _offsets_by_distance(reach if self.rings else 0):
+        for dj, di in offsets_by_distance(reach if self.rings else 0):
             wanted, target = np.nonzero((origin == MISSING) & inside)
             if target.size == 0:
                 return
@@ -145,14 +145,14 @@ class Stencil:
         return np.asarray(field, float).reshape(-1, self.source[0] * self.source[1])
 
 
-def _offsets_by_distance(reach: int) -> list[tuple[int, int]]:
+def offsets_by_distance(reach: int) -> list[tuple[int, int]]:
     """Return offsets (rows, columns) within ``reach`` cells, the nearest first."""
     span = range(-reach, reach + 1)
     offsets = [(dj, di) for dj in span for di in span if dj * dj + di * di <= reach * reach]
     return sorted(offsets, key=lambda offset: (offset[0] ** 2 + offset[1] ** 2, offset))
 
 
-def _brackets(axis: Floats, at: Floats) -> tuple[Integers, Floats]:
+def brackets(axis: Floats, at: Floats) -> tuple[Integers, Floats]:
     """Return the lower neighbour of each position and the fraction of the way to the next; NaN outside."""
     if axis.size == 1:
         return np.zeros(at.size, dtype=np.int64), np.where(np.isclose(at, axis[0]), 0.0, np.nan)

@@ -30,7 +30,7 @@ from riftberg.viz.panels import (
     stress_map,
     widened,
 )
-from riftberg.viz.style import new_figure
+from riftberg.viz.style import date_axis, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -299,18 +299,10 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         ax.grid(color="#DDDDDD", lw=0.6)
         ax.tick_params(labelsize=8)
         ax.spines[["top", "right"]].set_visible(False)
-    _date_axis(lower, scene)
+    date_axis(lower)
+    lower.set_xlim(scene.times[0], scene.times[-1])
     figure.subplots_adjust(left=0.08, right=0.97, top=0.89, bottom=0.07, hspace=0.1)
     return _titled(figure, heading(run, "fragments"), path)
-
-
-def _date_axis(ax: Axes, scene: Scene) -> None:
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
-    ax.set_xlim(scene.times[0], scene.times[-1])
 
 
 def _areas(ax: Axes, scene: Scene) -> None:

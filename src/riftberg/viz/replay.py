@@ -308,10 +308,10 @@ class ReplayContent:
         south, north = max(box.south, -90.0), min(box.north, 90.0)
         for lon in np.arange(np.ceil(box.west / step_x), np.floor(box.east / step_x) + 1) * step_x:
             x, y = self.plane.forward(np.full(25, lon), np.linspace(south, north, 25))
-            lines.append({"label": _degree_text(float(lon), "E", "W", step_x), "axis": "x", "line": _flat(x, y)})
+            lines.append({"label": _degree_text(float(lon), "E", "W", step_x), "axis": "x", "line": _flat_list(x, y)})
         for lat in np.arange(np.ceil(south / step_y), np.floor(north / step_y) + 1) * step_y:
             x, y = self.plane.forward(np.linspace(box.west, box.east, 33), np.full(33, lat))
-            lines.append({"label": _degree_text(float(lat), "N", "S", step_y), "axis": "y", "line": _flat(x, y)})
+            lines.append({"label": _degree_text(float(lat), "N", "S", step_y), "axis": "y", "line": _flat_list(x, y)})
         return lines
 
     def _observed(self) -> list[dict[str, Any]]:
@@ -346,7 +346,7 @@ def _degree_text(value: float, positive: str, negative: str, step: float) -> str
     return degree_label(value, positive, negative, 1 if step < 1.0 else 0)
 
 
-def _flat(x: Floats, y: Floats) -> list[float]:
+def _flat_list(x: Floats, y: Floats) -> list[float]:
     return np.column_stack([x, y]).round(0).astype(int).ravel().tolist()
 
 
@@ -356,11 +356,11 @@ def _thinned(x: Floats, y: Floats) -> list[float]:
     for k in range(1, len(x)):
         if np.hypot(x[k] - x[kept[-1]], y[k] - y[kept[-1]]) >= _THIN:
             kept.append(k)
-    return _flat(x[kept], y[kept])
+    return _flat_list(x[kept], y[kept])
 
 
 def _contours(xs: Floats, ys: Floats, field: Floats, level: float) -> list[list[float]]:
     from contourpy import contour_generator
 
     lines = contour_generator(xs, ys, np.ma.masked_invalid(field)).lines(level)
-    return [_flat(*np.asarray(line).T) for line in lines if len(line) > 2]
+    return [_flat_list(*np.asarray(line).T) for line in lines if len(line) > 2]

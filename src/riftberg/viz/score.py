@@ -13,7 +13,7 @@ from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.style import new_figure
+from riftberg.viz.style import date_axis, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,39 +50,39 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
         axes[k].grid(color="#DDDDDD", lw=0.6)
         axes[k].tick_params(labelsize=8, labelbottom=k == len(_CURVES) - 1)
         axes[k].spines[["top", "right"]].set_visible(False)
-    _dates(axes[-1])
+    date_axis(axes[-1])
     figure.suptitle(title or f"Run against {score.observed}", x=0.05, ha="left", fontsize=12)
     style.save_figure(figure, path)
     return Path(path)
 
 
-def _values(matches: Sequence[Match], name: str) -> Floats:
+def _match_values(matches: Sequence[Match], name: str) -> Floats:
     return np.array([np.nan if getattr(m, name) is None else getattr(m, name) for m in matches], np.float64)
 
 
 def _draw_distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
-    ax.plot(times, _values(berg, "distance_km"), "o-", color=MODEL, ms=4)
+    ax.plot(times, _match_values(berg, "distance_km"), "o-", color=MODEL, ms=4)
     ax.set_ylim(bottom=0.0)
 
 
 def _draw_azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     """Draw both headings without jumps at 180 degrees, each followed from day to day, the model's from near the observed one."""
-    seen, off = _values(berg, "azimuth_observed"), _values(berg, "azimuth_difference")
+    seen, off = _match_values(berg, "azimuth_observed"), _match_values(berg, "azimuth_difference")
     known = np.isfinite(seen)
-    made = seen + off if known.any() else _values(berg, "azimuth")
+    made = seen + off if known.any() else _match_values(berg, "azimuth")
     for values, look, colour in ((seen, "s-", OBSERVED), (made, "o-", MODEL)):
         there = np.isfinite(values)
         ax.plot(times[there], np.unwrap(values[there], period=180.0), look, color=colour, ms=4)
 
 
 def _draw_area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
-    ax.plot(times, _values(berg, "area_observed_km2"), "s-", color=OBSERVED, ms=4)
-    ax.plot(times, _values(berg, "area_km2"), "o-", color=MODEL, ms=4)
+    ax.plot(times, _match_values(berg, "area_observed_km2"), "s-", color=OBSERVED, ms=4)
+    ax.plot(times, _match_values(berg, "area_km2"), "o-", color=MODEL, ms=4)
     ax.set_ylim(0.0, 1.1 * ax.get_ylim()[1])
 
 
 def _draw_overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
-    values = _values(berg, "iou")
+    values = _match_values(berg, "iou")
     ax.plot(times, values, "o-", color=MODEL, ms=4)
     ax.set_ylim(0.0, 1.0)
     if not np.isfinite(values).any():
@@ -133,11 +133,3 @@ def _draw_tracks(ax: Axes, score: Score) -> None:
     for k in range(0, len(berg), max(1, len(berg) // 8)):
         when = np.datetime64(berg[k][0]).astype("datetime64[s]").item()
         labels.put(f"{when.day} {when:%b}", *seen[k], fontsize=8)
-
-
-def _dates(ax: Axes) -> None:
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]

@@ -96,6 +96,15 @@ def round_length(most: float) -> float:
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most)
 
 
+def date_axis(ax: Axes) -> None:
+    """Label the axis of time with dates, as short as can be."""
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+
+
 def scale_bar(ax: Axes, *, km: float, units_per_km: float) -> None:
     """Draw a bar of ``km`` kilometres in the lower left corner; ``units_per_km`` along x."""
     from matplotlib.patheffects import withStroke

@@ -1,0 +1,332 @@
+"""Forcing from datasets: each product on its own points and at its own times, sampled at the elements themselves.
+
+A field is interpolated once in time and once in space (`riftberg.ocean.at_elements`), whatever the grid of its product.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.ocean.at_elements import (
+    NO_RINGS,
+    RINGS,
+    add_shore_drift,
+    fill_slopes,
+    fill_values,
+    fill_vorticity,
+)
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
+from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
+from riftberg.ocean.product_records import ProductRecords
+from riftberg.physics.floating import draft_of
+from riftberg.products.registry import in_memory
+from riftberg.state import Elements, Floats, Ints
+
+FILLS: Final = {
+    "uo": ("uo", "vo", "vorticity"),
+    "ui": ("ui", "vi"),
+    "ua": ("ua", "va"),
+    "ssh": ("slope_x", "slope_y"),
+    "depth_below_surface": ("depth",),
+    "sst": ("sst",),
+    "sss": ("sss",),
+    "ice_fraction": ("ice_fraction",),
+    "ice_thickness": ("ice_thickness",),
+}
+"""Variables of the elements that come from a field of a product; vectors are named by their eastward component."""
+
+VARIABLES: Final = tuple(name for names in FILLS.values() for name in names)
+
+VECTORS: Final = {"uo": "vo", "ui": "vi", "ua": "va"}
+"""Northward component of each vector by its eastward one."""
+
+MUST_BE_KNOWN: Final = ("uo", "ua", "ssh")
+"""Fields without which an element cannot start: where they are unknown there is no water, or no data."""
+
+
+class Part(NamedTuple):
+    """One product: its points, its records, and the fields (keys of `FILLS`) that it serves."""
+
+    mesh: Mesh
+    records: ProductRecords
+    serves: tuple[str, ...]
+
+    @property
+    def source(self) -> str:
+        """Name of the product."""
+        attributes = self.records.ds.attrs
+        return str(attributes.get("product") or attributes.get("source", "data"))
+
+
+def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
+    """Return a canonical dataset on its own points and at its own times.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset.
+    start : datetime
+        Date of time 0 (UTC).
+    keel : float, optional
+        Deepest draft (m); levels below it are not read.
+    """
+    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), served(records))
+
+
+def served(records: ProductRecords) -> tuple[str, ...]:
+    """Return the fields (keys of `FILLS`) that records hold."""
+    return tuple(name for name in FILLS if name in records.names)
+
+
+class DatasetForcing:
+    """Several products as one forcing; implements `riftberg.ocean.forcing.Forcing`.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Each field is served by one part.
+    ice_density : float
+        kg m-3; gives the draft of an element, over which currents on levels are averaged.
+    draft : float
+        Draft (m) that such currents are shown for on maps.
+    coastal_drift : float
+        Current away from land (m s-1) that is added in cells of the currents with land at a corner.
+    grid : Grid, optional
+        Grid that stops elements at land; the fields do not need one.
+    notices : sequence of str
+        What should be known of it before a run.
+
+    Raises
+    ------
+    ForcingError
+        If two parts serve the same field.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        *,
+        ice_density: float = 850.0,
+        draft: float = 165.0,
+        coastal_drift: float = 0.0,
+        grid: Grid | None = None,
+        notices: Sequence[str] = (),
+    ) -> None:
+        self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
+        self.coastal_drift, self.draft, self._density = float(coastal_drift), float(draft), float(ice_density)
+        served = [name for part in self.parts for name in part.serves]
+        for name in served:
+            if served.count(name) > 1:
+                raise ForcingError(f"{name} comes from two products", where="forcing", remedy="Name one of them")
+        filled = {variable for name in served for variable in FILLS[name]}
+        self._missing = tuple(name for name in VARIABLES if name not in filled)
+
+    @classmethod
+    def from_xarray(
+        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime, **options: Any
+    ) -> DatasetForcing:
+        """Return the forcing that datasets in memory, or opened by xarray, give.
+
+        Parameters
+        ----------
+        datasets : xarray.Dataset or sequence of them
+            Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
+            its own grid and at its own times.
+        start : datetime.datetime
+            Date of the model's time 0 (UTC); give the same to `riftberg.Model`.
+        **options
+            As for the class.
+
+        Raises
+        ------
+        ForcingError
+            If a dataset does not say what it holds and where, or two give the same field.
+
+        Examples
+        --------
+        >>> forcing = DatasetForcing.from_xarray([currents, sea_level], start)          # doctest: +SKIP
+        >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
+        """
+        given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        return cls([part_of(ds, start) for ds in in_memory(given)], **options)
+
+    @property
+    def title(self) -> str:
+        """Return the products, for titles."""
+        return ", ".join(dict.fromkeys(part.source for part in self.parts))
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements at ``time`` (s since the start of the run)."""
+        if elements.lon.size == 0:
+            return
+        for name in self._missing:
+            getattr(elements, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+        level = np.zeros(elements.lon.size)
+        for part, places in self._placed(elements):
+            for name in part.serves:
+                self._fill(part, name, places, elements, time)
+            if "ssh" in part.serves and self._serving("depth_below_surface") is not None:
+                level = np.nan_to_num(_values(part, "ssh", places, time, None))
+        if "depth" not in self._missing:
+            elements.depth[:] += level
+
+    def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
+        """Fill the variables of the elements that come from one field; 0 where it is unknown."""
+        e = elements
+        if name == "ssh":
+            moment = part.records.moment("ssh", time)
+            if isinstance(part.mesh, NodeMesh):
+                e.slope_x[:], e.slope_y[:] = part.mesh.slopes(_nodes(part, "ssh", time), e.lon, e.lat)
+            else:
+                fill_slopes(moment, places, part.mesh.points, e.lon, e.lat, e.slope_x, e.slope_y)
+            return
+        draft = draft_of(e.body.thickness, self._density) if name == "uo" and part.records.has_levels else None
+        components = (name, VECTORS[name]) if name in VECTORS else (name,)
+        for component, variable in zip(components, FILLS[name], strict=False):
+            getattr(e, variable)[:] = np.nan_to_num(_values(part, component, places, time, draft))
+        if name == "uo":
+            self._fill_turn(part, places, e, time, draft)
+
+    def _fill_turn(self, part: Part, places: Places, e: Elements, time: float, draft: Floats | None) -> None:
+        """Fill the vorticity of the current, and add the drift away from land."""
+        if isinstance(part.mesh, NodeMesh):
+            e.vorticity[:] = part.mesh.slopes(_nodes(part, "vo", time), e.lon, e.lat)[0]
+            e.vorticity[:] -= part.mesh.slopes(_nodes(part, "uo", time), e.lon, e.lat)[1]
+            return
+        east, north = (part.records.moment(name, time) for name in ("uo", "vo"))
+        over = np.ones(e.lon.size) if draft is None else draft
+        points = part.mesh.points
+        fill_vorticity(east, north, places, points, e.lon, e.lat, over, e.vorticity)
+        if self.coastal_drift > 0.0:
+            add_shore_drift(east, places, points, e.lon, e.lat, self.coastal_drift, e.uo, e.vo)
+
+    def _placed(self, elements: Elements) -> Iterator[tuple[Part, Places]]:
+        """Give each part with the places of the elements on its points.
+
+        Raises
+        ------
+        ForcingError
+            If an element lies outside of a product.
+        """
+        for part in self.parts:
+            places = part.mesh.locate(elements.lon, elements.lat)
+            outside = np.flatnonzero(places.row < 0)
+            if outside.size:
+                raise ForcingError(
+                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.serves)}",
+                    where=part.source,
+                    remedy="Take a larger box (forcing.longitude, forcing.latitude), files that cover it, or fewer days",
+                )
+            yield part, places
+
+    def check(self, elements: Elements, start: float, end: float) -> None:
+        """Raise `ForcingError` unless every part serves these elements from ``start`` to ``end`` (s).
+
+        Refused are elements outside of the data or on land, keels below the levels, times that no record covers, and
+        values that cannot be.
+        """
+        for part, places in self._placed(elements):
+            part.records.check(start, end)
+            for name in part.serves:
+                self._check_known(part, name, places, elements, start)
+            if "uo" in part.serves and part.records.has_levels:
+                self._check_keels(part, elements)
+
+    def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
+        """Refuse elements where a field is unknown, or the sea floor above the water."""
+        if name not in (*MUST_BE_KNOWN, "depth_below_surface"):
+            return
+        values = _values(part, name, places, time, None)
+        dry = values <= 0.0 if name == "depth_below_surface" else np.isnan(values)
+        if dry.any():
+            raise ForcingError(
+                f"{_named(elements, int(np.flatnonzero(dry)[0]))} is on land: no {name} is known there",
+                where=part.source,
+                remedy="Move the berg, or give data that know it",
+            )
+
+    def _check_keels(self, part: Part, elements: Elements) -> None:
+        row = int(elements.thickness.argmax())
+        draft, deepest = draft_of(float(elements.thickness[row]), self._density), float(part.records.limits[-1])
+        if draft > deepest * (1.0 + 1e-9):
+            raise ForcingError(
+                f"element {elements.id[row]} has a draft of {draft:.0f} m, the levels of the currents end at "
+                f"{deepest:.0f} m",
+                where=part.source,
+                remedy="Fetch deeper levels (--depth), or take the currents of the surface",
+            )
+
+    def _serving(self, name: str) -> Part | None:
+        return next((part for part in self.parts if name in part.serves), None)
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
+        part = self._serving("uo")
+        if part is None:
+            return np.full(np.shape(lon), np.nan), np.full(np.shape(lon), np.nan)
+        x, y = _flat(lon), _flat(lat)
+        draft = np.full(x.size, min(self.draft, float(part.records.limits[-1]))) if part.records.has_levels else None
+        places = part.mesh.locate(x, y)
+        u, v = (_values(part, name, places, time, draft, NO_RINGS) for name in ("uo", "vo"))
+        return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) below mean sea level at arrays of points; NaN outside and on land."""
+        part = self._serving("depth_below_surface")
+        if part is None:
+            return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
+        places = part.mesh.locate(_flat(lon), _flat(lat))
+        found = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
+        return np.where(found > 0.0, found, np.nan).reshape(np.shape(lon))
+
+    def describe(self) -> str:
+        """Return what each product gives, on which points and at which times."""
+        said = [_described(part) for part in self.parts]
+        drift = [f"coastal drift {self.coastal_drift:g} m/s"] if self.coastal_drift > 0.0 else []
+        grid = [f"elements are stopped by the land of a grid of {self.grid.describe()}"] if self.grid else []
+        text = "\n".join(["each product on its own points", *said, *drift, *grid, *self.notices])
+        return text.replace("\n", "\n    ")
+
+
+def _values(part: Part, name: str, places: Places, time: float, draft: Floats | None, near: Ints = RINGS) -> Floats:
+    """Return a field at places; NaN where it is unknown."""
+    out = np.empty(places.row.size)
+    over = np.ones(out.size) if draft is None else draft
+    fill_values(part.records.moment(name, time), places, over, part.mesh.points.columns, near, out)
+    return out
+
+
+def _nodes(part: Part, name: str, time: float) -> Floats:
+    """Return a field at all points of an unstructured product (its uppermost level)."""
+    moment = part.records.moment(name, time)
+    return np.asarray((1.0 - moment.weight) * moment.before[0, 0] + moment.weight * moment.after[0, 0])
+
+
+def _flat(values: Floats) -> Floats:
+    return np.ascontiguousarray(values, np.float64).ravel()
+
+
+def _named(elements: Elements, row: int) -> str:
+    return f"element {elements.id[row]} at ({elements.lon[row]:.6g}, {elements.lat[row]:.6g})"
+
+
+def _described(part: Part) -> str:
+    """Return what a part gives, in a few lines."""
+    records, points = part.records, part.mesh.points
+    dates = [str(date.astype("datetime64[m]")) for date in records.dates]
+    when = f"{len(dates)} records from {dates[0]} to {dates[-1]}" if dates else "constant in time"
+    rows, columns = points.lon.shape
+    lines = [f"{', '.join(part.serves)}: gridded fields from {part.source}, {when}, {rows} x {columns} points"]
+    if "uo" in part.serves and records.has_levels:
+        lines.append(
+            f"currents: mean over the draft of each element, from {records.limits.size - 1} layers to "
+            f"{records.limits[-1]:g} m"
+        )
+    return "\n".join(lines)

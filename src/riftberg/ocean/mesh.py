@@ -1,0 +1,313 @@
+"""Where elements lie between the points of a data product: on axes, on a curvilinear grid, or among scattered nodes.
+
+A place is a cell of four points and the coordinates in it, (0, 0) at its first point and (1, 1) at the opposite one.
+Places up to half a step beyond the outermost points count as on the edge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import xarray as xr
+
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.errors import ForcingError
+from riftberg.kernels import kernel
+from riftberg.ocean.geometry import inverse_bilinear
+from riftberg.products.axes import goes_round
+from riftberg.products.stencil import brackets
+from riftberg.state import Floats, Ints
+
+POLAR = 85.0
+"""Latitude (degrees) beyond which longitudes no longer serve as coordinates of a plane."""
+
+BEYOND = 0.5
+"""How far beyond the outermost points a place still counts as on the edge, in steps."""
+
+FARTHEST = 3.0
+"""How far from the nearest node of an unstructured product a place may lie, in usual distances of nodes."""
+
+FOR_PLANE = 9
+"""Nodes through which a plane is laid where a slope is asked for."""
+
+
+class Points(NamedTuple):
+    """Points of a product, degrees, shape (rows, columns); NaN where there is none.
+
+    Attributes
+    ----------
+    lon, lat : ndarray
+        Positions.
+    columns : int
+        Columns after which the first follows again, where the product goes round the globe; else 0.
+    """
+
+    lon: Floats
+    lat: Floats
+    columns: int
+
+
+class Places(NamedTuple):
+    """Cells and coordinates in them of many places.
+
+    Attributes
+    ----------
+    row, column : ndarray
+        First point of the cell; row -1 outside of the product.
+    next_row, next_column : ndarray
+        Opposite point of the cell.
+    xi, eta : ndarray
+        Coordinates in the cell along the columns and along the rows, 0 to 1.
+    """
+
+    row: Ints
+    column: Ints
+    next_row: Ints
+    next_column: Ints
+    xi: Floats
+    eta: Floats
+
+
+class Mesh(Protocol):
+    """Points of a product, and the search among them."""
+
+    @property
+    def points(self) -> Points:
+        """All points."""
+
+    def locate(self, lon: Floats, lat: Floats) -> Places:
+        """Return the places of positions (degrees, any convention)."""
+
+
+def mesh_of(ds: xr.Dataset) -> Mesh:
+    """Return the mesh of a canonical dataset.
+
+    Raises
+    ------
+    ForcingError
+        If its dimensions are none of (lat, lon), (y, x) with positions or a projection, and (node).
+    """
+    if {"lat", "lon"} <= set(ds.dims):
+        return AxesMesh(_axis(ds, "lon"), _axis(ds, "lat"))
+    if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
+        from riftberg.products.projected import to_degrees, to_projection
+
+        crs = ds.attrs["crs_wkt"]
+        x, y = _axis(ds, "x"), _axis(ds, "y")
+        positions = to_degrees(crs, *np.meshgrid(x, y))
+        return ProjectedMesh(x, y, positions, partial(to_projection, crs))
+    if {"y", "x"} <= set(ds.dims) and {"lat", "lon"} <= set(ds.coords):
+        return CurvilinearMesh(_axis(ds.transpose("y", "x", ...), "lon"), _axis(ds.transpose("y", "x", ...), "lat"))
+    if "node" in ds.dims and {"lat", "lon"} <= set(ds.coords):
+        return NodeMesh(_axis(ds, "lon"), _axis(ds, "lat"))
+    raise ForcingError(
+        f"its points cannot be placed on the globe (dimensions {', '.join(map(str, ds.dims))})",
+        where=str(ds.attrs.get("source", "forcing")),
+        remedy="Give latitudes and longitudes of all points",
+    )
+
+
+def _axis(ds: xr.Dataset, name: str) -> Floats:
+    return np.asarray(ds[name].values, np.float64)
+
+
+class AxesMesh:
+    """Points on axes of longitude and latitude (degrees, ascending).
+
+    Parameters
+    ----------
+    lon, lat : (m,) and (n,) array
+        Axes.
+    """
+
+    def __init__(self, lon: Floats, lat: Floats) -> None:
+        repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
+        around = lon.size - repeated if goes_round(lon) else 0
+        self._lat, self._lon = lat, np.append(lon, lon[0] + 360.0) if around == lon.size else lon
+        self.points = Points(*np.meshgrid(lon, lat), around)
+
+    def locate(self, lon: Floats, lat: Floats) -> Places:
+        """Return the places of positions."""
+        middle = 0.5 * (self._lon[0] + self._lon[-1])
+        near = lon - 360.0 * np.floor((lon - middle + 180.0) / 360.0)
+        return _placed(brackets(self._lon, near), brackets(self._lat, lat), self.points.columns)
+
+
+class ProjectedMesh:
+    """Points on the axes of a map projection (m, ascending).
+
+    Parameters
+    ----------
+    x, y : (m,) and (n,) array
+        Axes.
+    positions : tuple of (n, m) array
+        Longitudes and latitudes of the points, degrees.
+    project : callable
+        Gives x and y of longitudes and latitudes.
+    """
+
+    def __init__(
+        self,
+        x: Floats,
+        y: Floats,
+        positions: tuple[Floats, Floats],
+        project: Callable[[Floats, Floats], tuple[Floats, Floats]],
+    ) -> None:
+        self._x, self._y, self._project = x, y, project
+        self.points = Points(np.ascontiguousarray(positions[0]), np.ascontiguousarray(positions[1]), 0)
+
+    def locate(self, lon: Floats, lat: Floats) -> Places:
+        """Return the places of positions."""
+        x, y = self._project(lon, lat)
+        return _placed(brackets(self._x, x), brackets(self._y, y), 0)
+
+
+def _placed(columns: tuple[Ints, Floats], rows: tuple[Ints, Floats], around: int) -> Places:
+    """Return places from the lower neighbour and the fraction along each axis; a fraction of NaN is outside."""
+    (column, xi), (row, eta) = columns, rows
+    outside = np.isnan(xi) | np.isnan(eta)
+    following = (column + 1) % around if around else column + 1
+    return Places(np.where(outside, -1, row), column, row + 1, following, xi, eta)
+
+
+class CurvilinearMesh:
+    """Points at the corners of quadrilaterals; NaN where there is none.
+
+    Parameters
+    ----------
+    lon, lat : (n, m) array
+        Positions, degrees.
+    """
+
+    def __init__(self, lon: Floats, lat: Floats) -> None:
+        known = np.isfinite(lon) & np.isfinite(lat)
+        lon, lat = (np.ascontiguousarray(np.where(known, q, np.nan)) for q in (lon, lat))
+        self.points = Points(lon, lat, 0)
+        self._known = np.flatnonzero(known)
+
+    @cached_property
+    def _nodes(self) -> NodeMesh:
+        return NodeMesh(self.points.lon.ravel()[self._known], self.points.lat.ravel()[self._known])
+
+    def locate(self, lon: Floats, lat: Floats) -> Places:
+        """Return the places of positions: the cell around, among those near the nearest point."""
+        nearest = self._known[self._nodes.nearest(lon, lat)[1]]
+        row, column = np.divmod(nearest, self.points.lon.shape[1])
+        xi, eta = np.empty(lon.size), np.empty(lon.size)
+        find_quadrilaterals(lon, lat, self.points, row, column, xi, eta)
+        return Places(row, column, row + 1, column + 1, xi, eta)
+
+
+class NodeMesh:
+    """Scattered points without cells: a place belongs to the nearest.
+
+    Parameters
+    ----------
+    lon, lat : (n,) array
+        Positions, degrees.
+    """
+
+    def __init__(self, lon: Floats, lat: Floats) -> None:
+        from scipy.spatial import cKDTree
+
+        self.points = Points(lon[None, :], lat[None, :], 0)
+        self._tree = cKDTree(_on_sphere(lon, lat))
+        some = np.linspace(0, lon.size - 1, min(lon.size, 500)).astype(int)
+        apart = self._tree.query(_on_sphere(lon[some], lat[some]), k=min(2, lon.size))[0]
+        self._usual = float(np.median(apart[:, -1])) if lon.size > 1 else np.inf
+
+    def nearest(self, lon: Floats, lat: Floats) -> tuple[Floats, Ints]:
+        """Return distance (in radii of the Earth) and number of the node nearest to each position."""
+        distance, number = self._tree.query(_on_sphere(lon, lat))
+        return np.asarray(distance, np.float64), np.asarray(number, np.int64)
+
+    def locate(self, lon: Floats, lat: Floats) -> Places:
+        """Return the places of positions."""
+        distance, node = self.nearest(lon, lat)
+        row, zero = np.where(distance > FARTHEST * self._usual, -1, 0), np.zeros(lon.size)
+        return Places(row, node, np.zeros_like(node), node, zero, zero)
+
+    def slopes(self, values: Floats, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return the slope to the east and north (per m) of a field at positions: of the plane through the nodes near by.
+
+        Parameters
+        ----------
+        values : (n,) array
+            The field at the nodes.
+        lon, lat : array
+            Positions, degrees.
+        """
+        _, near = self._tree.query(_on_sphere(lon, lat), k=min(FOR_PLANE, values.size))
+        turn = (self.points.lon[0][near] - lon[:, None] + 180.0) % 360.0 - 180.0
+        east = EARTH_RADIUS_A68 * np.deg2rad(turn) * np.cos(np.deg2rad(lat[:, None]))
+        north = EARTH_RADIUS_A68 * np.deg2rad(self.points.lat[0][near] - lat[:, None])
+        sides = np.stack([q - q.mean(axis=1, keepdims=True) for q in (east, north)], axis=-1)
+        level = values[near] - values[near].mean(axis=1, keepdims=True)
+        slope = np.linalg.pinv(sides) @ np.nan_to_num(level)[..., None]
+        return slope[:, 0, 0], slope[:, 1, 0]
+
+
+def _on_sphere(lon: Floats, lat: Floats) -> Floats:
+    """Return positions as vectors of length 1, so that seam and poles are places like any other."""
+    x, y = np.deg2rad(lon), np.deg2rad(lat)
+    return np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=-1)
+
+
+@kernel
+def beside(lon: float, lat: float, lon0: float, lat0: float) -> tuple[float, float]:
+    """Return how far (rad) a point lies to the east and north of another one.
+
+    ``(dlon cos(lat0), dlat)``; beyond `POLAR`, where meridians meet, in the plane that touches the sphere there.
+    """
+    turn = lon - lon0
+    turn -= 360.0 * np.floor((turn + 180.0) / 360.0)
+    y, y0 = lat * DEGREE, lat0 * DEGREE
+    if abs(lat0) < POLAR:
+        return turn * DEGREE * math.cos(y0), y - y0
+    east = math.cos(y) * math.sin(turn * DEGREE)
+    return east, math.sin(y) * math.cos(y0) - math.cos(y) * math.sin(y0) * math.cos(turn * DEGREE)
+
+
+@kernel
+def find_quadrilaterals(
+    lon: Floats, lat: Floats, points: Points, row: Ints, column: Ints, xi: Floats, eta: Floats
+) -> None:
+    """Find the quadrilateral around each place.
+
+    Parameters
+    ----------
+    lon, lat : ndarray
+        Places, degrees.
+    points : Points
+        Corners of the quadrilaterals.
+    row, column : ndarray
+        Nearest point of each place; becomes the first corner of its quadrilateral, row -1 where there is none.
+    xi, eta : ndarray
+        Filled.
+    """
+    x, y = points.lon, points.lat
+    rows, columns = x.shape
+    for n in range(lon.size):
+        near_row, near_column = row[n], column[n]
+        row[n], best = -1, BEYOND + 1e-9
+        for j in range(max(near_row - 2, 0), min(near_row + 2, rows - 1)):
+            for i in range(max(near_column - 2, 0), min(near_column + 2, columns - 1)):
+                x1, y1 = beside(x[j, i], y[j, i], lon[n], lat[n])
+                x2, y2 = beside(x[j, i + 1], y[j, i + 1], lon[n], lat[n])
+                x3, y3 = beside(x[j + 1, i + 1], y[j + 1, i + 1], lon[n], lat[n])
+                x4, y4 = beside(x[j + 1, i], y[j + 1, i], lon[n], lat[n])
+                across = abs(x1 - x3) + abs(y1 - y3)
+                if not (across > 0.0 and across < np.inf):
+                    continue
+                s, t = inverse_bilinear(
+                    0.0, 0.0, 0.0, x1 / across, y1 / across, x2 / across, y2 / across,
+                    x3 / across, y3 / across, x4 / across, y4 / across,
+                )  # fmt: skip
+                beyond = max(max(-s, s - 1.0), max(-t, t - 1.0))
+                if beyond < best:
+                    row[n], column[n], best = j, i, max(beyond, 0.0)
+                    xi[n], eta[n] = min(max(s, 0.0), 1.0), min(max(t, 0.0), 1.0)

@@ -1,0 +1,278 @@
+"""Records of a data product as the elements need them: read when asked for, in blocks, converted once, never changed."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from riftberg.errors import ForcingError
+from riftberg.ocean.at_elements import SURFACE, Moment
+from riftberg.ocean.loading import wind_from_stress
+from riftberg.ocean.turn import Turn
+from riftberg.places import latitude, longitude
+from riftberg.products.canonical import QUANTITIES
+from riftberg.products.keel import layer_limits
+from riftberg.products.records import MAY_BE_EMPTY, Gap, gap_error, gap_limit, hold_of, minute, named, values_of
+from riftberg.products.window import utc
+from riftberg.state import Floats
+
+BLOCK_BYTES: Final = 64e6
+"""Fields that are read at once, about: a record by itself would unpack a whole chunk of the file."""
+
+MOST_RECORDS: Final = 48
+"""Records that are read at once at most."""
+
+KEPT_BLOCKS: Final = 2
+"""Blocks in memory: two neighbouring records may lie in two of them."""
+
+PLANES: Final = (("lat", "lon"), ("y", "x"), ("node",))
+"""Horizontal dimensions of a canonical dataset."""
+
+TIME_TOLERANCE: Final = 1e-6
+"""Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
+
+Block = dict[str, Floats]
+Reader = Callable[[xr.Dataset, slice], xr.Dataset]
+
+
+class Between(NamedTuple):
+    """Two records around a time, and the weight of the second."""
+
+    before: int
+    after: int
+    weight: float
+
+
+def as_they_are(ds: xr.Dataset, records: slice) -> xr.Dataset:
+    """Return some records of a dataset on its own points."""
+    return ds.isel(time=records) if "time" in ds.dims else ds
+
+
+class ProductRecords:
+    """Fields of one canonical dataset in time.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Canonical dataset, around place and time of the run.
+    start : datetime
+        Date of time 0 (UTC).
+    moments : array of datetime64, optional
+        Dates of the records that ``reader`` gives, if not those of the dataset.
+    reader : callable, optional
+        Gives some records (a slice) of the dataset.
+    keel : float, optional
+        Deepest draft (m); levels below it are not read.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Canonical names of the fields; wind stress has become wind.
+    dates : ndarray of datetime64
+        Dates of the records (UTC); none for fields without time.
+    times : list of float
+        The same in seconds since the start.
+    """
+
+    def __init__(
+        self,
+        ds: xr.Dataset,
+        start: datetime,
+        moments: Sequence[np.datetime64] | NDArray[np.datetime64] | None = None,
+        reader: Reader = as_they_are,
+        *,
+        keel: float = np.inf,
+    ) -> None:
+        _check_dimensions(ds)
+        self.ds, self._limits = _levels_to(ds, keel)
+        self.start, self._reader = start, reader
+        self.dates = np.asarray(_dates(ds) if moments is None else moments, "datetime64[ns]")
+        self.times = [float(t) for t in (self.dates - utc(start)) / np.timedelta64(1, "s")]
+        self.names = _with_wind(tuple(map(str, ds.data_vars)))
+        size = sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
+        self._length = int(np.clip(BLOCK_BYTES / (8 * max(size, 1)), 1, MOST_RECORDS))
+        self._blocks: dict[int, Block] = {}
+        self._turn = Turn()
+
+    @property
+    def cover(self) -> tuple[float, float]:
+        """First and last time served, s since the start; infinite for fields without time."""
+        if not self.times:
+            return -np.inf, np.inf
+        hold = hold_of(self.ds)
+        return self.times[0] - hold, self.times[-1] + hold
+
+    @property
+    def limits(self) -> Floats:
+        """Limits (m) of the layers of the levels; two for fields without levels."""
+        return self._limits
+
+    @property
+    def has_levels(self) -> bool:
+        """Whether there are currents on more than one level."""
+        return self._limits.size > 2
+
+    def moment(self, name: str, time: float) -> Moment:
+        """Return a field at a time.
+
+        Raises
+        ------
+        ForcingError
+            If the time lies outside of the records, or in too long a gap.
+        """
+        around = self._between(time)
+        before = self._record(around.before)[name]
+        after = self._record(around.after)[name] if around.weight > 0.0 else before
+        limits = self._limits if before.shape[0] > 1 else SURFACE
+        return Moment(before, after, around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
+
+    def check(self, start: float, end: float) -> None:
+        """Read all records from ``start`` to ``end`` (s).
+
+        Raises
+        ------
+        ForcingError
+            If they do not cover these times, have too long a gap, or hold values that cannot be.
+        """
+        first, last = self._between(start), self._between(end)
+        for record in range(first.before, last.after + 1):
+            if record < last.after:
+                self._check_gap(record, max(start, self.times[record]))
+            self._record(record)
+
+    def _between(self, time: float) -> Between:
+        if len(self.times) < 2:
+            self._require_cover(time)
+            return Between(0, 0, 0.0)
+        self._require_cover(time)
+        k = bisect_right(self.times, time) - 1
+        if k < 0 or k >= len(self.times) - 1:
+            k = max(k, 0)
+            return Between(k, k, 0.0)
+        self._check_gap(k, time)
+        weight = (time - self.times[k]) / (self.times[k + 1] - self.times[k])
+        return Between(k, k + 1 if weight > 0.0 else k, weight)
+
+    def _require_cover(self, time: float) -> None:
+        first, last = self.cover
+        if first - TIME_TOLERANCE <= time <= last + TIME_TOLERANCE:
+            return
+        raise ForcingError(
+            f"{minute(self._date(time))} lies outside the records {minute(self.dates[0])}..{minute(self.dates[-1])}",
+            where=named(self.ds),
+            remedy="Add the files of these dates, shorten the run, or hold the ends longer (forcing.hold, in hours)",
+        )
+
+    def _check_gap(self, record: int, time: float) -> None:
+        gap = Gap(self.dates[record], self.dates[record + 1])
+        limit = gap_limit(self.ds)
+        if self._reader is as_they_are and gap.seconds > limit and self.times[record] < time < self.times[record + 1]:
+            raise gap_error(self.ds, gap, limit, self._date(time))
+
+    def _date(self, time: float) -> np.datetime64:
+        return utc(self.start) + np.timedelta64(round(time), "s")
+
+    def _record(self, number: int) -> Block:
+        first = number // self._length * self._length
+        block = self._blocks.get(first)
+        if block is None:
+            with self._turn:  # another thread may have read it meanwhile
+                block = self._blocks.get(first) or self._read(first)
+        # A field without time beside others has one record.
+        return {name: values[number - first if len(values) > 1 else 0] for name, values in block.items()}
+
+    def _read(self, first: int) -> Block:
+        records = slice(first, first + self._length)
+        part = self._reader(self.ds, records)
+        block = {str(name): _as_block(field) for name, field in part.data_vars.items()}
+        for name, values in block.items():
+            check_believable(name, values, part.assign_attrs(self.ds.attrs), self.dates[records])
+        if "taux" in block and "tauy" in block and "ua" not in block:
+            block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
+        if "depth_below_surface" in block:  # land counts as depth 0, so that shores shoal
+            block["depth_below_surface"] = np.nan_to_num(block["depth_below_surface"])
+        # The dictionary is replaced, never changed: other threads look into it without the lock.
+        spared = sorted(self._blocks, key=lambda old: abs(old - first))[: KEPT_BLOCKS - 1]
+        self._blocks = {**{old: self._blocks[old] for old in spared}, first: block}
+        return block
+
+
+def _levels_to(ds: xr.Dataset, keel: float) -> tuple[xr.Dataset, Floats]:
+    """Return a dataset with the levels down to a keel, and the limits (m) of their layers."""
+    if "depth" not in ds.dims:
+        return ds, SURFACE
+    limits = layer_limits(ds["depth"].values)
+    layers = int(np.clip(np.searchsorted(limits, keel, side="left"), 1, limits.size - 1))
+    return ds.isel(depth=slice(0, layers)), limits[: layers + 1]
+
+
+def _with_wind(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of fields; wind stress becomes wind."""
+    if not {"taux", "tauy"} <= set(names):
+        return names
+    others = tuple(name for name in names if name not in ("taux", "tauy"))
+    return others if "ua" in others else (*others, "ua", "va")
+
+
+def _dates(ds: xr.Dataset) -> Any:
+    return ds["time"].values if "time" in ds.dims else np.empty(0, "datetime64[ns]")
+
+
+def plane_of(field: xr.DataArray | xr.Dataset) -> tuple[str, ...]:
+    """Return the horizontal dimensions."""
+    return next((plane for plane in PLANES if set(plane) <= set(field.dims)), ())
+
+
+def _as_block(field: xr.DataArray) -> Floats:
+    """Return values in the order (time, level, row, column); axes that a field lacks have length 1."""
+    plane = plane_of(field)
+    lead = [name for name in ("time", "depth") if name in field.dims]
+    values = np.asarray(values_of(field.transpose(*lead, *plane)), np.float64)
+    shape = [field.sizes.get(name, 1) for name in ("time", "depth")]
+    rows = [1] if len(plane) == 1 else []
+    return np.ascontiguousarray(values.reshape(*shape, *rows, *(field.sizes[name] for name in plane)))
+
+
+def _check_dimensions(ds: xr.Dataset) -> None:
+    """Refuse fields with a dimension that is none of time, depth and the plane: what it means is not known here."""
+    for name, field in ds.data_vars.items():
+        beyond = set(map(str, field.dims)) - {"time", "depth", *plane_of(field)}
+        if beyond or not plane_of(field):
+            raise ForcingError(
+                f"{name} has the dimensions ({', '.join(map(str, field.dims))})",
+                where=named(ds) or "forcing",
+                remedy="Give fields on (time, depth, lat, lon); choose one entry of any other dimension",
+            )
+
+
+def check_believable(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
+    """Raise `ForcingError` where values (record, level, row, column) of a field are too large to be true."""
+    quantity = QUANTITIES[name]
+    wrong = np.argwhere(np.abs(values) > quantity.limit)
+    if not wrong.size:
+        return
+    record, _, row, column = (int(k) for k in wrong[0])
+    when = f"{minute(dates[record])}, " if dates.size else ""
+    raise ForcingError(
+        f"{name} is {values[tuple(wrong[0])]:.3g} {quantity.units} at {when}{_place(ds, row, column)}; "
+        f"beyond {quantity.limit:g} it is not believable",
+        where=named(ds),
+        remedy="Is it a missing value that the file does not declare, or another unit? Correct the file's attributes",
+    )
+
+
+def _place(ds: xr.Dataset, row: int, column: int) -> str:
+    """Return the position of a point in words; its numbers where positions are not stored point by point."""
+    if not {"lat", "lon"} <= set(ds.coords):
+        return f"row {row}, column {column}"
+    lat, lon = ds["lat"].values, ds["lon"].values
+    if lat.ndim == 1 and "lat" in ds.dims:
+        return f"{latitude(float(lat[row]), 3)}, {longitude(float(lon[column]), 3)}"
+    where = (row, column) if lat.ndim == 2 else (column,)
+    return f"{latitude(float(lat[where]), 3)}, {longitude(float(lon[where]), 3)}"

@@ -1,0 +1,167 @@
+"""Sampling at the elements: twin, exactness, land, drafts, slopes and vorticity on straight, turned and skewed grids."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ocean.at_elements import (
+    NO_RINGS,
+    RINGS,
+    SURFACE,
+    Moment,
+    add_shore_drift,
+    fill_slopes,
+    fill_values,
+    fill_vorticity,
+)
+from riftberg.ocean.mesh import AxesMesh, CurvilinearMesh, Mesh, Places
+from riftberg.state import Floats
+from twins.at_elements import value_at
+
+LON, LAT = -42.0 + 0.5 * np.arange(14), -59.0 + 0.25 * np.arange(16)
+LIMITS = np.array([0.0, 20.0, 50.0, 110.0, 190.0])
+
+
+def places_on(mesh: Mesh, count: int = 200, seed: int = 3) -> tuple[Floats, Floats, Places]:
+    """Return positions well within a mesh, and their places."""
+    rng = np.random.default_rng(seed)
+    points = mesh.points
+    low, high = np.nanquantile(points.lon, [0.25, 0.75]), np.nanquantile(points.lat, [0.25, 0.75])
+    lon, lat = rng.uniform(*low, count), rng.uniform(*high, count)
+    places = mesh.locate(lon, lat)
+    assert (places.row >= 0).all()
+    return lon, lat, places
+
+
+def turned(angle: float = 0.6, skew: float = 0.0) -> CurvilinearMesh:
+    """Return a mesh whose rows do not follow the parallels, with uneven steps."""
+    x, y = np.meshgrid(0.3 * np.arange(24) + 0.05 * np.sin(np.arange(24)), 0.2 * np.arange(24))
+    x = x + skew * y
+    c, s = np.cos(angle), np.sin(angle)
+    return CurvilinearMesh(-42.0 + (c * x - s * y) / 0.55, -58.0 + s * x + c * y)
+
+
+def values(moment: Moment, places: Places, draft: Floats | float = 1.0, near: np.ndarray = RINGS) -> Floats:
+    out = np.empty(places.row.size)
+    fill_values(moment, places, np.broadcast_to(np.float64(draft), out.shape).copy(), 0, near, out)
+    return out
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("absent", [None, 0.0])
+def test_values_agree_with_the_twin_over_drafts_land_and_gaps(weight: float, absent: float | None) -> None:
+    rng = np.random.default_rng(11)
+    mesh = AxesMesh(LON, LAT)
+    records = rng.normal(size=(2, 4, LAT.size, LON.size))
+    records[:, :, rng.random((LAT.size, LON.size)) < 0.4] = np.nan  # land
+    records[1, :, rng.random((LAT.size, LON.size)) < 0.2] = np.nan  # known at the first time only
+    records[:, 2:, rng.random((LAT.size, LON.size)) < 0.3] = np.nan  # a shallow floor
+    records[:, :, :7, :6] = np.nan  # land without water near by
+    _, _, places = places_on(mesh, 300)
+    draft = rng.uniform(0.5, 220.0, 300)
+    moment = Moment(records[0], records[1], weight, LIMITS, np.nan if absent is None else absent)
+    found = values(moment, places, draft)
+    for n in range(300):
+        cell = int(places.row[n]), int(places.column[n])
+        told = value_at(records, weight, LIMITS, draft[n], cell, places.xi[n], places.eta[n], absent)
+        assert found[n] == pytest.approx(np.nan if told is None else told, rel=1e-12, abs=1e-15, nan_ok=True)
+    assert np.isnan(found).any() == (absent is None)
+
+
+def test_a_known_value_is_not_lost_between_unknown_ones() -> None:
+    """One wet point near by serves an element on land; a map shows land there."""
+    field = np.full((1, LAT.size, LON.size), np.nan)
+    field[0, 8, 7] = 0.25
+    mesh = AxesMesh(LON, LAT)
+    moment = Moment(field, field, 0.0, SURFACE, np.nan)
+    lon, lat = LON[7] + np.array([0.1, -0.8, 1.1, 2.0]), LAT[8] + np.array([0.1, 0.05, 0.0, 0.0])
+    places = mesh.locate(lon, lat)
+    np.testing.assert_array_equal(values(moment, places), [0.25, 0.25, 0.25, np.nan])
+    np.testing.assert_array_equal(values(moment, places, near=NO_RINGS), [0.25, np.nan, np.nan, np.nan])
+
+
+def test_thin_ice_feels_the_surface_and_thick_ice_the_deep() -> None:
+    """A surface current of 20 m: over it alone 0.5 m/s, over a draft D 0.5 * 20 / D, and less water counts for less."""
+    mesh = AxesMesh(LON, LAT)
+    field = np.zeros((4, LAT.size, LON.size))
+    field[0] = 0.5
+    _, _, places = places_on(mesh, 50)
+    draft = np.linspace(4.0, 188.0, 50)
+    found = values(Moment(field, field, 0.0, LIMITS, np.nan), places, draft)
+    np.testing.assert_allclose(found, 0.5 * np.minimum(1.0, 20.0 / draft), rtol=1e-12)
+    field[1:] = np.nan  # the floor at 20 m
+    np.testing.assert_allclose(values(Moment(field, field, 0.0, LIMITS, np.nan), places, draft), 0.5, rtol=1e-12)
+
+
+MESHES = {"axes": AxesMesh(LON, LAT), "turned": turned(), "mirrored": turned(2.5), "skewed": turned(0.3, 0.4)}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_a_plane_is_met_exactly_and_so_are_its_slope_and_curl(name: str) -> None:
+    """Whatever way the rows of the grid run: values, slope in m/m to the east and north, vorticity dv/dx - du/dy."""
+    mesh = MESHES[name]
+    lon, lat, places = places_on(mesh)
+    x, y = mesh.points.lon, mesh.points.lat
+
+    def moment(a: float, b: float) -> Moment:
+        field = (0.1 + a * (x + 40.0) + b * (y + 56.0))[None]
+        return Moment(field, 3.0 * field, 0.25, SURFACE, np.nan)  # 1.5 times the first record
+
+    np.testing.assert_allclose(
+        values(moment(0.02, 0.03), places), 1.5 * (0.1 + 0.02 * (lon + 40.0) + 0.03 * (lat + 56.0)), atol=1e-12
+    )
+    metre, narrow = EARTH_RADIUS_A68 * DEGREE, np.cos(lat * DEGREE)
+    sx, sy, turn = np.empty((3, lon.size))
+    fill_slopes(moment(0.02, 0.03), places, mesh.points, lon, lat, sx, sy)
+    np.testing.assert_allclose(sx, 1.5 * 0.02 / (metre * narrow), rtol=1e-9)
+    np.testing.assert_allclose(sy, 1.5 * 0.03 / metre, rtol=1e-9)
+    over = np.ones(lon.size)
+    fill_vorticity(moment(0.02, 0.03), moment(0.05, 0.01), places, mesh.points, lon, lat, over, turn)
+    np.testing.assert_allclose(turn, 1.5 * (0.05 / narrow - 0.03) / metre, rtol=1e-9)
+
+
+def test_the_slope_is_of_second_order_on_a_wavy_sea() -> None:
+    """Half the step, a quarter of the error."""
+    errors = []
+    for step in (0.4, 0.2, 0.1):
+        lon, lat = np.arange(-42.0, -36.0, step), np.arange(-59.0, -53.0, step)
+        mesh = AxesMesh(lon, lat)
+        x, y = np.meshgrid(lon, lat)
+        level = (np.sin(x) * np.cos(1.5 * y))[None]
+        e, n, places = places_on(mesh, 400)
+        sx, sy = np.empty((2, e.size))
+        fill_slopes(Moment(level, level, 0.0, SURFACE, np.nan), places, mesh.points, e, n, sx, sy)
+        metre = EARTH_RADIUS_A68 * DEGREE
+        wrong_x = sx * metre * np.cos(n * DEGREE) - np.cos(e) * np.cos(1.5 * n)
+        wrong_y = sy * metre + 1.5 * np.sin(e) * np.sin(1.5 * n)
+        errors.append(np.sqrt((wrong_x**2 + wrong_y**2).mean()))
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.15)
+
+
+def test_there_is_no_slope_across_a_shore() -> None:
+    mesh = AxesMesh(LON, LAT)
+    level = np.ones((1, LAT.size, LON.size))
+    level[0, :, :7] = np.nan
+    lon, lat = np.array([LON[7] + 0.1, LON[6] + 0.1]), np.array([-57.1, -57.1])
+    sx, sy = np.empty((2, 2))
+    fill_slopes(Moment(level, level, 0.0, SURFACE, np.nan), mesh.locate(lon, lat), mesh.points, lon, lat, sx, sy)
+    np.testing.assert_array_equal([sx, sy], 0.0)
+
+
+def test_drift_leads_away_from_land_on_any_grid() -> None:
+    mesh = MESHES["turned"]
+    lon, lat, places = places_on(mesh)
+    wet = mesh.points.lon > lon.mean()
+    field = np.where(wet, 0.0, np.nan)[None]
+    moment = Moment(field, field, 0.0, SURFACE, np.nan)
+    du, dv = np.zeros((2, lon.size))
+    add_shore_drift(moment, places, mesh.points, lon, lat, 0.1, du, dv)
+    corners = [wet[places.row + b, places.column + a] for a in (0, 1) for b in (0, 1)]
+    shore = np.any(corners, axis=0) & ~np.all(corners, axis=0)
+    assert shore.any()
+    assert (du[shore] > 0.0).all()  # the land is in the west
+    np.testing.assert_array_equal(np.hypot(du, dv)[~shore], 0.0)
+    assert np.hypot(du, dv).max() <= 0.1 * np.sqrt(2.0) + 1e-12
