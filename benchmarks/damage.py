@@ -19,8 +19,8 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import DAYS, story_model
-from riftberg.model import Model
 from riftberg.physics.damage import damage_rate, grown_damage
+from riftberg.runs.model import Model
 from riftberg.state import Floats
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "damage.md"

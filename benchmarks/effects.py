@@ -23,8 +23,8 @@ import numpy as np
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.experiments import Options, build
-from riftberg.model import Model
 from riftberg.parameters import A68A_2022_KID
+from riftberg.runs.model import Model
 from riftberg.runs.track import DailyTrack
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

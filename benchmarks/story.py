@@ -22,11 +22,11 @@ from riftberg.diagnostics.summary import breakups, fragment_areas
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import DAYS, story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
-from riftberg.model import Model
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import Packing
 from riftberg.physics.drag import draft_of
 from riftberg.plane import Plane
+from riftberg.runs.model import Model
 from riftberg.runs.shapes import element_polygons
 from riftberg.runs.track import Position, berg_position
 

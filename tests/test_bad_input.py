@@ -17,11 +17,11 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.errors import BergError, ForcingError, InputError, RunError
 from riftberg.experiments.changes import parse_settings
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.runs.model import Model
 
 PLACE = (-39.0, -55.0)
 EXPERIMENT = """\

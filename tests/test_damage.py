@@ -18,9 +18,9 @@ from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import reference_numerics
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.runs.model import Model
 from riftberg.runs.restart import FORMAT
 from riftberg.runs.run_file import open_run
 from test_resume import PHYSICS, bergs, differing, gridded
@@ -170,7 +170,7 @@ def test_it_is_in_the_run_file_where_it_is_on(tmp_path: Path) -> None:
 def test_a_restart_of_the_layout_before_damage_is_read(tmp_path: Path) -> None:
     path = Model(bergs(), Steady()).save(tmp_path / "a.nc")
     with netCDF4.Dataset(path, "a") as file:
-        assert file.riftberg_restart_format == FORMAT == 2
+        assert file.riftberg_restart_format == FORMAT == 3
         file.renameVariable("bond_damage", "bond_nothing")
         older = json.loads(file.parameters_json)
         del older["damage"]

@@ -20,9 +20,9 @@ import pytest
 import riftberg
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.interrupts import held
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
+from riftberg.runs.model import Model
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import open_run
 

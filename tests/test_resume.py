@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.runs.model import Model
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 STEPS = 7
@@ -156,7 +156,7 @@ def test_bonds_that_break_after_the_step_do_not_shift_the_bonds_of_contact_pairs
     resumed.step()
     assert differing(resumed, whole) == []
     joined = {*zip(whole.bonds.first, whole.bonds.second, strict=True)}
-    pairs = whole._stepper._pairs  # type: ignore[attr-defined]
+    pairs = whole._stepper._all.room.pairs  # type: ignore[attr-defined]
     for k in range(pairs.count[0]):
         bond = pairs.bond[k]
         ends = pairs.first[k], pairs.second[k]

@@ -21,11 +21,11 @@ import riftberg
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.kid.run import run_kid
-from riftberg.model import Model
 from riftberg.netcdf_lock import NETCDF, NetcdfLock, open_lazily, open_netcdf
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022
+from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
 
 SOURCES = Path(riftberg.__file__).parent
@@ -256,7 +256,7 @@ def test_files_are_opened_in_one_place_only() -> None:
 COMPILE = """
 import sys
 from riftberg.kernels import kernel
-from riftberg.stepping.neighbours import find_pairs
+from riftberg.state.neighbours import find_pairs
 from riftberg.stepping.sizes import radius_of
 from riftberg.physics.geometry import separation
 import numpy as np

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
+from riftberg.runs.model import Model
 
 PROGRAM = """
 import hashlib

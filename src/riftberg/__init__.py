@@ -21,17 +21,17 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.model import Model
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
     from riftberg.viz.map import draw_map
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
-    "Model": "riftberg.model",
+    "Model": "riftberg.runs.model",
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",
     "A68A_2022_KID": "riftberg.parameters",

@@ -95,7 +95,7 @@ def stage(function: _F) -> _F:
 
 def plain(function: _F) -> _F:
     """Return the Python function that a kernel was compiled from, for a kernel that returns a named tuple."""
-    python: _F = function.py_func  # type: ignore[attr-defined]
+    python: _F = getattr(function, "py_func", function)  # uncompiled with NUMBA_DISABLE_JIT
     return python
 
 

@@ -1,29 +1,31 @@
-"""The model: state, parameters and forcing meet here and are stepped in time."""
+"""The model: state, parameters and forcing meet here and are stepped in time; it knows nothing of files.
+
+`riftberg.Model` (in `riftberg.runs.model`) is this with files: a run file, restart files, and going on from them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import datetime, timedelta
-from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import Protocol, Self
 
 import numpy as np
 
 from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import InputError, RiftbergError, RunError
-from riftberg.interrupts import Hold, held, say
+from riftberg.errors import InputError, RunError
+from riftberg.interrupts import Hold, held
 from riftberg.ocean.forcing import Forcing
-from riftberg.parameters import KernelParameters, Parameters
-from riftberg.state import Bonds, Elements, Floats, copy_state
+from riftberg.parameters import A68A_2022, Parameters
+from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
+from riftberg.state.population import Population, Saved
+from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
+from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.fragments import Fragment, FragmentTree
+from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
-from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.substep_choice import choose_substeps
-
-if TYPE_CHECKING:
-    import xarray as xr
+from riftberg.stepping.substep_choice import assign_substeps
 
 DEFAULT_START = datetime(2020, 12, 9, 13)
 
@@ -31,18 +33,22 @@ DEFAULT_START = datetime(2020, 12, 9, 13)
 class Recorder(Protocol):
     """What a run calls: once before the first step, after every long step, and once at the end, also after an error."""
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Prepare; the model stands at its initial state."""
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Take note of the state after a long step."""
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Close files."""
 
 
-class Model:
-    """Bonded icebergs in an ocean.
+Process = Callable[["BareModel"], None]
+"""What may change the state after each long step: melt, calving, exchange with an ocean. See `BareModel.after_step`."""
+
+
+class BareModel(RunState):
+    """Bonded icebergs in an ocean, without files.
 
     Parameters
     ----------
@@ -58,25 +64,21 @@ class Model:
     Attributes
     ----------
     elements, bonds : Elements, Bonds
-        The state.
+        The state; take them anew after elements have come or gone.
     time : float
         Seconds since the start.
     step_number : int
         Long steps taken.
     fragments : FragmentTree
         Family tree of the fragments.
-    substeps : int
-        Sub-steps in a long step.
+    after_step : list of callables
+        Processes, called with the model after each long step in turn, whatever the scheme. They may change mass,
+        thickness, length and width of elements, and `append` and `remove` elements. What follows from that (bonds
+        counted, fragments numbered, newly born placed, sub-steps chosen anew) is done after the last of them. A process
+        that fails takes the whole step back. A run that is resumed goes on bit for bit if a process takes what it needs
+        from the model (state, ``time``, ``step_number``) and keeps nothing itself.
     remembered : dict of str to array
         What recorders must know again to go on exactly; it is saved with the state.
-
-    Examples
-    --------
-    >>> from riftberg import Iceberg, Model, Steady
-    >>> berg = Iceberg.rectangle(30e3, 12e3, centre=(-37.0, -56.0))
-    >>> model = Model(berg, Steady(current=(0.2, 0.0)))
-    >>> model.run(days=1).sizes["trajectory"]
-    40
     """
 
     def __init__(
@@ -86,41 +88,53 @@ class Model:
         parameters: Parameters | None = None,
         start: datetime = DEFAULT_START,
     ) -> None:
-        from riftberg.parameters import A68A_2022
-
         given = A68A_2022 if parameters is None else parameters
         check_coordinates(berg, forcing, given)
-        self.elements, self.bonds = copy_state(berg.elements, berg.bonds)
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
         packed = given.changed(bonds={"packing": berg.packing}) if berg.packing != given.bonds.packing else given
-        self.parameters = _with_constant_size(packed, self.elements)
-        self.forcing = forcing
-        self.start = start
-        self.time = 0.0
-        self.step_number = 0
-        self.fragments = FragmentTree()
-        self.remembered: dict[str, Floats] = {}
-        self._prepare()
+        elements, bonds = copy_state(berg.elements, berg.bonds)
+        self._begin(Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), start)
         if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = given.earth
             refuse_overlap(self.elements, given.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
-    def _prepare(self) -> None:
+    @classmethod
+    def going_on(
+        cls, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float,
+        step_number: int, fragments: Sequence[Fragment],
+    ) -> Self:  # fmt: skip
+        """Return a model that stands at a state reached before."""
+        model = cls.__new__(cls)
+        model._begin(population, forcing, parameters, start, time, step_number, fragments)
+        return model
+
+    def _begin(
+        self, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float = 0.0,
+        step_number: int = 0, fragments: Sequence[Fragment] = (),
+    ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
-        self.constants: KernelParameters = self.parameters.kernel_values()
+        super().__init__(
+            population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments)), start, time,
+            step_number,
+        )  # fmt: skip
+        self.after_step: list[Process] = []
+        self.remembered: dict[str, Floats] = {}
+        self._visited = step_number > 0
         check_state(self.elements, self.bonds)
-        check_strengths(self.bonds, self.parameters)
-        sizes = interaction_sizes(self.elements, self.constants)
-        self.substeps = 1
-        if self.parameters.stepping.scheme == "mts":
-            self.substeps = choose_substeps(self.parameters, self.elements, self.bonds, sizes)
-        self._visited = self.step_number > 0
+        check_strengths(self.bonds, parameters)
+        complete_state(self)
+        assign_substeps(self, self.elements.body.substeps == 0)
+        self._look()
         self._stepper: Stepper = make_stepper(self)
+        self._stepped = self.elements.body.id.copy()
+        if self._visited:
+            # The same values as in the file, unless the run failed because its forcing was at fault.
+            self._stepper.surround(self)
 
     @property
-    def date(self) -> datetime:
-        """Date of the present state."""
-        return self.start + timedelta(seconds=self.time)
+    def substeps(self) -> int:
+        """Sub-steps in a long step; of the berg that has most of them."""
+        return max(1, int(self.elements.body.substeps.max(initial=1)))
 
     @property
     def bonds_broken(self) -> int:
@@ -137,25 +151,62 @@ class Model:
 
         Between two steps ``elements.u`` lacks the last slow half kick, which the next step begins with.
         """
-        if self.step_number == 0:
+        if self.step_number == 0 or self.elements.size == 0:
             return self.elements.u.copy(), self.elements.v.copy()
         return self._stepper.synchronised(self)
+
+    def append(self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0) -> Ints:
+        """Add elements, with bonds between them; for use between two steps or in `after_step`.
+
+        Parameters
+        ----------
+        elements : Elements
+            The newly born, as `riftberg.state.new_elements` or an `Iceberg` gives them: position, velocity ``u`` and
+            ``v``, mass and sizes are read.
+        bonds : Bonds, optional
+            Bonds between them; their ends are rows of ``elements``.
+        parent : int, optional
+            Number of the fragment that they come from.
+
+        Returns
+        -------
+        array of int
+            Their identifiers; identifiers are never used again.
+        """
+        rows = self.elements.size
+        ids = self.population.append(elements, bonds)
+        new = slice(rows, None)
+        now = self.elements
+        now.body.berg[new] = parent
+        for shown, own in (("lon_pair", "lon"), ("lat_pair", "lat"), ("u_pair", "u"), ("v_pair", "v")):
+            getattr(now, shown)[new] = getattr(now, own)[new]
+        now.motion.u_sync[new], now.motion.v_sync[new] = now.motion.u[new], now.motion.v[new]
+        return ids
+
+    def remove(self, ids: Sequence[int] | Ints) -> None:
+        """Take elements out, with their bonds; for use between two steps or in `after_step`."""
+        self.population.remove(ids)
 
     def applied_forces(self) -> Floats:
         """Return the mean forces (N) on the elements over the last long step, as they were applied.
 
-        The drag of the sea floor in the sub-steps and the implicit solves are included. Zero before the first step, and for
-        elements that never move.
+        The drag of the sea floor in the sub-steps and the implicit solves are included. Zero before the first step, for
+        elements that never move and for those born since.
 
         Returns
         -------
         array, shape (elements, forces, 2)
             East and north, for each name of `riftberg.stepping.media.FORCES`.
         """
-        return self.elements.mass[:, None, None] * self._stepper.applied
+        applied = self._stepper.applied
+        if not np.array_equal(self._stepped, self.elements.body.id):
+            applied = by_identifier(self._stepped, applied, self.elements.body.id)
+        return self.elements.body.mass[:, None, None] * applied
 
     def step(self) -> None:
-        """Advance the state by one long step, which Ctrl-C does not tear apart: it comes into force after the step.
+        """Advance the state by one long step, and run the processes of `after_step`.
+
+        Ctrl-C does not tear it apart: it comes into force after the step.
 
         Raises
         ------
@@ -168,14 +219,22 @@ class Model:
     def _step(self) -> None:
         if self.step_number == 0 and not self._visited:
             self._first_visit()
-        before = self.time, list(self.fragments.rows), *copy_state(self.elements, self.bonds)
+        self._follow_changes()
+        before = self.time, self.step_number, list(self.fragments.rows), self.population.saved()
         try:
-            self._stepper.step(self)
-            self._check_finite()
+            if self.elements.size:
+                self._stepper.step(self)
+                self._stepped = self.elements.body.id.copy()
+                self._check_finite()
+            else:
+                self.time += self.parameters.stepping.time_step
+            self.step_number += 1
+            for process in self.after_step:
+                process(self)
+            self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
             raise
-        self.step_number += 1
 
     def _check_finite(self) -> None:
         if not np.isfinite(self.elements.lon).all() or not np.isfinite(self.elements.lat).all():
@@ -185,12 +244,34 @@ class Model:
                 "the run is unstable: use more sub-steps (stepping.substeps) or a softer berg"
             )
 
-    def _go_back(self, time: float, rows: list[Fragment], elements: Elements, bonds: Bonds) -> None:
+    def _go_back(self, time: float, step_number: int, rows: list[Fragment], population: Saved) -> None:
         """Return to the state before a step that failed, so that it can be saved."""
-        self.time, self.fragments.rows = time, rows
-        for now, then in ((self.elements, elements), (self.bonds, bonds)):
-            for name, array in now.arrays().items():
-                array[:] = getattr(then, name)
+        self.time, self.step_number, self.fragments.rows = time, step_number, rows
+        self.population.restore(population)
+        self._look()
+
+    def _look(self) -> None:
+        """Note what must be followed up when it changes: which rows there are, mass and sizes."""
+        body, population = self.elements.body, self.population
+        self._seen_rows = population.version, population.next_element, population.next_bond
+        self._seen_sizes = body.id.copy(), tuple(a.copy() for a in _sizes_of(self.elements))
+
+    def _follow_changes(self) -> None:
+        """Do what follows from births, deaths and changes of mass or size since the last look."""
+        version, next_element, next_bond = self._seen_rows
+        changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), *self._seen_sizes)
+        if self.population.version == version and not changed.any():
+            return
+        check_state(self.elements, self.bonds)
+        surround_newborn(self, self.elements.body.id >= next_element, self._visited)
+        complete_state(self)
+        if self._visited:
+            count_bonds(self.elements, self.bonds)
+            self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        new_bonds = self.bonds.id >= next_bond
+        changed[self.bonds.first[new_bonds]] = True
+        assign_substeps(self, changed)
+        self._look()
 
     def _first_visit(self) -> None:
         """Place the elements on the grid, number the bergs and take the first environment."""
@@ -200,74 +281,6 @@ class Model:
         self._visited = True
         self.forcing.sample(self.elements, self.time)
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
-
-    def run(
-        self,
-        days: float | None = None,
-        *,
-        steps: int | None = None,
-        recorders: Sequence[Recorder] = (),
-        output: str | Path | None = None,
-        every_hours: float = 1.0,
-        forces: bool = False,
-    ) -> xr.Dataset:
-        """Run for some days and return the trajectory.
-
-        Parameters
-        ----------
-        days : float
-            Length of the run; or give ``steps``.
-        steps : int
-            Number of long steps.
-        recorders : sequence of Recorder
-            Called after every long step.
-        output : path, optional
-            Run file to write; kept in memory only if left out.
-        every_hours : float
-            Interval of the records in the run file.
-        forces : bool, optional
-            Record the mean force of each medium on each element too.
-
-        Returns
-        -------
-        xarray.Dataset
-            The run, as `riftberg.runs.run_file` writes it.
-
-        Raises
-        ------
-        ForcingError
-            If the forcing does not serve the whole run; raised before the first step.
-        RunError
-            If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
-            where. Without ``output`` the model itself is left at that state.
-        KeyboardInterrupt
-            After Ctrl-C, at the end of the step in hand; the run file is complete up to there, and the state is saved as
-            above. So it is with the SystemExit after a request to terminate.
-        """
-        from riftberg.runs.run_file import memory_run
-
-        before = self.step_number
-        with held(), memory_run(output, every_hours, forces) as writer:
-            try:
-                self.advance(days, steps=steps, recorders=[*recorders, writer])
-            except (KeyboardInterrupt, SystemExit):
-                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, 'interrupted')}")
-                raise
-            except RiftbergError as error:
-                if self.step_number == before and not isinstance(error, RunError):
-                    raise  # refused before the first step: there is nothing to save
-                raise RunError(
-                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}"
-                ) from error
-            return writer.dataset()
-
-    def _rescued(self, output: str | Path | None, why: str = "failed") -> str:
-        """Save the last good state where there is a place for it, and say how to go on."""
-        if output is None:
-            return "The model is left at its last good state: save it with model.save(path)"
-        path = Path(output)
-        saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
-        return f"Go on with Model.resume({str(saved)!r}, forcing)"
 
     def advance(
         self, days: float | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
@@ -326,42 +339,6 @@ class Model:
             )
         return count
 
-    def save(self, path: str | Path) -> Path:
-        """Write a restart file from which `resume` goes on bit for bit."""
-        from riftberg.runs.restart import save
-
-        # The memory of the stepper comes last: what a resumed run remembers of it is old.
-        return save(self, path, extra={"substeps": self.substeps, **self.remembered, **self._stepper.memory()})
-
-    @classmethod
-    def resume(cls, path: str | Path, forcing: Forcing) -> Model:
-        """Go on from a restart file; gives bit for bit the run that never stopped.
-
-        Parameters
-        ----------
-        path : path
-            File written by `save`.
-        forcing : Forcing
-            The same forcing as before.
-        """
-        from riftberg.runs.restart import load_state
-
-        state = load_state(path)
-        model = cls.__new__(cls)
-        model.elements, model.bonds = state.elements, state.bonds
-        model.parameters, model.forcing, model.start = state.parameters, forcing, state.start
-        model.time, model.step_number = state.time, state.step_number
-        model.fragments = FragmentTree(state.fragment_rows())
-        model.remembered = {name: value for name, value in state.extra.items() if name != "substeps"}
-        model._prepare()
-        # A number found anew would depend on the bonds broken since.
-        model.substeps = int(state.extra.get("substeps", model.substeps))
-        model._stepper.recall(state.extra)
-        if model.step_number > 0:
-            # The same values as in the file, unless the run failed because its forcing was at fault.
-            model._stepper.surround(model)
-        return model
-
     def describe(self) -> str:
         """Return what this model is, in plain words."""
         p = self.parameters
@@ -376,14 +353,26 @@ class Model:
         )
 
 
-def _nothing(model: Model) -> None:
+def _nothing(model: BareModel) -> None:
     """Stand for a method that a recorder does not have."""
 
 
-def _with_constant_size(p: Parameters, elements: Elements) -> Parameters:
-    """Fill in the constant interaction size: if one side is 0, both become the means of all elements (Q37)."""
+def _sizes_of(elements: Elements) -> tuple[Floats, ...]:
+    """Mass and sizes of the elements: what melt and calving change."""
+    body = elements.body
+    return body.mass, body.thickness, body.length, body.width
+
+
+def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:
+    """Fill in the constant interaction size: if one side is 0, both become the means of all elements (Q37).
+
+    Several bergs have their own means (`riftberg.stepping.births`), unless they are coupled as in the reference.
+    """
     b = p.bonds
     if not b.constant_size or (b.constant_length > 0.0 and b.constant_width > 0.0):
+        return p
+    part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
+    if part.any() and not p.compatibility.bergs_coupled:
         return p
     length, width = float(np.mean(elements.length)), float(np.mean(elements.width))
     return p.changed(bonds={"constant_length": length, "constant_width": width})

@@ -276,6 +276,18 @@ class Compatibility(Group):
         False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "spec 5.5"
     )
     frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
+    rest_length_from_sizes: bool = quantity(
+        False,
+        "",
+        "the rest length of a bond is the sum of the present radii, so that melting sides strain it",
+        "spec 5.4",
+    )
+    bergs_coupled: bool = quantity(
+        False,
+        "",
+        "contact iteration, sub-steps and constant bond size are common to all bergs of a run, however far apart",
+        "spec 6.4",
+    )
     depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
     plain_kid_branch: bool = quantity(
         False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B"
@@ -296,5 +308,7 @@ class Compatibility(Group):
             "uncentred_half_kicks": True,
             "explicit_contact_damping": True,
             "frozen_sea_ice_drag": True,
+            "rest_length_from_sizes": True,
+            "bergs_coupled": True,
         }
         return cls(**{**on, **overrides})

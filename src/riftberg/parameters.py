@@ -118,6 +118,7 @@ class KernelParameters(NamedTuple):
     uncentred_half_kicks: bool
     explicit_contact_damping: bool
     frozen_sea_ice_drag: bool
+    rest_length_from_sizes: bool
     plain_kid_branch: bool
 
 
@@ -252,6 +253,7 @@ class Parameters(Group):
             uncentred_half_kicks=c.uncentred_half_kicks,
             explicit_contact_damping=c.explicit_contact_damping,
             frozen_sea_ice_drag=c.frozen_sea_ice_drag,
+            rest_length_from_sizes=c.rest_length_from_sizes,
             plain_kid_branch=c.plain_kid_branch,
         )
 

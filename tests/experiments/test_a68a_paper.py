@@ -23,8 +23,8 @@ from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 from riftberg.kid.namelist import read_namelist
 from riftberg.kid.parameters import to_parameters
-from riftberg.model import Model
 from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.runs.model import Model
 
 ZONE_OF_STORY = (-37.305, -54.982)
 POSITION = 1e-5

@@ -15,7 +15,7 @@ from riftberg.errors import BergError, InputError, NamelistError, RunError
 from riftberg.kid.bond_restart import write_bonds
 from riftberg.kid.restart import read_restart
 from riftberg.kid.run import load_case, run_kid
-from riftberg.model import Model
+from riftberg.runs.model import Model
 
 from .conftest import namelist_text, restart_variables, write_nc
 

@@ -12,8 +12,8 @@ import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
-from riftberg.model import Model
 from riftberg.ocean.datasets import DatasetForcing, part_of
+from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, new_elements
 
 START = datetime(2020, 12, 9, 13)

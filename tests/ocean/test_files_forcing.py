@@ -10,7 +10,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
-from riftberg.model import Model
+from riftberg.runs.model import Model
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00

@@ -11,7 +11,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
-from riftberg.model import Model
+from riftberg.runs.model import Model
 
 EXPERIMENT = """\
 start: 2020-12-09 12:00

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, Parameters
+from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter
 
 STEPS = 16

@@ -6,13 +6,13 @@ import numpy as np
 
 from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
+from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.interactions import Partners
 from riftberg.stepping.media import allocate_surroundings
-from riftberg.stepping.multiple import StepPlan, advance
-from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
-from riftberg.stepping.schemes import without
+from riftberg.stepping.multiple import StepPlan, StepReport, kick_slowly, take_substeps
+from riftberg.stepping.partners import without
 from riftberg.stepping.sizes import interaction_sizes
 from riftberg.stepping.substep import allocate_scratch, pairs_from_list
 
@@ -122,17 +122,20 @@ def partners_of(el, bonds, p, *, multiple):
     """Partners by the rules of spec 5.1, as the steppers gather them; all within far more than reach."""
     none = no_pairs(el.mass.size)
 
+    def partners(*lists):
+        return Partners(*lists, np.zeros(0), np.zeros(0, np.int64))
+
     def near(rule):
         return find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, rule, p.latlon, p.earth_radius, p.period)
 
     if not p.interactions:
-        return Partners(none, none, none)
+        return partners(none, none, none)
     bonded = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)[0]
     if not multiple and p.plain_kid_branch:
-        return Partners(bonded if p.bonds_on else none, none, near(ANY))
+        return partners(bonded if p.bonds_on else none, none, near(ANY))
     if not p.bonds_on or (multiple and p.dem):
-        return Partners(none, none, near(OTHER_BERG))
-    return Partners(bonded, without(near(SAME_BERG), bonded), near(OTHER_BERG))
+        return partners(none, none, near(OTHER_BERG))
+    return partners(bonded, without(near(SAME_BERG), bonded), near(OTHER_BERG))
 
 
 def touching_pairs(el, bonds, p):
@@ -154,7 +157,7 @@ def touching_pairs(el, bonds, p):
 def long_step(
     el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None, around=None
 ):
-    """Call `riftberg.stepping.multiple.advance` once; changes the state in place."""
+    """Take one long step by the kernels of `riftberg.stepping.multiple`; changes the state in place."""
     n = el.mass.size
     plan = StepPlan(
         dt=dt,
@@ -167,16 +170,24 @@ def long_step(
         break_after=False,
         wears=wears,
     )
-    return advance(
+    none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
+    pairs = touching_pairs(el, bonds, p)
+    around = allocate_surroundings(n) if around is None else around
+    slow = kick_slowly(el, bonds, partners._replace(bonded=none, same_berg=none), sizes, around, plan, p)
+    if slow.passes < 0:
+        return slow
+    fast = take_substeps(
         el,
         bonds,
         allocate_rows(bonds, n),
-        touching_pairs(el, bonds, p),
-        partners_of(el, bonds, p, multiple=True),
+        pairs,
+        partners._replace(collision=none),
         allocate_scratch(n),
-        interaction_sizes(el, p),
-        allocate_surroundings(n) if around is None else around,
+        sizes,
+        around,
         np.arange(n) if rank is None else rank,
         plan,
         p,
     )
+    explicit = p.explicit_substeps or p.dem
+    return StepReport(slow.broken + fast.broken, slow.passes if explicit and fast.passes > 0 else fast.passes)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
 
 DENSITY = 850.0
 RADIUS = 1500.0

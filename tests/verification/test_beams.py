@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 
 from riftberg.experiments import Options, build
 from riftberg.experiments.beams import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
+from riftberg.runs.model import Model
 
 POISSON = 0.3
 

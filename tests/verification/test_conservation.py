@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
+from riftberg.runs.model import Model
 from verification.setups import (
     DENSITY,
     RADIUS,

@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
+from riftberg.runs.model import Model
 from verification.setups import RADIUS, parameters
 
 SIDE = 2 * RADIUS

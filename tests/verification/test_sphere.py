@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.model import Model
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.physics.geometry import meridian_convergence
+from riftberg.runs.model import Model
 
 RADIUS = A68A_2022.earth.radius
 TURN = -math.radians(12.0) / 86400.0

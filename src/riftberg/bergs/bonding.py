@@ -1,4 +1,4 @@
-"""Which elements are bonded: a rule on the distance of their centres, searched on a uniform hash grid.
+"""Which elements are bonded: a rule on the distance of their centres, among the pairs that `riftberg.state.neighbours` finds.
 
 Source: specification of the dynamics, section 1.3 (and quirk Q14 for the factor 1.25).
 """
@@ -7,20 +7,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
-from riftberg.kernels import kernel
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds
+from riftberg.state.neighbours import ANY, find_pairs
 
 RADII_FACTOR = 1.25
 """Elements are bonded when closer than this times the sum of their radii."""
 
-_CELLS_PER_ELEMENT = 4
+SEARCH_MARGIN = 1e-3
+"""Part by which candidates are searched farther than bonds reach."""
 
 
 @dataclass(frozen=True)
@@ -120,22 +120,17 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0)
     _check_reaches(elements, reaches)
-    column, row, columns, rows, wraps = _hash_cells(elements, 2.0 * float(reaches.max()), metric)
-    order = np.lexsort((np.arange(size), column, row))
-    starts = np.searchsorted((row * columns + column)[order], np.arange(columns * rows + 1))
-    pairs = np.zeros((size * 8, 2), dtype=np.int64)
-    arguments = (column, row, columns, rows, wraps, order, starts)
-    scale = (metric.latlon, metric.radius, metric.period)
-    count = _search(elements.lon, elements.lat, reaches, *arguments, *scale, pairs)
-    if count > len(pairs):
-        pairs = np.zeros((count, 2), dtype=np.int64)
-        _search(elements.lon, elements.lat, reaches, *arguments, *scale, pairs)
-    pairs = pairs[:count]
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    first, second = pairs[:, 0].copy(), pairs[:, 1].copy()
-    lon, lat = elements.lon, elements.lat
+    # The search measures distances with a fast cosine; a margin keeps all that the exact distance below may join.
+    reach = 2.0 * float(reaches.max()) * (1.0 + SEARCH_MARGIN)
+    lon, lat = elements.place.lon, elements.place.lat
+    near = find_pairs(lon, lat, elements.body.berg, reach, ANY, metric.latlon, metric.radius, metric.period)
+    first, second = np.repeat(np.arange(size), np.diff(near.start)), near.partner
+    once = first < second
+    first, second = first[once], second[once]
     dx, dy = separation(metric, lon[first], lat[first], lon[second], lat[second])
-    return first, second, np.sqrt(dx * dx + dy * dy)
+    distance = np.sqrt(dx * dx + dy * dy)
+    joined = distance < reaches[first] + reaches[second]
+    return first[joined], second[joined], distance[joined]
 
 
 def _check_reaches(elements: Elements, reaches: Floats) -> None:
@@ -148,85 +143,3 @@ def _check_reaches(elements: Elements, reaches: Floats) -> None:
             where=f"element {elements.id[k]}",
             remedy="Bonds need finite positions and sizes",
         )
-
-
-def _hash_cells(elements: Elements, reach: float, metric: Metric) -> tuple[Ints, Ints, int, int, bool]:
-    """Return column and row of each element, the numbers of columns and rows, and whether columns wrap around.
-
-    Cells are at least one reach wide everywhere, so partners lie in the same or in neighbouring cells.
-    """
-    size = len(elements.lon)
-    reach *= 1.0 + 1e-9  # round-off must not put partners two cells apart
-    width, height = reach, reach
-    if metric.latlon:
-        height = reach / (metric.radius * DEGREE)
-        polar = max(float(np.abs(elements.lat).max()) + height, 0.0)
-        width = height / max(math.cos(min(polar, 90.0) * DEGREE), 1e-12)
-    wraps = metric.period > 0
-    west, south = float(elements.lon.min()), float(elements.lat.min())
-    span = metric.period if wraps else float(elements.lon.max()) - west
-    limit = max(_CELLS_PER_ELEMENT * size, 16)
-    rows = _number_of_cells(float(elements.lat.max()) - south, height, limit)
-    columns = _number_of_cells(span, width, max(limit // rows, 1))
-    x = np.mod(elements.lon - west, metric.period) if wraps else elements.lon - west
-    column = _cell_numbers(x, span, columns)
-    row = _cell_numbers(elements.lat - south, float(elements.lat.max()) - south, rows)
-    return column, row, columns, rows, wraps
-
-
-def _number_of_cells(span: float, width: float, limit: int) -> int:
-    return int(min(max(math.floor(span / width), 1), limit))
-
-
-def _cell_numbers(offset: Floats, span: float, number: int) -> Ints:
-    if number == 1:
-        return np.zeros(len(offset), dtype=np.int64)
-    return np.clip(np.floor(offset * (number / span)), 0, number - 1).astype(np.int64)
-
-
-@kernel
-def _search(
-    lon: Any,
-    lat: Any,
-    reaches: Any,
-    column: Any,
-    row: Any,
-    columns: Any,
-    rows: Any,
-    wraps: Any,
-    order: Any,
-    starts: Any,
-    latlon: Any,
-    radius: Any,
-    period: Any,
-    pairs: Any,
-) -> Any:
-    count = 0
-    for a in range(lon.size):
-        for r in range(max(row[a] - 1, 0), min(row[a] + 2, rows)):
-            for shift in range(-1, 2):
-                c = column[a] + shift
-                if wraps:
-                    # With few columns a neighbour would be met twice.
-                    if (columns == 1 and shift != 0) or (columns == 2 and shift == 1):
-                        continue
-                    c = (c + columns) % columns
-                elif c < 0 or c >= columns:
-                    continue
-                for k in range(starts[r * columns + c], starts[r * columns + c + 1]):
-                    b = order[k]
-                    if b <= a:
-                        continue
-                    dx = lon[a] - lon[b]
-                    dy = lat[a] - lat[b]
-                    if wraps and abs(dx) > 0.5 * period:
-                        dx -= period * round(dx / period)
-                    if latlon:
-                        dx *= DEGREE * radius * math.cos(0.5 * (lat[a] + lat[b]) * DEGREE)
-                        dy *= DEGREE * radius
-                    if math.sqrt(dx * dx + dy * dy) < reaches[a] + reaches[b]:
-                        if count < pairs.shape[0]:
-                            pairs[count, 0] = a
-                            pairs[count, 1] = b
-                        count += 1
-    return count

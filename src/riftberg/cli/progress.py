@@ -12,7 +12,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.interrupts import Hold
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 REFRESH_SECONDS: Final = 0.2
 LOG_SECONDS: Final = 10.0
@@ -39,14 +39,14 @@ class ProgressRecorder:
         self._shown = self._began = 0.0
         self._first_day = self._speed_day = 0.0
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Note the time, and put up the bar."""
         self._began = self._shown = clock.monotonic()
         self._first_day = self._speed_day = model.time / SECONDS_PER_DAY
         if self.terminal and not self.quiet:
             self._put_up_bar()
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Show the state where the last look is long enough ago."""
         now = clock.monotonic()
         if self._speed_day == self._first_day:
@@ -57,7 +57,7 @@ class ProgressRecorder:
             self._shown = now
             self._show(model)
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Show the last state and take the bar down."""
         if self.quiet:
             return
@@ -74,14 +74,14 @@ class ProgressRecorder:
         self._task = self._bar.add_task("", total=self.days)
         self._bar.start()
 
-    def _show(self, model: Model) -> None:
+    def _show(self, model: BareModel) -> None:
         done = model.time / SECONDS_PER_DAY - self._first_day
         if self._bar is not None:
             self._bar.update(self._task, completed=done, description=self.line(model), refresh=True)
         else:
             say(f"{100.0 * done / self.days:5.1f} %  {self.line(model)}")
 
-    def line(self, model: Model) -> str:
+    def line(self, model: BareModel) -> str:
         """Return the state in one line."""
         date = model.start + timedelta(seconds=model.time)
         days, spent = model.time / SECONDS_PER_DAY - self._speed_day, clock.monotonic() - self._began
@@ -102,12 +102,12 @@ class Interrupt:
     def __init__(self, hold: Hold) -> None:
         self.hold = hold
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Do nothing: the signals are held already."""
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """End the run if this was asked for."""
         self.hold.check()
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Do nothing."""

@@ -17,7 +17,8 @@ from riftberg.interrupts import held
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
-    from riftberg.model import Model, Recorder
+    from riftberg.model import Recorder
+    from riftberg.runs.model import Model
     from riftberg.runs.track import DailyTrack
 
 Name = Annotated[str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")]
@@ -224,7 +225,7 @@ def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Mode
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
         )
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     fresh, info = build(experiment, options)
     return Model.resume(resume, fresh.forcing), info

@@ -177,7 +177,7 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
         Observed area, m2; NaN takes the largest fragment alone.
     """
     _, index = np.unique(scene.berg[record], return_inverse=True)
-    sizes = np.bincount(index, weights=scene.area)
+    sizes = np.bincount(index, weights=np.where(scene.there[record], scene.area_at(record), 0.0))
     order = np.argsort(-sizes, kind="stable")
     chosen, total = [order[0]], sizes[order[0]]
     for k in order[1:]:

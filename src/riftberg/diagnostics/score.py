@@ -250,7 +250,7 @@ class _Judge:
     def fragments(self, record: int) -> list[int]:
         """Return the fragments large enough to be matched, largest first."""
         number, index = np.unique(self.scene.berg[record], return_inverse=True)
-        area = np.bincount(index, weights=self.scene.area)
+        area = np.bincount(index, weights=np.where(self.scene.there[record], self.scene.area_at(record), 0.0))
         order = np.argsort(-area, kind="stable")
         return [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
 

@@ -28,7 +28,7 @@ from riftberg.diagnostics import yardstick
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 
 def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: float = 20.0) -> dict[str, Any]:
@@ -93,9 +93,9 @@ def square_berg(elements: int) -> Model:
     Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows.
     """
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.model import Model
     from riftberg.ocean.analytic import Steady
     from riftberg.parameters import A68A_2022
+    from riftberg.runs.model import Model
 
     rows = max(1, round((elements / 2.0) ** 0.5))
     columns = max(1, round(elements / rows))

@@ -41,7 +41,7 @@ from riftberg.version import __version__
 from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 
 class Stopwatch:
@@ -60,19 +60,19 @@ class Stopwatch:
         self._began = self._after_first = clock.perf_counter()
         self._time_after_first = self._time = 0.0
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Start the clock."""
         self.__init__()  # type: ignore[misc]
         self._time = self._time_after_first = model.time
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Note the time; the first step is kept apart, because it may compile."""
         now = clock.perf_counter()
         self.steps, self._time, self.wall_seconds = self.steps + 1, model.time, now - self._began
         if self.steps == 1:
             self._after_first, self._time_after_first = now, model.time
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Stop the clock."""
         self.wall_seconds = clock.perf_counter() - self._began
 
@@ -85,7 +85,7 @@ class Stopwatch:
 
 
 def summarize(
-    model: Model,
+    model: BareModel,
     *,
     experiment: str = "",
     track: Sequence[tuple[datetime, Position]] = (),
@@ -135,12 +135,12 @@ def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
     return path
 
 
-def bonds_broken(model: Model) -> int:
+def bonds_broken(model: BareModel) -> int:
     """Return the number of bonds that broke since the start."""
     return int(np.isfinite(model.bonds.break_time).sum())
 
 
-def fragment_areas(model: Model) -> list[float]:
+def fragment_areas(model: BareModel) -> list[float]:
     """Return the areas of all fragments, km2, largest first."""
     e = model.elements
     _, index = np.unique(e.berg, return_inverse=True)
@@ -148,7 +148,7 @@ def fragment_areas(model: Model) -> list[float]:
     return sorted((float(area) for area in areas), reverse=True)
 
 
-def breakups(model: Model) -> list[dict[str, Any]]:
+def breakups(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per fragment that split from its parent, in order of time."""
     born = [row for row in fragment_rows(model) if row["parent"] > 0]
     return [_breakup(model.start, row) for row in sorted(born, key=lambda row: float(row["birth_time"]))]

@@ -22,7 +22,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 VERSION: Final = 1
 

@@ -13,7 +13,7 @@ from riftberg.experiments.options import Info, Numerics, Options
 from riftberg.experiments.registry import EXPERIMENTS, BuiltIn, find, names
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 __all__ = ["EXPERIMENTS", "BuiltIn", "Info", "Numerics", "Options", "build", "find", "names"]
 

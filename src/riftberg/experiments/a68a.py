@@ -21,8 +21,8 @@ from riftberg.physics.geometry import meridian_convergence
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.model import Model
     from riftberg.parameters import Packing
+    from riftberg.runs.model import Model
 
 DAYS = 17.0
 """From 9 to 26 December, 13:00."""
@@ -62,7 +62,7 @@ def story_model(
     ocean : StoryOcean, optional
         Another ocean, for studies of how robust the story is.
     """
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     own = options.own
     ocean_here = ocean or StoryOcean(

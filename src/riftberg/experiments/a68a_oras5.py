@@ -24,7 +24,7 @@ from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 FILES = {
     "berg": BERG,
@@ -65,7 +65,7 @@ def forcing_of(folder: Path) -> GriddedForcing:
 
 def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     folder = data_folder(options, FILES.values(), "a68a-oras5", hourly=False)
     forcing = forcing_of(folder)

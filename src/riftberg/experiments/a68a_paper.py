@@ -29,11 +29,12 @@ from riftberg.kid.a68 import (
 )
 from riftberg.kid.hours import HourlyFile
 from riftberg.kid.restart import read_restart
-from riftberg.model import DEFAULT_START, Model
+from riftberg.model import DEFAULT_START
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.runs.model import Model
 
 NAME: Final = "a68a-paper"
 DAYS: Final = 18.0

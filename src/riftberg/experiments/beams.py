@@ -18,7 +18,7 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Compatibility, Parameters
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 SECONDS_PER_DAY = 86400.0
 
@@ -149,7 +149,7 @@ def build_cantilever(options: Options) -> tuple[Model, Info]:
 
 
 def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -> tuple[Model, Info]:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     # The sea floor lies above the keel, so that its drag acts everywhere.
     model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))

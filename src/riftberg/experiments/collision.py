@@ -15,7 +15,7 @@ from riftberg.parameters import Parameters
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 PERIOD = 20_000.0
 LINE = 10_000.0
@@ -64,7 +64,7 @@ def bergs() -> Iceberg:
 
 def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     parameters = PARAMETERS
     if options.numerics == "reference":

@@ -15,7 +15,7 @@ from riftberg.parameters import Parameters
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
 RADIUS = 1500.0
 THICKNESS = 200.0
@@ -62,7 +62,7 @@ def berg() -> Iceberg:
 
 def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     parameters = PARAMETERS
     if options.numerics == "reference":

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
     from riftberg.parameters import Parameters
+    from riftberg.runs.model import Model
 
 Numerics = Literal["own", "reference"]
 

@@ -36,8 +36,8 @@ from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.model import Model
     from riftberg.ocean.forcing import Forcing
+    from riftberg.runs.model import Model
 
 Place = tuple[str | int, ...]
 _KINDS: dict[str, type[BaseModel]] = {
@@ -302,7 +302,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     options : Options
         Changes from the command line, which win over the file.
     """
-    from riftberg.model import Model
+    from riftberg.runs.model import Model
 
     experiment, parameters, _ = read_file(path)
     if options.numerics == "reference":

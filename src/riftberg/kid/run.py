@@ -20,9 +20,10 @@ from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
 from riftberg.kid.restart import Origin, read_restart, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
-from riftberg.model import Model, Recorder
+from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
+from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
 
 NAMELIST: Final = "input.nml"

@@ -20,7 +20,7 @@ from riftberg.kid.identifiers import split_id
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import Column
 from riftberg.kid.restart import Origin
-from riftberg.model import Model
+from riftberg.model import BareModel
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
 
@@ -176,17 +176,17 @@ class _Sampler:
         self.block_hours = group.number("traj_write_hrs")
         self._writer: BlockWriter | None = None
 
-    def _columns(self, model: Model) -> list[Column]:
+    def _columns(self, model: BareModel) -> list[Column]:
         raise NotImplementedError
 
-    def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+    def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         raise NotImplementedError
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Make the file."""
         self._writer = BlockWriter(self.path, self._columns(model))
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Take a record if the step that just ended started at a sampling time."""
         assert self._writer is not None
         date = self.clock.date((model.step_number - 1) * self.clock.dt)
@@ -195,7 +195,7 @@ class _Sampler:
         if self.block_hours > 0 and is_sampled(date, self.block_hours):
             self._writer.flush()
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Write what waits and close the file."""
         if self._writer is not None:
             self._writer.close()
@@ -203,7 +203,7 @@ class _Sampler:
 
 
 class TrajectoryRecorder(_Sampler):
-    """Writes KID's trajectory file during a run; a recorder of `riftberg.model.Model`.
+    """Writes KID's trajectory file during a run; a recorder of `riftberg.Model`.
 
     Parameters
     ----------
@@ -217,10 +217,10 @@ class TrajectoryRecorder(_Sampler):
         Calendar of the run.
     """
 
-    def _columns(self, model: Model) -> list[Column]:
+    def _columns(self, model: BareModel) -> list[Column]:
         return trajectory_columns(self.group, model.parameters)
 
-    def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+    def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         if model.parameters.stepping.scheme != "mts":
             self._look_around(model)
         e = model.elements
@@ -233,7 +233,7 @@ class TrajectoryRecorder(_Sampler):
         columns["halo_berg"] = np.zeros(len(rows))
         return columns
 
-    def _look_around(self, model: Model) -> None:
+    def _look_around(self, model: BareModel) -> None:
         """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
 
         KID does so in its thermodynamics, but leaves the depth as the step found it. The next step looks again.
@@ -266,16 +266,16 @@ class BondRecorder(_Sampler):
     (quirk T36). ``length`` is the present length with DEM bonds; else the initial one, in units of the coordinates.
     """
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Make the file, and keep the initial lengths."""
         e, b = model.elements, model.bonds
         self._first_length: Floats = np.hypot(e.lon[b.first] - e.lon[b.second], e.lat[b.first] - e.lat[b.second])
         super().start(model)
 
-    def _columns(self, model: Model) -> list[Column]:
+    def _columns(self, model: BareModel) -> list[Column]:
         return [*_WHEN, *_BOND, *(DEM_COLUMNS if self.group.flag("dem") else ())]
 
-    def _records(self, model: Model, date: Date) -> dict[str, NDArray[Any]]:
+    def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         e, p = model.elements, model.parameters
         columns = directed(model.bonds, self.group.flag("dem"))
         length = model.bonds.bond_length if p.bonds.law == "dem" else self._first_length

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riftberg.state import Floats, Variable
+from riftberg.stepping.births import by_identifier
 from riftberg.stepping.media import FORCES
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 
 def force_variables() -> list[Variable]:
@@ -29,15 +30,24 @@ class AppliedForces:
     both count for the step in which they change the velocities.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: BareModel) -> None:
+        self._ids = model.elements.body.id.copy()
         self._impulse: Floats = np.zeros((model.elements.size, len(FORCES), 2))
         self._seconds = 0.0
 
-    def add(self, model: Model) -> None:
+    def add(self, model: BareModel) -> None:
         """Add the long step that was just taken."""
         dt = model.parameters.stepping.time_step
+        self._follow(model)
         self._impulse = self._impulse + dt * model.applied_forces()
         self._seconds += dt
+
+    def _follow(self, model: BareModel) -> None:
+        """Begin at zero for the newly born, and forget those that are no more."""
+        ids = model.elements.body.id
+        if not np.array_equal(self._ids, ids):
+            self._impulse = by_identifier(self._ids, self._impulse, ids)
+            self._ids = ids.copy()
 
     @property
     def kept(self) -> dict[str, Floats]:
@@ -52,8 +62,9 @@ class AppliedForces:
         """Begin a new interval."""
         self._impulse, self._seconds = np.zeros_like(self._impulse), 0.0
 
-    def means(self) -> dict[str, Floats]:
+    def means(self, model: BareModel) -> dict[str, Floats]:
         """Return the means (N) since the interval began, NaN where no step was taken."""
+        self._follow(model)
         mean = self._impulse / self._seconds if self._seconds > 0.0 else np.full_like(self._impulse, np.nan)
         flat = mean.reshape(len(mean), -1)
         return {v.name: flat[:, k] for k, v in enumerate(force_variables())}

@@ -19,7 +19,7 @@ from riftberg.state import Floats
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
     from riftberg.ocean.forcing import Forcing
 
 GROUP: Final = "background"
@@ -40,14 +40,14 @@ _SHAPE = 2.0
 """Least width of the box over its height: screens are wide."""
 
 
-def append_background(path: str | Path, model: Model) -> bool:
+def append_background(path: str | Path, model: BareModel) -> bool:
     """Add the background to a finished run file, by way of a copy that takes its name.
 
     Parameters
     ----------
     path : path
         The run file.
-    model : Model
+    model : BareModel
         Gives the forcing, which is asked again for the times of the run.
 
     Returns

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 HUTH_2022 = (
     "Huth, A., Adcroft, A., Sergienko, O. and Khan, N. (2022): Ocean currents break up a tabular iceberg. "
@@ -46,17 +46,17 @@ def forcing_title(forcing: Any) -> str:
     return text or next((line.strip() for line in forcing_text(forcing).splitlines() if line.strip()), "")
 
 
-def citations(model: Model) -> list[str]:
+def citations(model: BareModel) -> list[str]:
     """Return the works to cite for this run: the model, and the data products that the forcing names."""
     return [HUTH_2022, *(str(text) for text in getattr(model.forcing, "citations", ()))]
 
 
-def run_attributes(model: Model, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
+def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
     """Return global attributes that let another person understand and repeat the run.
 
     Parameters
     ----------
-    model : Model
+    model : BareModel
         The model at its start.
     experiment : str
         Name of the experiment.

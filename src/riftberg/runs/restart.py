@@ -23,18 +23,27 @@ from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
+from riftberg.state.population import Population
 from riftberg.stepping.fragments import Fragment
 from riftberg.version import __version__
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 FORMAT = 3
 """Number of the layout; raised when an older Riftberg could not read the file."""
 
-ADDED = {"bond_damage": 2, "bond_peak_stress": 2, "bond_released_energy": 3}
-"""Variables that earlier layouts did not have, with the first that has them; older states had their default values."""
+ADDED = {
+    "bond_damage": 2,
+    "bond_peak_stress": 2,
+    "bond_id": 3,
+    "bond_rest_length": 3,
+    "bond_released_energy": 3,
+    "element_bond_area": 3,
+    "element_substeps": 3,
+}
+"""Variables that earlier layouts did not have, and the first that has them; states of their time had the default values."""
 
 
 @dataclass
@@ -71,17 +80,24 @@ class RestartState:
     extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)
     forcing: str = ""
 
+    def population(self) -> Population:
+        """Return the elements and bonds, with the identifiers that come next."""
+        following = (int(self.extra.get(name, 0)) for name in ("next_element", "next_bond"))
+        if "substeps" in self.extra:  # before layout 3 all bergs had one number of sub-steps
+            self.elements.body.substeps[:] = int(self.extra["substeps"])
+        return Population(self.elements, self.bonds, *following)
+
     def fragment_rows(self) -> list[Fragment]:
         """Return the rows of the family tree."""
         return [Fragment(**row) for row in self.fragments]
 
 
-def save(model: Model, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
+def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
     """Write the state of ``model`` to ``path``; an earlier file is replaced only by a complete new one.
 
     Parameters
     ----------
-    model : Model
+    model : BareModel
         The model between two steps.
     path : path
         Name of the NetCDF-4 file.
@@ -119,7 +135,7 @@ def load_state(path: str | Path) -> RestartState:
         return RestartState(
             elements=_read_elements(file, path),
             bonds=_read_bonds(file, path),
-            parameters=Parameters.model_validate_json(file.getncattr("parameters_json")),
+            parameters=_read_parameters(file),
             start=datetime.fromisoformat(file.getncattr("start")),
             time=float(file["time"][...]),
             step_number=int(file["step_number"][...]),
@@ -129,13 +145,13 @@ def load_state(path: str | Path) -> RestartState:
         )
 
 
-def fragment_rows(model: Model) -> list[dict[str, Any]]:
+def fragment_rows(model: BareModel) -> list[dict[str, Any]]:
     """Return the rows of the family tree as dictionaries; empty where the model keeps none."""
     rows: Sequence[Any] = getattr(getattr(model, "fragments", None), "rows", ())
     return [row if isinstance(row, dict) else dataclasses.asdict(row) for row in rows]
 
 
-def _write_header(file: netCDF4.Dataset, model: Model) -> None:
+def _write_header(file: netCDF4.Dataset, model: BareModel) -> None:
     file.setncatts(
         {
             "title": "Restart file of Riftberg",
@@ -236,7 +252,7 @@ def _fill_arrays(
         if v.restart:
             name = f"{dim}_{v.name}"
             if name not in file.variables:
-                if int(file.riftberg_restart_format) < ADDED.get(name, 0):
+                if file.riftberg_restart_format < ADDED.get(name, 0):
                     continue
                 raise InputError(
                     f"variable {name} ({v.long_name}) is missing",
@@ -244,6 +260,14 @@ def _fill_arrays(
                     remedy=f"The file was written by Riftberg {getattr(file, 'riftberg_version', '?')}; use that",
                 )
             getattr(arrays, v.name)[:] = file[name][:]
+
+
+def _read_parameters(file: netCDF4.Dataset) -> Parameters:
+    parameters = Parameters.model_validate_json(file.getncattr("parameters_json"))
+    if file.riftberg_restart_format < 3 and parameters.compatibility.zero_start:
+        # Before layout 3 these were no switches, and runs with the reference's numerics had its rules.
+        return parameters.changed(compatibility={"rest_length_from_sizes": True, "bergs_coupled": True})
+    return parameters
 
 
 def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:

@@ -2,10 +2,15 @@
 
 Layout
 ------
-The elements of a run are the same from start to end and share their times, so every variable of an element is a plain
-table ``(trajectory, time)`` with one time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
+The elements of a run share their times, so every variable of an element is a plain table ``(trajectory, time)`` with one
+time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
 Bonds have their own dimension: what never changes ``(bond)``, stresses ``(bond, time)``. The family tree of the
 fragments lies along ``fragment``.
+
+Elements that are born in the run get trajectories behind those of the start, in order of birth, without values before
+their birth; those that are removed have none after their end. Then, and only then, the variables have a fill value.
+``length``, ``width`` and ``mass`` are tables ``(trajectory)`` unless they change in the run. ``first`` and ``second`` of
+a bond are rows of the file.
 
 Safety
 ------
@@ -35,19 +40,20 @@ from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.one_writer import OneWriter
 from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
+from riftberg.runs.layout import Layout, placed
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
-from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Variable
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
 """Variables kept in double precision at every record; the others are stored in single precision."""
 
 SHAPE: Final = ("length", "width", "mass")
-"""Variables of the elements written once, at the start."""
+"""Variables of the elements written once, and at every record of a run in which they change."""
 
 BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
 """Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state.
@@ -72,6 +78,10 @@ FRAGMENT_VARIABLES: Final = (
 )
 """Family tree of the fragments, each written as ``fragment_<name>``."""
 
+MISSING: Final = -1
+"""Value of whole numbers where an element is not there."""
+
+_REGISTRY: Final = {v.name: v for v in ELEMENT_VARIABLES}
 _VALUES_PER_CHUNK = 2048
 _PATIENCE = 20.0  # records are held at least this many times as long as writing takes
 _ROUND = 1e-6  # s; a record is due although the sum of steps misses its time by round-off
@@ -126,27 +136,33 @@ class RunWriter:
         self._next = 0.0
         self._latest = float("nan")
         self._peak: Floats = np.zeros(0)
+        self._peak_ids: Ints = np.zeros(0, np.int64)
+        self._layout = Layout()
         self._names: dict[str, str] = {}
+        self._attributes: dict[str, Any] = {}
         self._taken = OneWriter(self.path)
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Create the file and hold the first record."""
         os.makedirs(self.path.parent, exist_ok=True)
         self._taken.take()
         self._names = position_names(model.parameters.earth.latlon)
+        self._layout = Layout()
+        self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
+        self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
         # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
         with replacing(self.path) as part, open_netcdf(part, "w") as file:
-            _define(file, model, self._names)
-            if self.forces:
-                _define_histories(file, force_variables(), self._names)
-            file.setncatts(run_attributes(model, experiment=self.experiment, seed=self.seed))
+            self._define(file, model)
         self.records, self._held = 0, []
         self._applied = AppliedForces(model) if self.forces else None
         self._take_up(model)
         self._flush(model)
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Hold a record where one is due, and write what has been held for long enough."""
+        if not np.array_equal(self._peak_ids, model.bonds.id):
+            self._peak = placed(self._peak_ids, self._peak, model.bonds.id, -np.inf)
+            self._peak_ids = model.bonds.id.copy()
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
         if self._applied is not None:
             self._applied.add(model)
@@ -158,7 +174,7 @@ class RunWriter:
             if clock.monotonic() - self._last_flush >= self._pause:
                 self._flush(model)
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Write what is held, and the last state even where no record was due."""
         try:
             if model.time > self._latest + _ROUND:
@@ -169,18 +185,26 @@ class RunWriter:
         finally:
             self._taken.give_back()
 
-    def _take(self, model: Model) -> None:
-        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means()))
+    def _take(self, model: BareModel) -> None:
+        self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
+        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means(model)))
         self._latest = model.time
 
-    def _schedule(self, model: Model) -> None:
+    def _schedule(self, model: BareModel) -> None:
         """Begin the interval up to the next record."""
         if self._applied is not None:
             self._applied.begin()
-        self._peak = model.bonds.normal_stress.copy()
+        self._peak, self._peak_ids = model.bonds.normal_stress.copy(), model.bonds.id.copy()
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
-    def _remember(self, model: Model) -> None:
+    def _define(self, file: netCDF4.Dataset, model: BareModel) -> None:
+        _define(file, model, self._names, self._layout)
+        if self.forces:
+            _define_histories(file, force_variables(), self._names, self._layout)
+        file.setncatts(self._attributes)
+        self._layout.written()
+
+    def _remember(self, model: BareModel) -> None:
         """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
         kept: dict[str, Floats] | None = getattr(model, "remembered", None)
         if kept is not None:
@@ -196,7 +220,7 @@ class RunWriter:
         """Return when the first record is due, with those of a run from the start."""
         return time if self.interval <= 0.0 else self.interval * np.ceil((time - _ROUND) / self.interval)
 
-    def _take_up(self, model: Model) -> None:
+    def _take_up(self, model: BareModel) -> None:
         """Take the first record; one that goes on is that of the run that never stopped, and so are the ones after it."""
         kept: dict[str, Floats] = getattr(model, "remembered", {})
         now, due = kept.get(self._key("times"), (np.nan, np.nan))
@@ -208,14 +232,17 @@ class RunWriter:
                 self._applied.go_on(kept[self._key("impulse")], kept[self._key("seconds")])
         else:
             self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
+        self._peak_ids = model.bonds.id.copy()
         self._remember(model)
         self._take(model)
         if model.time >= self._next - _ROUND:
             self._schedule(model)
 
-    def _flush(self, model: Model) -> None:
+    def _flush(self, model: BareModel) -> None:
         before = clock.monotonic()
         try:
+            if self._layout.outgrown:
+                self._lay_out_anew(model)
             with replacing(self.path, copy=True) as copy, open_netcdf(copy, "a") as file:
                 file.set_auto_mask(False)
                 self._write(file, model)
@@ -230,23 +257,43 @@ class RunWriter:
         # Files of gigabytes take longer to copy; then records are held longer, so that writing stays a small part.
         self._pause = max(self.flush_seconds, _PATIENCE * (self._last_flush - before)) if self.flush_seconds else 0.0
 
-    def _write(self, file: netCDF4.Dataset, model: Model) -> None:
-        _write_latest(file, model, self._names)
+    def _lay_out_anew(self, model: BareModel) -> None:
+        """Write the file as it was, with room for what has come since."""
+        with replacing(self.path) as part, open_netcdf(self.path) as old, open_netcdf(part, "w") as file:
+            old.set_auto_mask(False)
+            file.set_auto_mask(False)
+            self._define(file, model)
+            block = slice(0, old.dimensions["time"].size)
+            file["time"][block] = old["time"][:]
+            there = np.isfinite(old[self._names.get("lon", "lon")][:])
+            for name, variable in old.variables.items():
+                rows = slice(0, variable.shape[0] if variable.ndim else 0)
+                if variable.dimensions[1:] == ("time",):
+                    file[name][rows, block] = variable[:]
+                elif name in self._layout.moving:
+                    file[name][: there.shape[0], block] = np.where(there, variable[:][:, None], np.nan)
+
+    def _write(self, file: netCDF4.Dataset, model: BareModel) -> None:
+        _write_latest(file, model, self._names, self._layout)
         if self._held:
             self._write_records(file, model, slice(self.records, self.records + len(self._held)))
 
-    def _write_records(self, file: netCDF4.Dataset, model: Model, block: slice) -> None:
-        for name in [v.name for v in element_history()]:
-            stored = file[self._names.get(name, name)]
-            stored[:, block] = np.stack([r.elements[name] for r in self._held], axis=1)
+    def _write_records(self, file: netCDF4.Dataset, model: BareModel, block: slice) -> None:
+        layout = self._layout
+        for v in [*element_history(), *(_REGISTRY[name] for name in layout.moving)]:
+            missing = MISSING if v.dtype == "i8" else np.nan
+            columns = [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in self._held]
+            file[self._names.get(v.name, v.name)][:, block] = np.stack(columns, axis=1)
         for name in self._held[0].forces:
-            file[name][:, block] = np.stack([r.forces[name] for r in self._held], axis=1)
+            columns = [placed(r.ids, r.forces[name], layout.ids, np.nan) for r in self._held]
+            file[name][:, block] = np.stack(columns, axis=1)
         for name in bond_history(model):
-            file[name][:, block] = np.stack([r.bonds[name] for r in self._held], axis=1)
+            columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
+            file[name][:, block] = np.stack(columns, axis=1)
         file["time"][block] = [r.time for r in self._held]
 
 
-def _peak_so_far(model: Model) -> Floats:
+def _peak_so_far(model: BareModel) -> Floats:
     """Return what is known of the largest stress where nothing was recorded before: that of the last long step."""
     stress: Floats = model.bonds.normal_stress.copy()
     return stress if model.step_number == 0 else np.maximum(stress, model.bonds.peak_stress)
@@ -255,9 +302,11 @@ def _peak_so_far(model: Model) -> Floats:
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: Model, peak: Floats, forces: dict[str, Floats]) -> None:
+    def __init__(self, model: BareModel, peak: Floats, forces: dict[str, Floats]) -> None:
         self.time = float(model.time)
-        self.elements = {v.name: getattr(model.elements, v.name).copy() for v in element_history()}
+        self.ids, self.bond_ids = model.elements.id.copy(), model.bonds.id.copy()
+        names = [*(v.name for v in element_history()), *SHAPE]
+        self.elements = {name: getattr(model.elements, name).copy() for name in names}
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
@@ -269,7 +318,7 @@ def element_history() -> list[Variable]:
     return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
 
 
-def bond_history(model: Model) -> tuple[str, ...]:
+def bond_history(model: BareModel) -> tuple[str, ...]:
     """Return the variables of the bonds that every record of this run holds."""
     return (*BOND_HISTORY, "damage") if model.parameters.damage.enabled else BOND_HISTORY
 
@@ -341,25 +390,25 @@ def memory_run(output: str | Path | None, every_hours: float, forces: bool = Fal
         yield _RunWithDataset(path, every_hours, in_memory=output is None, forces=forces)
 
 
-def _define(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
     """Create dimensions and variables, and write what never changes."""
     file.setncatts({"Conventions": "CF-1.11", "featureType": "trajectory"})
-    file.createDimension("trajectory", len(model.elements.id))
+    file.createDimension("trajectory", len(layout.ids))
     file.createDimension("time", None)
-    file.createDimension("bond", len(model.bonds.first))
+    file.createDimension("bond", len(layout.bond_ids))
     file.createDimension("fragment", None)
     _define_time(file, model)
-    _define_elements(file, model, names)
-    _define_bonds(file, model)
+    _define_elements(file, layout, names)
+    _define_bonds(file, model, layout)
     _define_fragments(file, model, names)
 
 
-def _since(model: Model) -> str:
+def _since(model: BareModel) -> str:
     return f"seconds since {model.start.strftime('%Y-%m-%d %H:%M:%S').rjust(19, '0')}"
 
 
 def _create(
-    file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], **attributes: Any
+    file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], gaps: bool = False, /, **attributes: Any
 ) -> netCDF4.Variable[Any]:
     packed = "time" in dims and len(dims) == 2
     chunks = None
@@ -368,12 +417,13 @@ def _create(
         chunks = (rows, int(np.clip(_VALUES_PER_CHUNK // rows, 1, 512)))
     # Light compression only: a run must not wait for its file.
     options: dict[str, Any] = {"compression": "zlib", "complevel": 1, "shuffle": True} if packed else {}
-    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=False, **options)
+    missing = (MISSING if kind == "i4" else np.nan) if gaps and packed else False
+    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, **options)
     variable.setncatts({key: value for key, value in attributes.items() if value != ""})
     return variable
 
 
-def _define_time(file: netCDF4.Dataset, model: Model) -> None:
+def _define_time(file: netCDF4.Dataset, model: BareModel) -> None:
     _create(
         file,
         "time",
@@ -402,21 +452,29 @@ def _stored_kind(v: Variable) -> str:
     return "f8" if v.name in DOUBLE else "f4"
 
 
-def _define_elements(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str]) -> None:
     number = _create(
         file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
     )
-    number[:] = model.elements.id
-    registry = {v.name: v for v in ELEMENT_VARIABLES}
+    number[:] = layout.ids
     for name in SHAPE:
-        stored = _create(file, name, "f8", ("trajectory",), **_described(registry[name], names))
-        stored[:] = getattr(model.elements, name)
-    _define_histories(file, element_history(), names)
+        described = _described(_REGISTRY[name], names)
+        if name in layout.moving:
+            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
+        else:
+            _create(file, name, "f8", ("trajectory",), **described)[:] = layout.shape[name]
+    _define_histories(file, element_history(), names, layout)
 
 
-def _define_histories(file: netCDF4.Dataset, variables: Iterable[Variable], names: dict[str, str]) -> None:
+def _where(names: dict[str, str]) -> str:
+    return f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
+
+
+def _define_histories(
+    file: netCDF4.Dataset, variables: Iterable[Variable], names: dict[str, str], layout: Layout
+) -> None:
     """Create variables of the elements that every record holds."""
-    where = f"time {names.get('lat', 'lat')} {names.get('lon', 'lon')}"
+    where = _where(names)
     for v in variables:
         coordinates = "" if v.name in ("lon", "lat") else where
         _create(
@@ -424,12 +482,13 @@ def _define_histories(file: netCDF4.Dataset, variables: Iterable[Variable], name
             names.get(v.name, v.name),
             _stored_kind(v),
             ("trajectory", "time"),
+            layout.gaps,
             **_described(v, names),
             coordinates=coordinates,
         )
 
 
-def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
+def _define_bonds(file: netCDF4.Dataset, model: BareModel, layout: Layout) -> None:
     registry = {v.name: v for v in BOND_VARIABLES}
     for name in BOND_LATEST:
         v = registry[name]
@@ -446,10 +505,10 @@ def _define_bonds(file: netCDF4.Dataset, model: Model) -> None:
         attributes = _described(registry[name], {})
         if name == "peak_stress":
             attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
-        _create(file, name, "f4", ("bond", "time"), **attributes)
+        _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
 
 
-def _define_fragments(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _define_fragments(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]) -> None:
     for v in FRAGMENT_VARIABLES:
         attributes = {**_described(v, names), "long_name": v.long_name}
         attributes.pop("axis", None)
@@ -460,10 +519,11 @@ def _define_fragments(file: netCDF4.Dataset, model: Model, names: dict[str, str]
         _create(file, name, "i4" if v.dtype == "i8" else "f8", ("fragment",), **attributes)
 
 
-def _write_latest(file: netCDF4.Dataset, model: Model, names: dict[str, str]) -> None:
+def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
     """Write the present state of the bonds and the family tree, over the earlier ones."""
+    layout.refresh(model.elements, model.bonds, BOND_LATEST)
     for name in BOND_LATEST:
-        file[name][:] = getattr(model.bonds, name)
+        file[name][:] = layout.latest[name]
     rows = fragment_rows(model)
     for v in FRAGMENT_VARIABLES if rows else ():
         column = f"fragment_{names.get(v.name, v.name)}"

@@ -32,6 +32,18 @@ class Box:
     north: float
 
 
+def held(values: Floats) -> Floats:
+    """Fill the records (rows) before an element is there with its first value, and those after its end with its last."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    records = np.arange(len(values))[:, None]
+    last = np.maximum.accumulate(np.where(known, records, -1), axis=0)
+    first = np.argmax(known, axis=0)[None, :]
+    filled: Floats = np.take_along_axis(values, np.where(last < 0, first, last), axis=0)
+    return filled
+
+
 class Scene:
     """Geometry of a run for drawing.
 
@@ -39,6 +51,17 @@ class Scene:
     ----------
     run : xarray.Dataset
         From `riftberg.runs.run_file.open_run`.
+
+    Attributes
+    ----------
+    x, y : array, shape (time, trajectory)
+        Positions; an element stands at its first before its birth, and at its last after its end.
+    berg : array of int, shape (time, trajectory)
+        Number of the fragment; 0 where the element is not there.
+    there : array of bool, shape (time, trajectory)
+        Whether the element is there.
+    area : array, shape (trajectory,)
+        Plan area, m2, as first known; see `area_at`.
     """
 
     def __init__(self, run: xr.Dataset) -> None:
@@ -47,10 +70,15 @@ class Scene:
         self.latlon = self.parameters.earth.latlon
         self.radius = self.parameters.earth.radius
         x, y = ("lon", "lat") if self.latlon else ("x", "y")
-        self.x: Floats = self._joined(run[x].transpose("time", "trajectory").values)
-        self.y: Floats = run[y].transpose("time", "trajectory").values
-        self.berg: Ints = run["berg"].transpose("time", "trajectory").values
-        self.area: Floats = (run["length"] * run["width"]).values
+        east, north = (run[name].transpose("time", "trajectory").values for name in (x, y))
+        self.there: NDArray[np.bool_] = np.isfinite(north)
+        self.x: Floats = self._joined(held(east))
+        self.y: Floats = held(north)
+        berg = run["berg"].transpose("time", "trajectory").values
+        self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
+        area = run["length"] * run["width"]
+        self._areas_in_time = held(area.transpose("time", "trajectory").values) if "time" in area.dims else None
+        self.area: Floats = area.values if self._areas_in_time is None else self._areas_in_time[0]
         self.times: NDArray[np.datetime64] = run["time"].values
 
     def _joined(self, x: Floats) -> Floats:
@@ -91,13 +119,13 @@ class Scene:
             stress = self.run["peak_stress"].transpose("time", "bond").values
         else:
             held, stress = self.unbroken, self.run["normal_stress"].transpose("time", "bond").values
-        return np.where(held, np.maximum(stress, 0.0), 0.0)
+        return np.where(held & np.isfinite(stress), np.maximum(stress, 0.0), 0.0)
 
     def bond_damage(self) -> Floats | None:
         """Damage of the bonds at each record, (time, bond), 0 for broken ones; None in a run without damage."""
         if "damage" not in self.run:
             return None
-        damage: Floats = self.run["damage"].transpose("time", "bond").values
+        damage: Floats = np.nan_to_num(self.run["damage"].transpose("time", "bond").values)
         return np.where(self.unbroken, damage, 0.0)
 
     def lowest_strength(self) -> Floats | None:
@@ -132,6 +160,8 @@ class Scene:
     def lattice_angle(self) -> float:
         """Angle (rad) by which the lattice was turned when the berg was made, from the bonds of the first record."""
         first, second = self.run["first"].values, self.run["second"].values
+        there = self.there[0, first] & self.there[0, second]
+        first, second = first[there], second[there]
         if not len(first):
             return 0.0
         y = 0.5 * (self.y[0, first] + self.y[0, second])
@@ -144,14 +174,19 @@ class Scene:
 
     def rotation(self, record: int) -> Floats:
         """Return the angles the elements have turned (rad)."""
-        return self.run["rotation"].isel(time=record).values.astype(np.float64)
+        return np.nan_to_num(self.run["rotation"].isel(time=record).values.astype(np.float64))
 
     def polygons(self, record: int) -> Floats:
         """Return the corners of all elements at a record, shape (elements, corners, 2)."""
         return element_polygons(
-            self.x[record], self.y[record], self.rotation(record) + self.lattice_angle, self.area,
-            self.parameters.bonds.packing, latlon=self.latlon, radius=self.radius,
+            np.where(self.there[record], self.x[record], np.nan), self.y[record],
+            self.rotation(record) + self.lattice_angle, self.area_at(record), self.parameters.bonds.packing,
+            latlon=self.latlon, radius=self.radius,
         )  # fmt: skip
+
+    def area_at(self, record: int) -> Floats:
+        """Return the plan areas of the elements (m2) at a record."""
+        return self.area if self._areas_in_time is None else self._areas_in_time[record]
 
     @cached_property
     def numbers(self) -> list[int]:
@@ -166,11 +201,12 @@ class Scene:
 
     def _areas(self, record: int) -> dict[int, float]:
         number, index = np.unique(self.berg[record], return_inverse=True)
-        return dict(zip(number.tolist(), np.bincount(index, weights=self.area).tolist(), strict=True))
+        areas = np.bincount(index, weights=self.area_at(record))
+        return {n: area for n, area in zip(number.tolist(), areas.tolist(), strict=True) if n > 0}
 
     def area_of(self, number: int, record: int = -1) -> float:
         """Return the area (m2) of a fragment at a record."""
-        return float(self.area[self.berg[record] == number].sum())
+        return float(self.area_at(record)[self.berg[record] == number].sum())
 
     def track(self, number: int) -> tuple[Floats, Floats, Ints]:
         """Return the centroid of a fragment at all records at which it exists, and the numbers of these records."""

@@ -19,7 +19,7 @@ from riftberg.plane import OrthographicPlane
 from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:
-    from riftberg.model import Model
+    from riftberg.model import BareModel
 
 _TOLERANCE: Final = 1e-6  # s
 
@@ -101,7 +101,7 @@ def main_berg(berg: Ints, area: Floats) -> int:
     return int(numbers[np.argmax(np.bincount(index, weights=area))])
 
 
-def main_position(model: Model) -> Position:
+def main_position(model: BareModel) -> Position:
     """Return place and heading of the largest fragment of a model."""
     e, earth = model.elements, model.parameters.earth
     area = e.length * e.width
@@ -122,19 +122,19 @@ class DailyTrack:
         self.rows: list[tuple[datetime, Position]] = []
         self._next = 0.0
 
-    def start(self, model: Model) -> None:
+    def start(self, model: BareModel) -> None:
         """Keep the first position; a resumed run begins at its next full day."""
         day = constants.SECONDS_PER_DAY
         self.rows, self._next = [], day * math.ceil((model.time - _TOLERANCE) / day)
         self.record(model)
 
-    def record(self, model: Model) -> None:
+    def record(self, model: BareModel) -> None:
         """Keep the position where a day is full."""
         if model.time >= self._next - _TOLERANCE:
             self.rows.append((model.start + timedelta(seconds=model.time), main_position(model)))
             self._next += constants.SECONDS_PER_DAY
 
-    def finish(self, model: Model) -> None:
+    def finish(self, model: BareModel) -> None:
         """Do nothing: the last day may be incomplete."""
 
 

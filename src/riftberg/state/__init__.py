@@ -64,6 +64,7 @@ def new_bonds(first: Ints, second: Ints) -> Bonds:
     bonds = Bonds(**_arrays(BOND_VARIABLES, len(first)))
     bonds.first[:] = first
     bonds.second[:] = second
+    bonds.id[:] = np.arange(1, len(first) + 1)
     return bonds
 
 

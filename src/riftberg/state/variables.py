@@ -129,6 +129,8 @@ class Body(NamedTuple):
     free_y: Annotated[Floats, _is("1", "0 where a roller support takes the northward bond force, else 1", default=1.0)]
     berg: Annotated[Ints, _is("1", "number of the conglomerate (fragment) that the element belongs to", output=True)]
     bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True)]
+    bond_area: Annotated[Floats, _is("m2", "constant plan area by which bonds know the element; 0 while not yet known")]
+    substeps: Annotated[Ints, _is("1", "sub-steps in a long step of the berg of the element; 0 while not yet known")]
 
 
 class Environment(NamedTuple):
@@ -231,6 +233,10 @@ class Bonds(NamedTuple):
         Floats, _is("s", "time of breaking since the start, NaN while unbroken", output=True, default=np.nan)
     ]
     break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke")]
+    id: Annotated[Ints, _is("1", "identifier of the bond")]
+    rest_length: Annotated[
+        Floats, _is("m", "distance of the centres without strain; NaN while not yet known", default=np.nan)
+    ]
     released_energy: Annotated[
         Floats,
         _is("J", "elastic energy released by the crack that began with this bond; of the quasi-static scheme"),

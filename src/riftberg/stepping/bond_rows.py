@@ -7,6 +7,7 @@ the law becomes vector instructions, and the sum has a fixed order per element, 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,7 @@ def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
 
 
 @kernel
-def _fill_constants(rows, count, elements, sizes, earlier, p):
+def _fill_constants(rows, count, elements, rest_length, sizes, earlier, p):
     """Constants of the law for the rows in use (spec 5.4; quirks Q10, Q11)."""
     first, second, radius, mass, thickness = (
         rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.body.thickness,
@@ -131,8 +132,14 @@ def _fill_constants(rows, count, elements, sizes, earlier, p):
         i, j = first[r], second[r]
         convergence[r] = meridian_convergence(0.5 * (latitude[i] + latitude[j]), p.earth_radius) if curved else 0.0
         r1, r2 = radius[i], radius[j]
+        rest[r] = r1 + r2
+        if not p.rest_length_from_sizes and not math.isnan(rest_length[rows.bond[r]]):
+            # A bond keeps the shape with which it formed: sides that melt since do not strain or narrow it.
+            rest[r] = rest_length[rows.bond[r]]
+            formed = rest[r] / (r1 + r2)
+            r1, r2 = r1 * formed, r2 * formed
         first_is_earlier = earlier[i] <= earlier[j]
-        rest[r], radius1[r], radius2[r] = r1 + r2, r1, r2
+        radius1[r], radius2[r] = r1, r2
         radius_small[r], radius_gap[r] = min(r1, r2), abs(r1 - r2)
         thickness_small[r], thickness_gap[r] = _thickness_rule(
             r1, r2, thickness[i], thickness[j], first_is_earlier, p.bond_thickness_of_second
@@ -188,7 +195,7 @@ def load_rows(
         Number of rows in use.
     """
     count = _copy_unbroken(rows, bonds, p)
-    _fill_constants(rows, count, elements, sizes, earlier, p)
+    _fill_constants(rows, count, elements, bonds.rest_length, sizes, earlier, p)
     rows.fx[count] = rows.fy[count] = 0.0
     _fill_slots(rows, count)
     return count

@@ -7,7 +7,7 @@ import numpy as np
 from riftberg.kernels import kernel, stage
 from riftberg.physics.fracture import exceeds
 from riftberg.state import Bonds, Elements, Ints
-from riftberg.stepping.neighbours import partners_over_bonds
+from riftberg.state.neighbours import partners_over_bonds
 
 
 @kernel

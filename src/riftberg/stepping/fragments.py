@@ -22,7 +22,7 @@ class Fragment:
     number : int
         Number that its elements carry in ``Elements.berg``.
     parent : int
-        Number of the fragment that it split from; 0 for a berg that was there at the start.
+        Number of the fragment that it split from; 0 for a berg that was there at the start or was added to the run.
     birth_time : float
         Seconds since the start of the run.
     lon, lat : float
@@ -72,7 +72,7 @@ class FragmentTree:
         """Find the fragments, number them in ``elements.berg`` and record births.
 
         The heaviest piece of a fragment keeps its number, the others get new ones; bergs present at the start are
-        numbered from 1.
+        numbered from 1. A berg added to the run gets the next number.
 
         Parameters
         ----------
@@ -87,13 +87,26 @@ class FragmentTree:
         int
             Number of fragments now.
         """
-        part = connected_parts(elements.mass.size, bonds.first, bonds.second, bonds.status)
+        if elements.size == 0:
+            return 0
+        part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
         count = int(part.max()) + 1
         mass: Floats = np.bincount(part, weights=elements.mass, minlength=count).astype(np.float64)
         number = self._inherited(part, mass, elements.berg)
-        newborn = [k for k in range(count) if number[k] == 0]
+        newborn = np.flatnonzero(number == 0)
+        cuts = _Cuts(part, elements, bonds)
+        touching = aground(elements.body.thickness, elements.environment.depth, p)
+        # All rows of a part in turn, in their order.
+        order = np.argsort(part, kind="stable")
+        ends = np.cumsum(np.bincount(part))
+        known = {row.number for row in self.rows}
         for k in newborn:
-            row = self._describe(part == k, elements, bonds, time, p)
+            rows = order[ends[k - 1] if k else 0 : ends[k]]
+            parent = int(elements.body.berg[rows[0]])
+            row = Fragment(
+                len(self.rows) + 1, parent if parent in known else 0, time, *_measures(rows, elements, p.period),
+                int(cuts.count[k]), bool(touching[rows].any() or cuts.grounded[k] > 0),
+            )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)
         elements.berg[:] = number[part]
@@ -106,7 +119,7 @@ class FragmentTree:
             return number
         first = np.unique(part, return_index=True)[1]
         heaviest: dict[int, int] = {}
-        for k in range(mass.size):
+        for k in np.flatnonzero(berg[first] > 0).tolist():
             old = int(berg[first[k]])
             if old not in heaviest or mass[k] > mass[heaviest[old]]:
                 heaviest[old] = k
@@ -114,25 +127,26 @@ class FragmentTree:
             number[k] = old
         return number
 
-    def _describe(self, inside: np.ndarray, el: Elements, bonds: Bonds, time: float, p: KernelParameters) -> Fragment:
-        parent = int(el.berg[inside][0]) if self.rows else 0
+
+class _Cuts:
+    """Broken bonds that joined the parts to the rest of the fragment that they were one with, counted per part."""
+
+    def __init__(self, part: Ints, el: Elements, bonds: Bonds) -> None:
+        first, second = part[bonds.first], part[bonds.second]
         # Not those to pieces that had left the parent before: they set these free.
-        together = el.berg[bonds.first] == el.berg[bonds.second]
-        cut = (bonds.status != 0) & (inside[bonds.first] != inside[bonds.second]) & together
-        touching = aground(el.thickness[inside], el.depth[inside], p).any()
-        lon, lat = centroid(el.lon[inside], el.lat[inside], el.mass[inside], p.period)
-        return Fragment(
-            number=len(self.rows) + 1,
-            parent=parent,
-            birth_time=time,
-            lon=lon,
-            lat=lat,
-            elements=int(inside.sum()),
-            area=float((el.length * el.width)[inside].sum()),
-            mass=float(el.mass[inside].sum()),
-            bonds_broken=int(cut.sum()),
-            grounded=bool(touching or (bonds.break_grounded[cut] > 0).any()),
-        )
+        together = el.body.berg[bonds.first] == el.body.berg[bonds.second]
+        cut = (bonds.status != 0) & (first != second) & together
+        ends = np.concatenate([first[cut], second[cut]])
+        on_ground = np.tile(bonds.break_grounded[cut] > 0, 2)
+        self.count = np.bincount(ends, minlength=part.max() + 1)
+        self.grounded = np.bincount(ends[on_ground], minlength=part.max() + 1)
+
+
+def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, int, float, float]:
+    """Centroid, number of elements, area (m2) and mass (kg) of some elements."""
+    body, mass = el.body, el.body.mass[rows]
+    lon, lat = centroid(el.place.lon[rows], el.place.lat[rows], mass, period)
+    return lon, lat, rows.size, float((body.length * body.width)[rows].sum()), float(mass.sum())
 
 
 def centroid(lon: Floats, lat: Floats, weight: Floats, period: float = 360.0) -> tuple[float, float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
@@ -16,13 +18,14 @@ from riftberg.stepping.velocity import INTERACTIONS_ONLY, lone_elements, solve_v
 
 
 @kernel
-def _solve_all(el, dt, around, partners, view, law, scratch, p):
-    """Kick all moving elements once with velocities of the others frozen."""
+def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
+    """Kick all moving elements of unsettled groups once with velocities of the others frozen."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     half = 0.5 * dt
     alone = lone_elements(partners)
+    group, one = partners.group, partners.group.size == 0
     for e in range(motion.u.size):
-        if scratch.active[e] == 0.0:
+        if scratch.active[e] == 0.0 or not unsettled[0 if one else group[e]]:
             continue
         u0, v0 = motion.u[e], motion.v[e]
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
@@ -35,24 +38,25 @@ def _solve_all(el, dt, around, partners, view, law, scratch, p):
 
 
 @kernel
-def _norms(el, scratch):
-    """Squared difference between velocities and those shown, and squared velocity, over the moving elements."""
+def _norms(el, group, change, norm, scratch):
+    """Squared difference between velocities and those shown, and squared velocity, over the moving elements of a group."""
     shown, motion = el.shown, el.motion
-    change = norm = 0.0
+    change[:] = 0.0
+    norm[:] = 0.0
     for e in range(motion.u.size):
         if scratch.active[e] > 0.0:
-            change += (motion.u[e] - shown.u_pair[e]) ** 2 + (motion.v[e] - shown.v_pair[e]) ** 2
-            norm += motion.u[e] ** 2 + motion.v[e] ** 2
-    return change, norm
+            g = 0 if group.size == 0 else group[e]
+            change[g] += (motion.u[e] - shown.u_pair[e]) ** 2 + (motion.v[e] - shown.v_pair[e]) ** 2
+            norm[g] += motion.u[e] ** 2 + motion.v[e] ** 2
 
 
 @stage
-def _rewind(el, dt, scratch):
+def _rewind(el, dt, group, unsettled, scratch):
     """Show this iterate to the others and go back to the velocity before the kick (spec 6.4, 3b)."""
     shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt
     for e in range(motion.u.size):
-        if scratch.active[e] == 0.0:
+        if scratch.active[e] == 0.0 or not unsettled[0 if group.size == 0 else group[e]]:
             continue
         shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
         motion.u[e] -= half * (kicks.ax_fast[e] + kicks.bx_fast[e]) + half * (kicks.ax[e] + kicks.bx[e])
@@ -80,19 +84,24 @@ def implicit_kick(
         Passes needed; -1 if the iteration did not settle.
     """
     view = pair_view(el, sizes)
-    _solve_all(el, dt, around, partners, view, law, scratch, p)
+    groups = 1 if partners.group.size == 0 else partners.group.max() + 1
+    unsettled = np.ones(groups, np.bool_)
+    _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
     if not p.iterate:
         return 1
-    _, before = _norms(el, scratch)
+    before, change, norm = np.zeros(groups), np.zeros(groups), np.zeros(groups)
+    _norms(el, partners.group, change, before, scratch)
     passes = 1
-    while True:
+    while unsettled.any():
         if passes >= p.max_iterations:
             return -1
-        _rewind(el, dt, scratch)
-        _solve_all(el, dt, around, partners, view, law, scratch, p)
+        _rewind(el, dt, partners.group, unsettled, scratch)
+        _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
         passes += 1
-        change, norm = _norms(el, scratch)
-        scale = math.sqrt(before) + math.sqrt(norm)
-        if scale == 0.0 or 2.0 * math.sqrt(change) / scale < p.tolerance:
-            return passes
-        before = norm
+        _norms(el, partners.group, change, norm, scratch)
+        for g in range(groups):
+            scale = math.sqrt(before[g]) + math.sqrt(norm[g])
+            if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < p.tolerance:
+                unsettled[g] = False
+            before[g] = norm[g]
+    return passes

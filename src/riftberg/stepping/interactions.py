@@ -9,8 +9,8 @@ from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
 from riftberg.physics.geometry import separation
-from riftberg.state import Elements, Floats
-from riftberg.stepping.neighbours import PairList
+from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 
 BONDED, SAME_BERG_CONTACT, COLLISION, PLAIN_CONTACT, PLAIN_BOND = 0, 1, 2, 3, 4
@@ -59,11 +59,17 @@ class Terms(NamedTuple):
 
 
 class Partners(NamedTuple):
-    """Partners of each element by kind of pair."""
+    """Partners of each element by kind of pair.
+
+    ``rest`` is the rest length (m) of each entry of ``bonded``; empty where it is the sum of the present radii.
+    ``group`` is the number of the group of bergs that can meet to which each element belongs; empty where all are one.
+    """
 
     bonded: PairList
     same_berg: PairList
     collision: PairList
+    rest: Floats
+    group: Ints
 
 
 @kernel
@@ -124,7 +130,7 @@ def pair_terms(
 
 
 @kernel
-def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, own_size, view, law):
+def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, rest, own_size, view, law):
     """Sum the terms of one kind of pair; also P u of the partners."""
     sx = sy = s11 = s12 = s22 = px = py = 0.0
     for k in range(pairs.start[e], pairs.start[e + 1]):
@@ -133,6 +139,8 @@ def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, own_size, view, law):
             radii, m1, m2 = view.radius[e] + view.radius[c], view.mass[e], view.mass[c]
         else:
             radii, m1, m2 = view.bond_radius[e] + view.bond_radius[c], view.bond_mass[e], view.bond_mass[c]
+        if rest.size > 0:
+            radii = rest[k]
         rx, ry = separation(x, y, view.x[c], view.y[c], law.latlon, law.earth_radius, law.period)
         uc, vc = view.u[c], view.v[c]
         ix, iy, p11, p12, p22 = pair_terms(
@@ -172,9 +180,11 @@ def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view,
     -------
     Terms
     """
-    b = _sum_over(e, x, y, u0, v0, u1, v1, PLAIN_BOND if plain else BONDED, partners.bonded, not bond_size, view, law)
-    s = _sum_over(e, x, y, u0, v0, u1, v1, SAME_BERG_CONTACT, partners.same_berg, True, view, law)
-    c = _sum_over(e, x, y, u0, v0, u1, v1, PLAIN_CONTACT if plain else COLLISION, partners.collision, True, view, law)
+    bond, rest, present = PLAIN_BOND if plain else BONDED, partners.rest, partners.rest[:0]
+    b = _sum_over(e, x, y, u0, v0, u1, v1, bond, partners.bonded, rest, not bond_size, view, law)
+    s = _sum_over(e, x, y, u0, v0, u1, v1, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
+    apart = PLAIN_CONTACT if plain else COLLISION
+    c = _sum_over(e, x, y, u0, v0, u1, v1, apart, partners.collision, present, True, view, law)
     return Terms(
         b[0] + s[0] + c[0],
         b[1] + s[1] + c[1],

@@ -116,9 +116,11 @@ def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) ->
     return dx / length, dy / length
 
 
-def _dem_stiffness(p: Parameters, sizes: Sizes, thickness: Floats, i: Ints, j: Ints) -> tuple[Floats, Floats, Floats]:
+def _dem_stiffness(
+    p: Parameters, radii: tuple[Floats, Floats], thickness: Floats, i: Ints, j: Ints
+) -> tuple[Floats, Floats, Floats]:
     """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (spec 5.4)."""
-    r1, r2 = sizes.bond_radius[i], sizes.bond_radius[j]
+    r1, r2 = radii
     rest = r1 + r2
     reach = np.minimum(r1, r2) / rest
     width = 2.0 * (np.minimum(r1, r2) + reach * np.abs(r1 - r2))
@@ -129,6 +131,12 @@ def _dem_stiffness(p: Parameters, sizes: Sizes, thickness: Floats, i: Ints, j: I
     normal = p.bonds.youngs_modulus * height * width / rest
     shear = 0.0 * normal if p.bonds.no_shear else normal / (2.0 * (1.0 + p.bonds.poisson))
     return normal, shear, normal * width**2 / 12.0
+
+
+def _radii_when_formed(p: Parameters, rest: Floats, r1: Floats, r2: Floats) -> tuple[Floats, Floats]:
+    """Radii (m) of both ends as the bond knows them; it keeps the shape with which it formed."""
+    formed = np.where(np.isnan(rest) | p.compatibility.rest_length_from_sizes, 1.0, rest / (r1 + r2))
+    return r1 * formed, r2 * formed
 
 
 def _dem_damping(p: Parameters, sizes: Sizes, i: Ints, j: Ints) -> Floats:
@@ -161,9 +169,10 @@ def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes)
     on = bonds.status == 0
     i, j = bonds.first[on], bonds.second[on]
     nothing = np.zeros(i.size)
+    radii = _radii_when_formed(p, bonds.rest_length[on], sizes.bond_radius[i], sizes.bond_radius[j])
     moves = np.where(elements.static < 0.5, 1.0, 0.0)
     if p.bonds.law == "dem":
-        normal, shear, bending = _dem_stiffness(p, sizes, elements.thickness, i, j)
+        normal, shear, bending = _dem_stiffness(p, radii, elements.thickness, i, j)
         damper = _dem_damping(p, sizes, i, j)
         by_slip = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
         dampers = (damper, by_slip[0], by_slip[1], damper)
@@ -176,8 +185,7 @@ def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes)
         np.concatenate([i, j]),
         elements.mass.size,
         *_directions(p, elements, i, j),
-        sizes.bond_radius[i],
-        sizes.bond_radius[j],
+        *radii,
         np.sqrt(normal),
         np.sqrt(shear),
         np.sqrt(bending),

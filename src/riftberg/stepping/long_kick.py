@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
@@ -54,10 +56,11 @@ def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
 
 
 @kernel
-def _slow_pass(el, dt, around, alone, partners, view, law, kick, first, p):
+def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick, first, p):
     """Solve for the slow accelerations of all moving elements, or in later passes of those in contact.
 
-    Returns whether any element is in contact, and the sum of the squared velocities of those solved for.
+    The first pass marks the groups with elements in contact in ``unsettled``; later ones leave settled groups alone.
+    ``norm`` takes the sum of the squared velocities of those solved for, per group.
     """
     motion, kicks, body = el.motion, el.kicks, el.body
     lon, lat, u, v, u_sync, v_sync, mass = (
@@ -71,12 +74,13 @@ def _slow_pass(el, dt, around, alone, partners, view, law, kick, first, p):
     )
     ax, ay, bx, by, static, in_contact = kicks.ax, kicks.ay, kicks.bx, kicks.by, body.static, body.in_contact
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
-    collided = False
-    norm = 0.0
+    group, one = partners.group, partners.group.size == 0
+    norm[:] = 0.0
     for e in range(u.size):
+        g = 0 if one else group[e]
         if first and not p.sticky_collision_flags:
             in_contact[e] = 0.0
-        if static[e] >= 0.5 or not (first or in_contact[e] != 0.0):
+        if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unsettled[g])):
             continue
         s = solve_velocity(
             e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], around, 0.5, 0.5, True,
@@ -85,24 +89,28 @@ def _slow_pass(el, dt, around, alone, partners, view, law, kick, first, p):
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
         # A lone element cannot collide; asked without that, a velocity that is not a number would count as contact.
         if first and not alone[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
-            collided = True
+            unsettled[g] = True
             in_contact[e] = 1.0
         u_sync[e] = u[e] + kick * dt * s.total_x
         v_sync[e] = v[e] + kick * dt * s.total_y
-        norm += u_sync[e] ** 2 + v_sync[e] ** 2
-    return collided, norm
+        norm[g] += u_sync[e] ** 2 + v_sync[e] ** 2
 
 
 @stage
-def _change_and_norm(el):
-    """Squared change of velocity since the pass before, and squared velocity, over the elements in contact."""
+def _settle_groups(el, group, unsettled, norm_before, tolerance):
+    """Mark the groups whose elements in contact have hardly changed their velocities since the pass before."""
     shown, motion, body = el.shown, el.motion, el.body
-    change = norm = 0.0
+    change, norm = np.zeros(unsettled.size), np.zeros(unsettled.size)
     for e in range(motion.u.size):
         if body.static[e] < 0.5 and body.in_contact[e] != 0.0:
-            change += (motion.u_sync[e] - shown.u_pair[e]) ** 2 + (motion.v_sync[e] - shown.v_pair[e]) ** 2
-            norm += motion.u_sync[e] ** 2 + motion.v_sync[e] ** 2
-    return change, norm
+            g = 0 if group.size == 0 else group[e]
+            change[g] += (motion.u_sync[e] - shown.u_pair[e]) ** 2 + (motion.v_sync[e] - shown.v_pair[e]) ** 2
+            norm[g] += motion.u_sync[e] ** 2 + motion.v_sync[e] ** 2
+    for g in range(unsettled.size):
+        scale = math.sqrt(norm_before[g]) + math.sqrt(norm[g])
+        if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < tolerance:
+            unsettled[g] = False
+        norm_before[g] = norm[g]
 
 
 @kernel
@@ -121,7 +129,8 @@ def closing_half_kick(
 ) -> int:  # fmt: skip
     """Complete the slow half kick of the step before; leaves the synchronised velocity in ``u_sync`` (part 1).
 
-    Elements in contact see each other's velocity, so the solve is repeated until the velocities settle.
+    Elements in contact see each other's velocity, so the solve is repeated until the velocities settle, in each group
+    of bergs that can meet for itself.
 
     Parameters
     ----------
@@ -145,7 +154,9 @@ def closing_half_kick(
     view = pair_view(el, sizes)
     kick = 0.0 if starting else 1.0
     alone = lone_elements(partners)
-    collided, norm_before = _slow_pass(el, dt, around, alone, partners, view, law, kick, True, p)
+    groups = 1 if partners.group.size == 0 else partners.group.max() + 1
+    unsettled, norm, norm_before = np.zeros(groups, np.bool_), np.zeros(groups), np.zeros(groups)
+    _slow_pass(el, dt, around, alone, partners, unsettled, norm_before, view, law, kick, True, p)
     if not p.iterate:
         for e in range(motion.u.size):
             if body.static[e] < 0.5:
@@ -153,17 +164,13 @@ def closing_half_kick(
         return 1
     _show_synchronised(el)
     passes = 1
-    while collided:
+    while unsettled.any():
         if passes >= p.max_iterations:
             return -1
-        _slow_pass(el, dt, around, alone, partners, view, law, kick, False, p)
+        _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick, False, p)
         passes += 1
-        change, norm = _change_and_norm(el)
+        _settle_groups(el, partners.group, unsettled, norm_before, p.tolerance)
         _show_synchronised(el)
-        scale = math.sqrt(norm_before) + math.sqrt(norm)
-        if scale == 0.0 or 2.0 * math.sqrt(change) / scale < p.tolerance:
-            break
-        norm_before = norm
     return passes
 
 

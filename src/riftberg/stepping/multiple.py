@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
@@ -16,7 +14,6 @@ from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import begin_substeps, closing_half_kick, end_substeps, opening_half_kick
 from riftberg.stepping.media import Surroundings, find_surroundings
-from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
     Scratch,
@@ -127,18 +124,55 @@ def _kick(el, scratch, dt, floor_acts, implicit_ground):
         sum_stopped(el, scratch)
 
 
+def kick_slowly(
+    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    p: KernelParameters,
+) -> StepReport:  # fmt: skip
+    """Apply the slow forces at the start of a long step: both half kicks, and fracture after the step before.
+
+    Parameters
+    ----------
+    el, bonds : Elements, Bonds
+        The state, changed in place.
+    partners : Partners
+        Collisions between bergs.
+    sizes : Sizes
+    around : Surroundings
+        Filled from the environment that the elements carry; afterwards it holds the forces that were applied.
+    plan : StepPlan
+    p : KernelParameters
+
+    Returns
+    -------
+    StepReport
+    """
+    return StepReport(*_kick_slowly(el, bonds, partners, sizes, around, plan, p))
+
+
 @kernel
-def _slow_and_fast(partners, count):
-    """Split the partners: bergs act on each other in the long step, bonded pairs and pieces in the sub-steps."""
-    none = PairList(np.zeros(count + 1, np.int64), np.zeros(0, np.int64))
-    return Partners(none, none, partners.collision), Partners(partners.bonded, partners.same_berg, none)
+def _kick_slowly(
+    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
+    find_surroundings(el, sizes, around, p)
+    if plan.skip_slow:
+        return 0, 1
+    passes = closing_half_kick(el, plan.dt, around, partners, sizes, pair_law(p), plan.starting, p)
+    if passes < 0:
+        return 0, passes
+    broken = 0
+    if plan.break_after:
+        broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
+    opening_half_kick(el, plan.dt, sizes, p)
+    return broken, passes
 
 
-def advance(
-    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
+def take_substeps(
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
     sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
-    """Advance the state by one long step; cells, environment and conglomerates are the caller's.
+    """Take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
 
     Parameters
     ----------
@@ -146,11 +180,11 @@ def advance(
         The state, changed in place.
     rows, pairs, scratch
         Room for the sub-steps; ``pairs`` holds the pairs of broken bonds or the candidates of a search.
-    partners : Partners
-        Collisions between bergs and, with spring bonds, bonded pairs and contacts inside a berg.
+    fast : Partners
+        With spring bonds, bonded pairs and contacts inside a berg.
     sizes : Sizes
     around : Surroundings
-        Filled from the environment that the elements carry; afterwards it holds the forces that were applied.
+        As `kick_slowly` filled it; the sea floor may act here.
     earlier : array of int
         Rank of the elements in the order of processing (quirks Q10, Q11).
     plan : StepPlan
@@ -160,30 +194,21 @@ def advance(
     -------
     StepReport
     """
-    return StepReport(*_advance(el, bonds, rows, pairs, partners, scratch, sizes, around, earlier, plan, p))
+    return StepReport(*_take_substeps(el, bonds, rows, pairs, fast, scratch, sizes, around, earlier, plan, p))
 
 
 @kernel
-def _advance(
-    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, partners: Partners, scratch: Scratch,
+def _take_substeps(
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
     sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
     shown, motion, body = el.shown, el.motion, el.body
     law = pair_law(p)
-    slow, fast = _slow_and_fast(partners, motion.u.size)
-    find_surroundings(el, sizes, around, p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
     near_pole = p.latlon and el.place.lat.max() > POLAR_LATITUDE
     passes = 1
     broken = 0
-    if not plan.skip_slow:
-        passes = closing_half_kick(el, plan.dt, around, slow, sizes, law, plan.starting, p)
-        if passes < 0:
-            return 0, passes
-        if plan.break_after:
-            broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
-        opening_half_kick(el, plan.dt, sizes, p)
     count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
     explicit = p.explicit_substeps or p.dem
     # With a proper start, one evaluation without moving stands before the first sub-step.

@@ -11,19 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
-from riftberg.ocean.forcing import Forcing
-from riftberg.parameters import KernelParameters, Parameters
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.parameters import KernelParameters
+from riftberg.state import Floats, Ints
+from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import first_break, limits_of, most_overloaded, store_stresses, wear
-from riftberg.stepping.fragments import FragmentTree
 from riftberg.stepping.frames import (
     Bodies,
     element_motion,
@@ -46,7 +44,6 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import Surroundings, allocate_surroundings
-from riftberg.stepping.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.rigid_bodies import (
     Motion,
     element_velocities,
@@ -55,6 +52,7 @@ from riftberg.stepping.rigid_bodies import (
     keep_applied,
     touching_pairs,
 )
+from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 EVENTS = 64
@@ -92,31 +90,15 @@ class Moment:
     load: Floats
 
 
-class Stepped(Protocol):
-    """What this scheme takes of a model."""
-
-    elements: Elements
-    bonds: Bonds
-    parameters: Parameters
-    constants: KernelParameters
-    forcing: Forcing
-    fragments: FragmentTree
-    time: float
-    step_number: int
-
-    @property
-    def date(self) -> datetime:
-        """Date of the present state."""
-
-
 class QuasiStaticStepper:
     """Rigid bodies with lattices in equilibrium."""
 
-    def __init__(self, model: Stepped) -> None:
+    def __init__(self) -> None:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
         self._now: Moment | None = None
-        self._around = allocate_surroundings(model.elements.size)
+        self._around = allocate_surroundings(0)
+        self._ice: list[np.ndarray] = []
 
     @property
     def applied(self) -> Floats:
@@ -133,21 +115,45 @@ class QuasiStaticStepper:
             body, *rest = (np.asarray(kept[name]) for name in MEMORY)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
 
-    def surround(self, model: Stepped) -> None:
+    def surround(self, model: RunState) -> None:
         """Sample at the present positions."""
         model.forcing.sample(model.elements, model.time)
 
-    def synchronised(self, model: Stepped) -> tuple[Floats, Floats]:
+    def synchronised(self, model: RunState) -> tuple[Floats, Floats]:
         """Return the velocity, which belongs to the positions."""
         return model.elements.u_sync.copy(), model.elements.v_sync.copy()
 
-    def step(self, model: Stepped) -> None:
+    def step(self, model: RunState) -> None:
         """Advance by one long step."""
+        self._forget_what_changed(model)
         step = LongStep(model, self._bodies, self._structure, self._now, self._around)
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._around.applied[:] = step.applied
+        self._ice = [array.copy() for array in _ice(model)]
         model.time = step.start + model.parameters.stepping.time_step
+
+    def _forget_what_changed(self, model: RunState) -> None:
+        """Begin anew where elements came or went, and find the lattice anew where ice or bonds have changed."""
+        count = model.elements.size
+        if self._around.coriolis.size != count:
+            self._around = allocate_surroundings(count)
+        now = _ice(model)
+        if self._ice and [a.shape for a in now] != [a.shape for a in self._ice]:
+            self._bodies = None
+        if self._bodies is not None and self._bodies.body.size != count:
+            self._bodies = None
+        same = len(self._ice) == len(now) and all(map(np.array_equal, now, self._ice))
+        if not same:
+            self._structure = self._now = None
+        if self._ice and not np.array_equal(now[0], self._ice[0]):
+            self._bodies = None  # other elements, in the same number
+
+
+def _ice(model: RunState) -> list[np.ndarray]:
+    """What frames and lattice are made of: elements, their ice, and which bonds hold."""
+    el, bonds = model.elements, model.bonds
+    return [el.id, el.mass, el.thickness, el.length, el.width, bonds.id, bonds.status]
 
 
 MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
@@ -158,7 +164,7 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: Stepped, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
         around: Surroundings,
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants

@@ -30,6 +30,7 @@ from riftberg.physics.drag import spin_drag
 from riftberg.physics.geometry import separation
 from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import PairList
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
@@ -45,7 +46,6 @@ from riftberg.stepping.media import (
     find_surroundings,
     grounded_part,
 )
-from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 
 MOST_PASSES = 50

@@ -1,57 +1,55 @@
-"""The schemes behind one interface: what `riftberg.model.Model` calls once per long step."""
+"""The schemes behind one interface: what a model calls once per long step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from riftberg.errors import RunError
 from riftberg.kernels import plain
 from riftberg.ocean.cells import round_trip, settle_elements
-from riftberg.state import Elements, Floats, Ints, copy_state
+from riftberg.parameters import KernelParameters
+from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import ANY, SAME_BERG, no_pairs
 from riftberg.stepping import runge_kutta, verlet
-from riftberg.stepping.bond_rows import allocate_rows
+from riftberg.stepping.batches import Batch
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
+from riftberg.stepping.groups import meeting_groups
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
-from riftberg.stepping.multiple import StepPlan, advance
-from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
+from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
+from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.quasi_static import QuasiStaticStepper
+from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
-from riftberg.stepping.substep import allocate_scratch, pairs_from_list
-
-if TYPE_CHECKING:
-    from riftberg.model import Model
+from riftberg.stepping.substep import pairs_from_list
 
 
 class Stepper(Protocol):
     """Advances the state of a model by one long step, including cells, environment and fragments."""
 
-    def step(self, model: Model) -> None:
-        """Advance by one long step; ``model.time`` moves on, ``model.step_number`` does not."""
+    def step(self, run: RunState) -> None:
+        """Advance by one long step; ``run.time`` moves on, ``run.step_number`` does not."""
 
-    def surround(self, model: Model) -> None:
+    def surround(self, run: RunState) -> None:
         """Take the environment that the elements carry between two steps from the forcing."""
 
-    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Return the velocity (m s-1) at the time of the positions, after a step; the state stays as it is."""
+
+    @property
+    def applied(self) -> Floats:
+        """Mean accelerations (m s-2) over the last long step, shape (elements, forces, 2)."""
 
     def memory(self) -> dict[str, Any]:
         """Return arrays of numbers, beside the state, that a run needs to go on bit for bit."""
 
     def recall(self, kept: Mapping[str, Any]) -> None:
         """Take up what `memory` gave, from among other arrays."""
-
-    @property
-    def applied(self) -> Floats:
-        """Mean accelerations (m s-2) over the last step by the forces of `riftberg.stepping.media.FORCES`, as applied.
-
-        Shape (elements, forces, 2): east and north.
-        """
 
 
 class Forgetful:
@@ -65,180 +63,154 @@ class Forgetful:
         """Take up nothing."""
 
 
-def make_stepper(model: Model) -> Stepper:
+def make_stepper(run: RunState) -> Stepper:
     """Return the stepper of the scheme that the parameters name."""
-    scheme = model.parameters.stepping.scheme
+    scheme = run.parameters.stepping.scheme
     if scheme == "mts":
-        return MultipleStepper(model)
+        return MultipleStepper(run)
     if scheme == "quasi_static":
-        return QuasiStaticStepper(model)
-    return VerletStepper(model) if scheme == "verlet" else RungeKuttaStepper(model)
+        return QuasiStaticStepper()
+    return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 
 
-def settle(model: Model) -> None:
+def settle(run: RunState) -> None:
     """Find the cells after a move, stop elements at land, wrap longitudes (spec 8)."""
-    el, grid = model.elements, model.forcing.grid
+    el, grid = run.elements, run.forcing.grid
     if grid is not None:
-        settle_elements(el, grid.arrays, model.constants)
-        if model.constants.grid_position_round_trip:
+        settle_elements(el, grid.arrays, run.constants)
+        if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
     moving = el.static < 0.5
     el.lon_pair[moving], el.lat_pair[moving] = el.lon[moving], el.lat[moving]
 
 
-class Neighbourhood:
-    """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
-
-    def __init__(self, model: Model) -> None:
-        count = model.elements.mass.size
-        self._none = no_pairs(count)
-        self._bonded: tuple[PairList, Ints] | None = None
-        self._standing = -1
-
-    def bonded(self, model: Model) -> tuple[PairList, Ints]:
-        """Partners over unbroken bonds and the bond of each entry."""
-        standing = int((model.bonds.status == 0).sum())
-        if self._bonded is None or standing != self._standing:
-            b = model.bonds
-            self._bonded = adjacency(b.first, b.second, b.status, model.elements.mass.size)
-            self._standing = standing
-        return self._bonded
-
-    def find(self, model: Model, reach: float, rule: int) -> PairList:
-        """Partners within ``reach`` metres by the positions that others see."""
-        el, c = model.elements, model.constants
-        if el.mass.size < 2 or reach <= 0.0:
-            return self._none
-        return find_pairs(el.lon_pair, el.lat_pair, el.berg, reach, rule, c.latlon, c.earth_radius, c.period)
-
-    def collisions(self, model: Model, sizes: Sizes) -> PairList:
-        """Partners of other bergs within reach of contact."""
-        if not model.constants.interactions or not (model.elements.berg != model.elements.berg[0]).any():
-            return self._none
-        return self.find(model, _contact_reach(model, sizes), OTHER_BERG)
-
-    def same_berg(self, model: Model, reach: float) -> PairList:
-        """Unbonded partners of the same berg within ``reach``."""
-        found = self.find(model, reach, SAME_BERG)
-        return without(found, self.bonded(model)[0])
-
-    @property
-    def none(self) -> PairList:
-        """A list without partners."""
-        return self._none
-
-
-def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
-    """Return ``pairs`` with only those partners that are allowed (Q21: partners with fewer than ``max_bonds`` bonds)."""
-    count = pairs.start.size - 1
-    owner = np.repeat(np.arange(count), np.diff(pairs.start))
-    keep = allowed[pairs.partner]
-    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
-    return PairList(start, pairs.partner[keep])
-
-
-def without(pairs: PairList, excluded: PairList) -> PairList:
-    """Return ``pairs`` less those that stand in ``excluded``."""
-    count = pairs.start.size - 1
-    owner = np.repeat(np.arange(count), np.diff(pairs.start))
-    taken = np.repeat(np.arange(count), np.diff(excluded.start)) * count + excluded.partner
-    keep = ~np.isin(owner * count + pairs.partner, taken)
-    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
-    return PairList(start, pairs.partner[keep])
-
-
-def _contact_reach(model: Model, sizes: Sizes) -> float:
-    """Largest distance (m) at which two elements can be in contact."""
-    return max(2.0 * float(sizes.radius.max()), model.constants.contact_distance)
-
-
-def _processing_rank(model: Model) -> Ints:
+def _processing_rank(run: RunState) -> Ints:
     """Rank of the elements in the reference's order: by row, then column of their cell, newest first (spec 1.6)."""
-    el = model.elements
+    el = run.elements
     rank = np.empty(el.mass.size, np.int64)
     rank[np.lexsort((-np.arange(rank.size), el.cell_i, el.cell_j))] = np.arange(rank.size)
     return rank
 
 
-def _update_fragments(model: Model) -> None:
+def _update_fragments(run: RunState) -> None:
     """Number fragments after bonds have broken, and forget broken bonds whose ends have parted (spec 1.5)."""
-    el, bonds, c = model.elements, model.bonds, model.constants
+    el, bonds, c = run.elements, run.bonds, run.constants
     if c.broken_as_contact and c.fracture_on_substeps:
         drop_parted_bonds(bonds, connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status))
     else:
         drop_broken_bonds(bonds)
-    model.fragments.update(el, bonds, model.time, c)
+    run.fragments.update(el, bonds, run.time, c)
 
 
 class MultipleStepper(Forgetful):
-    """Multiple time steps (spec 6.4)."""
+    """Multiple time steps (spec 6.4).
 
-    def __init__(self, model: Model) -> None:
-        self._near = Neighbourhood(model)
-        self._rows = allocate_rows(model.bonds, model.elements.mass.size)
-        self._pairs = allocate_pairs(max(model.bonds.first.size, 1))
-        self._scratch = allocate_scratch(model.elements.mass.size)
-        self._around = allocate_surroundings(model.elements.mass.size)
-        self._rank = np.arange(model.elements.mass.size)
-        c = model.constants
-        self._ranked = (c.shared_shear_lever or c.bond_thickness_of_second) and not _uniform(model)
+    The slow kicks are those of all bergs together, because bergs collide in them; the sub-steps concern each berg alone
+    and are taken by batches of bergs that have the same number of them.
+    """
+
+    def __init__(self, run: RunState) -> None:
+        c = run.constants
+        self._near = Neighbourhood()
+        self._around = allocate_surroundings(run.elements.size)
+        self._all: Batch | None = None
+        self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
 
-    def step(self, model: Model) -> None:
+    def step(self, run: RunState) -> None:
         """Advance by one long step."""
-        el, bonds, c = model.elements, model.bonds, model.constants
+        el, bonds, c = run.elements, run.bonds, run.constants
         sizes = interaction_sizes(el, c)
-        if self._ranked:
-            self._rank = _processing_rank(model)
-        self._gather_pairs(model, sizes)
-        report = advance(
-            el, bonds, self._rows, self._pairs, self._partners(model, sizes), self._scratch, sizes, self._around,
-            self._rank, self._plan(model), c,
-        )  # fmt: skip
+        earlier = np.arange(el.size)
+        if self._quirky_order and not _uniform(run):
+            earlier = _processing_rank(run)
+        slow = self._collisions(run, sizes)
+        batches = self._batches(run)
+        for batch in batches:
+            self._gather_pairs(batch, run.parameters.stepping.time_step, c)
+        inner = [self._inner_partners(batch, batch.of_all(slow.group), run) for batch in batches]
+        plan = self._plan(run)
+        if self._around.coriolis.size != el.size:
+            self._around = allocate_surroundings(el.size)
+        report = kick_slowly(el, bonds, slow, sizes, self._around, plan, c)
+        self._check_settled(report, run)
+        broken = report.broken
+        for batch, fast in zip(batches, inner, strict=True):
+            batch.take(run)
+            some, room, around = batch.elements, batch.room, batch.surroundings(self._around)
+            report = take_substeps(
+                some, batch.bonds, room.rows, room.pairs, fast, room.scratch, interaction_sizes(some, c), around,
+                batch.of_all(earlier), plan._replace(substeps=int(some.body.substeps[0])), c,
+            )  # fmt: skip
+            batch.give(run, around, self._around)
+            self._check_settled(report, run)
+            broken += report.broken
+        settle(run)
+        run.time += run.parameters.stepping.time_step
+        self.surround(run)
+        if broken > 0:
+            _update_fragments(run)
+
+    @staticmethod
+    def _check_settled(report: StepReport, run: RunState) -> None:
         if report.passes < 0:
             raise RunError(
-                f"the contact iteration did not settle within {c.max_iterations} passes at {model.date:%Y-%m-%d %H:%M}; "
-                "raise contact.tolerance or shorten stepping.time_step"
+                f"the contact iteration did not settle within {run.constants.max_iterations} passes at "
+                f"{run.date:%Y-%m-%d %H:%M}; raise contact.tolerance or shorten stepping.time_step"
             )
-        settle(model)
-        model.time += model.parameters.stepping.time_step
-        self.surround(model)
-        if report.broken > 0:
-            _update_fragments(model)
 
-    def surround(self, model: Model) -> None:
+    def surround(self, run: RunState) -> None:
         """Sample at the new positions: the fields of the next step, or with the lag of Q5 of the step just taken."""
-        p = model.parameters
+        p = run.parameters
         lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
-        model.forcing.sample(model.elements, model.time - lag)
+        run.forcing.sample(run.elements, run.time - lag)
 
-    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Complete the slow half kick that the next step begins with, on a copy of the elements."""
-        c, dt = model.constants, model.parameters.stepping.time_step
-        el, _ = copy_state(model.elements, model.bonds)
+        c, dt = run.constants, run.parameters.stepping.time_step
+        el = run.elements.copy()
         sizes = interaction_sizes(el, c)
-        slow = Partners(self._near.none, self._near.none, self._near.collisions(model, sizes))
-        around = allocate_surroundings(el.mass.size)
+        around = allocate_surroundings(el.size)
         find_surroundings(el, sizes, around, c)
-        passes = closing_half_kick(el, dt, around, slow, sizes, plain(pair_law)(c), False, c)
-        return (el.u_sync, el.v_sync) if passes >= 0 else (model.elements.u_sync, model.elements.v_sync)
+        passes = closing_half_kick(el, dt, around, self._collisions(run, sizes), sizes, plain(pair_law)(c), False, c)
+        return (el.u_sync, el.v_sync) if passes >= 0 else (run.elements.u_sync, run.elements.v_sync)
 
     @property
     def applied(self) -> Floats:
         """See `Stepper.applied`."""
         return self._around.applied
 
-    def _plan(self, model: Model) -> StepPlan:
-        p, first = model.parameters, model.step_number == 0
+    def _collisions(self, run: RunState, sizes: Sizes) -> Partners:
+        """Partners of the slow kicks: elements of other bergs."""
+        near, c = self._near, run.constants
+        found = near.collisions(run.elements, sizes, c)
+        one_group = run.parameters.compatibility.bergs_coupled
+        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, found, sizes.radius, c)
+        none = no_pairs(run.elements.size)
+        return Partners(none, none, found, np.zeros(0), group)
+
+    def _batches(self, run: RunState) -> list[Batch]:
+        """Split the elements by number of sub-steps, and those near the pole from the others."""
+        kind = run.elements.body.substeps
+        if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
+            kind = 2 * kind + _has_berg_north_of(run.elements, POLAR_LATITUDE)
+        if (kind == kind[0]).all() or run.parameters.compatibility.bergs_coupled:
+            if self._all is None or self._all.population_version != run.population.version:
+                self._all = Batch(run, None)
+            return [self._all]
+        return [Batch(run, np.flatnonzero(kind == k)) for k in np.unique(kind)]
+
+    def _plan(self, run: RunState) -> StepPlan:
+        p, first = run.parameters, run.step_number == 0
         quirks = p.compatibility
         held = first and p.fracture.not_in_first_step
         inline = p.fracture.on_substeps and (not held or quirks.inline_break_in_first_step)
         after = not p.fracture.on_substeps and not held
         return StepPlan(
             dt=p.stepping.time_step,
-            substeps=model.substeps,
-            time=model.time,
+            substeps=1,
+            time=run.time,
             starting=first and not quirks.zero_start,
             skip_slow=first and p.stepping.skip_first_long_force,
             search=not self._contact_by_bonds,
@@ -248,105 +220,126 @@ class MultipleStepper(Forgetful):
             wears=p.damage.enabled and (inline or after),
         )
 
-    def _partners(self, model: Model, sizes: Sizes) -> Partners:
-        """Collisions; with spring bonds also bonded pairs and contacts inside the berg, which the sub-steps use."""
-        collisions = self._near.collisions(model, sizes)
-        if model.constants.dem or not model.constants.bonds_on:
-            return Partners(self._near.none, self._near.none, collisions)
-        bonded, _ = self._near.bonded(model)
-        touching = self._near.same_berg(model, _inner_reach(model, sizes))
-        if model.constants.explicit_substeps:
-            touching = with_partners(touching, model.elements.bond_count < model.constants.max_bonds)
-        return Partners(bonded, touching, collisions)
+    def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> Partners:
+        """With spring bonds, bonded pairs and contacts inside the berg, which the sub-steps use."""
+        el, near, c = batch.elements, batch.near, run.constants
+        none = no_pairs(el.size)
+        # Groups of a batch may leave out numbers; that costs nothing.
+        if c.dem or not c.bonds_on:
+            return Partners(none, none, none, np.zeros(0), group)
+        bonded, bond = near.bonded(el, batch.bonds)
+        reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.stepping.time_step)
+        touching = near.same_berg(el, batch.bonds, reach, c)
+        if c.explicit_substeps:
+            touching = with_partners(touching, el.bond_count < c.max_bonds)
+        return Partners(bonded, touching, none, rest_lengths(batch.bonds, bond, c), group)
 
-    def _gather_pairs(self, model: Model, sizes: Sizes) -> None:
+    def _gather_pairs(self, batch: Batch, dt: float, c: KernelParameters) -> None:
         """List the pairs inside bergs that may touch in this step."""
-        if not model.constants.dem:
+        el, bonds, pairs = batch.elements, batch.bonds, batch.room.pairs
+        if not c.dem:
             return
         if self._contact_by_bonds:
-            waiting = np.flatnonzero(model.bonds.status == 1)
-            self._pairs.first[: waiting.size] = model.bonds.first[waiting]
-            self._pairs.second[: waiting.size] = model.bonds.second[waiting]
-            self._pairs.bond[: waiting.size] = -1
-            self._pairs.count[0] = waiting.size
+            waiting = np.flatnonzero(bonds.status == 1)
+            pairs.first[: waiting.size] = bonds.first[waiting]
+            pairs.second[: waiting.size] = bonds.second[waiting]
+            pairs.bond[: waiting.size] = -1
+            pairs.count[0] = waiting.size
             return
-        found = self._near.find(model, _inner_reach(model, sizes), SAME_BERG)
-        if found.partner.size > self._pairs.first.size:
-            self._pairs = allocate_pairs(2 * found.partner.size)
-        bonded, bond = self._near.bonded(model)
-        pairs_from_list(self._pairs, found, bonded, bond)
+        found = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c)
+        if found.partner.size > pairs.first.size:
+            pairs = allocate_pairs(2 * found.partner.size)
+            batch.room = batch.room._replace(pairs=pairs)
+        bonded, bond = batch.near.bonded(el, bonds)
+        pairs_from_list(pairs, found, bonded, bond)
 
 
-def _inner_reach(model: Model, sizes: Sizes) -> float:
+def _has_berg_north_of(el: Elements, latitude: float) -> Ints:
+    """1 for the elements of bergs that reach beyond a latitude, else 0."""
+    return np.isin(el.berg, el.berg[el.lat > latitude]).astype(np.int64)
+
+
+def _inner_reach(el: Elements, sizes: Sizes, dt: float) -> float:
     """Distance (m) within which elements of one berg may come into contact during a long step.
 
     Twice the contact distance, or as far as the present relative speeds would carry them in two long steps.
     """
-    el, touching = model.elements, 2.0 * float(sizes.bond_radius.max())
-    spread = float(np.ptp(el.u) + np.ptp(el.v)) * model.parameters.stepping.time_step
+    touching = 2.0 * float(sizes.bond_radius.max())
+    spread = float(np.ptp(el.u) + np.ptp(el.v)) * dt
     return touching + max(touching, 2.0 * spread)
 
 
-def _uniform(model: Model) -> bool:
+def _uniform(run: RunState) -> bool:
     """Whether all elements have one size and thickness, so that the order of processing cannot matter."""
-    el = model.elements
+    el = run.elements
     return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
 
 
 class SingleStepper(Forgetful):
     """What the single-step schemes share: partners by the rules of spec 5.1."""
 
-    def __init__(self, model: Model) -> None:
-        self._near = Neighbourhood(model)
-        self._around = allocate_surroundings(model.elements.mass.size)
+    def __init__(self, run: RunState) -> None:
+        self._near = Neighbourhood()
+        self._version = -1
+        self._around = allocate_surroundings(run.elements.size)
 
     @property
     def applied(self) -> Floats:
         """See `Stepper.applied`."""
         return self._around.applied
 
-    def surround(self, model: Model) -> None:
+    def surround(self, run: RunState) -> None:
         """Do nothing: these schemes sample within the step."""
 
-    def _partners(self, model: Model, sizes: Sizes) -> Partners:
-        c, near = model.constants, self._near
+    def _partners(self, run: RunState, sizes: Sizes) -> Partners:
+        el, bonds, c, near = run.elements, run.bonds, run.constants, self._near
+        none, group = no_pairs(el.size), np.zeros(0, np.int64)  # nothing is repeated until it settles
         if not c.interactions:
-            return Partners(near.none, near.none, near.none)
-        bonded = near.bonded(model)[0] if c.bonds_on else near.none
+            return Partners(none, none, none, np.zeros(0), group)
+        bonded, rest = none, np.zeros(0)
+        if self._version != run.population.version:
+            near, self._version = Neighbourhood(), run.population.version
+            self._near = near
+        if c.bonds_on:
+            bonded, bond = near.bonded(el, bonds)
+            rest = rest_lengths(bonds, bond, c)
+        reach = 2.0 * float(sizes.radius.max())
         if c.plain_kid_branch:
-            return Partners(bonded, near.none, near.find(model, 2.0 * float(sizes.radius.max()), ANY))
-        touching = near.same_berg(model, 2.0 * float(sizes.radius.max())) if c.bonds_on else near.none
-        return Partners(bonded, touching, near.collisions(model, sizes))
+            return Partners(bonded, none, near.find(el, reach, ANY, c), rest, group)
+        touching = near.same_berg(el, bonds, reach, c) if c.bonds_on else none
+        return Partners(bonded, touching, near.collisions(el, sizes, c), rest, group)
 
 
 class VerletStepper(SingleStepper):
     """Single-step velocity Verlet (spec 6.2)."""
 
-    def step(self, model: Model) -> None:
+    def step(self, run: RunState) -> None:
         """Advance by one step."""
-        el, c, dt = model.elements, model.constants, model.parameters.stepping.time_step
-        if model.step_number == 0 and c.grid_position_round_trip and model.forcing.grid is not None:
-            round_trip(el, model.forcing.grid.arrays)
-        model.forcing.sample(el, model.time)
-        self._update_velocities(model, el, self._around)
+        el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
+        if run.step_number == 0 and c.grid_position_round_trip and run.forcing.grid is not None:
+            round_trip(el, run.forcing.grid.arrays)
+        run.forcing.sample(el, run.time)
+        if self._around.coriolis.size != el.size:
+            self._around = allocate_surroundings(el.size)
+        self._update_velocities(run, el, self._around)
         verlet.update_positions(el, dt, c)
-        settle(model)
+        settle(run)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
-        model.time += dt
+        run.time += dt
 
-    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Take the velocity that the next step begins with, on a copy of the elements."""
-        el, _ = copy_state(model.elements, model.bonds)
-        model.forcing.sample(el, model.time)
-        self._update_velocities(model, el, allocate_surroundings(el.mass.size))
+        el = run.elements.copy()
+        run.forcing.sample(el, run.time)
+        self._update_velocities(run, el, allocate_surroundings(el.size))
         return el.u, el.v
 
-    def _update_velocities(self, model: Model, el: Elements, around: Surroundings) -> None:
+    def _update_velocities(self, run: RunState, el: Elements, around: Surroundings) -> None:
         """Update the velocities of ``el``, or impose those that are given: then no force has acted."""
-        c, dt = model.constants, model.parameters.stepping.time_step
+        c, dt = run.constants, run.parameters.stepping.time_step
         sizes = interaction_sizes(el, c)
-        verlet.update_velocities(el, self._partners(model, sizes), sizes, around, dt, c)
-        imposed = model.parameters.stepping.fixed_velocity
+        verlet.update_velocities(el, self._partners(run, sizes), sizes, around, dt, c)
+        imposed = run.parameters.stepping.fixed_velocity
         if imposed is not None:
             verlet.impose_velocity(el, *imposed)
             around.applied[:] = 0.0
@@ -355,9 +348,13 @@ class VerletStepper(SingleStepper):
 class RungeKuttaStepper(SingleStepper):
     """Fourth-order Runge-Kutta (spec 6.3)."""
 
-    def __init__(self, model: Model) -> None:
-        super().__init__(model)
-        self._stages = runge_kutta.allocate_stages(model.elements.mass.size)
+    def __init__(self, run: RunState) -> None:
+        super().__init__(run)
+        self._make_room(run.elements.size)
+
+    def _make_room(self, count: int) -> None:
+        self._stages = runge_kutta.allocate_stages(count)
+        self._around = allocate_surroundings(count)
         self._applied = np.zeros_like(self._around.applied)
 
     @property
@@ -365,51 +362,44 @@ class RungeKuttaStepper(SingleStepper):
         """See `Stepper.applied`."""
         return self._applied
 
-    def step(self, model: Model) -> None:
+    def step(self, run: RunState) -> None:
         """Advance by one step; stages go from the cell at the start of the step."""
-        el, c, dt = model.elements, model.constants, model.parameters.stepping.time_step
-        mean_speeds = model.parameters.stepping.predictor_corrector
+        el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
+        mean_speeds = run.parameters.stepping.predictor_corrector
         sizes = interaction_sizes(el, c)
-        partners = self._partners(model, sizes)
+        partners = self._partners(run, sizes)
         cells = el.cell_i.copy(), el.cell_j.copy(), el.xi.copy(), el.eta.copy()
         shown = el.lon_pair.copy(), el.lat_pair.copy()
+        if self._stages.x0.size != el.size:
+            self._make_room(el.size)
         runge_kutta.begin(el, self._stages)
         self._applied[:] = 0.0
         for stage in range(4):
             if stage > 0:
                 runge_kutta.go_to_stage(el, self._stages, stage, runge_kutta.AHEAD[stage], dt, c)
-                self._settle_stage(model, cells, shown)
-            ahead = 0.0 if model.parameters.compatibility.forcing_lag else runge_kutta.AHEAD[stage] * dt
-            model.forcing.sample(el, model.time + ahead)
+                self._settle_stage(run, cells, shown)
+            ahead = 0.0 if run.parameters.compatibility.forcing_lag else runge_kutta.AHEAD[stage] * dt
+            run.forcing.sample(el, run.time + ahead)
             runge_kutta.evaluate(
-                el,
-                self._stages,
-                stage,
-                runge_kutta.FRACTION[stage],
-                partners,
-                sizes,
-                self._around,
-                dt,
-                mean_speeds,
-                c,
+                el, self._stages, stage, runge_kutta.FRACTION[stage], partners, sizes, self._around, dt, mean_speeds, c
             )
             self._applied += runge_kutta.WEIGHT[stage] * self._around.applied
         runge_kutta.finish(el, self._stages, dt, c)
-        self._settle_stage(model, cells, shown)
-        settle(model)
+        self._settle_stage(run, cells, shown)
+        settle(run)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
-        model.time += dt
+        run.time += dt
 
-    def synchronised(self, model: Model) -> tuple[Floats, Floats]:
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Return the velocity of the end of the step."""
-        return model.elements.u.copy(), model.elements.v.copy()
+        return run.elements.u.copy(), run.elements.v.copy()
 
     @staticmethod
-    def _settle_stage(model: Model, cells: tuple[Ints, Ints, Floats, Floats], shown: tuple[Floats, Floats]) -> None:
+    def _settle_stage(run: RunState, cells: tuple[Ints, Ints, Floats, Floats], shown: tuple[Floats, Floats]) -> None:
         """Find the cells of a stage from those at the start; what the others see stays."""
-        el, grid = model.elements, model.forcing.grid
+        el, grid = run.elements, run.forcing.grid
         if grid is None:
             return
         el.cell_i[:], el.cell_j[:], el.xi[:], el.eta[:] = cells
-        settle_elements(el, grid.arrays, model.constants)
+        settle_elements(el, grid.arrays, run.constants)
         el.lon_pair[:], el.lat_pair[:] = shown

@@ -48,8 +48,10 @@ def _interaction_sizes(elements: Elements, p: KernelParameters) -> tuple[Floats,
     for e in range(count):
         area = body.length[e] * body.width[e]
         radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
-        if p.constant_size and p.constant_length > 0.0:
-            bond_area[e] = p.constant_length * p.constant_width
+        # Not yet known where a state is looked at before a model has taken it.
+        constant = body.bond_area[e] if body.bond_area[e] > 0.0 else p.constant_length * p.constant_width
+        if p.constant_size and constant > 0.0:
+            bond_area[e] = constant
             bond_mass[e] = bond_area[e] * body.thickness[e] * p.rho_ice
         else:
             bond_area[e] = area

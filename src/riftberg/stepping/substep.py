@@ -12,11 +12,11 @@ from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import PairList
 from riftberg.stepping.bond_law import bond_forces, gather_ends, keep_peaks, sum_over_bonds, unwrap_ends
 from riftberg.stepping.bond_rows import BondRows
 from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, break_overloaded
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
-from riftberg.stepping.neighbours import PairList
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.wear import damage_rows
 

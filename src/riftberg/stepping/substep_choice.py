@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements
+from riftberg.state.population import cut_out
+from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.lattice_modes import bond_operator, largest_eigenvalue
-from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.run_state import RunState
+from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 
 def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> float:
@@ -60,3 +64,35 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
             remedy=f"Set it to {least} or more, or leave it out to have it chosen",
         )
     return given
+
+
+def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
+    """Choose the number of sub-steps of the bergs to which the ``chosen`` elements belong, each for itself.
+
+    Fragments keep the number of the berg that they come from: found anew it would depend on the bonds broken since.
+
+    Raises
+    ------
+    InputError
+        If the number that the parameters give is too small for one of these bergs.
+    """
+    if not chosen.any():
+        return
+    p, elements, bonds = run.parameters, run.elements, run.bonds
+    if p.stepping.scheme != "mts":
+        elements.body.substeps[:] = 1
+        return
+    part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
+    if p.compatibility.bergs_coupled or not part.any():
+        sizes = interaction_sizes(elements, run.constants)
+        elements.body.substeps[:] = choose_substeps(p, elements, bonds, sizes)
+        return
+    touched = np.isin(part, part[chosen])
+    given = p.stepping.substeps
+    elements.body.substeps[touched] = 1 if given is None else given
+    bonded = np.bincount(part)[part] > 1
+    for k in np.unique(part[touched & bonded]):
+        rows = np.flatnonzero(part == k)
+        some, between, _ = cut_out(elements, bonds, rows)
+        sizes = interaction_sizes(some, run.constants)
+        elements.body.substeps[rows] = choose_substeps(p, some, between, sizes)

@@ -176,7 +176,7 @@ class ReplayContent:
         }
 
     def _table(self, name: str) -> Floats:
-        return self.run[name].transpose("time", "trajectory").values[self.records].astype(np.float64)
+        return np.nan_to_num(self.run[name].transpose("time", "trajectory").values[self.records].astype(np.float64))
 
     def _element_stress(self) -> Floats:
         """Return the largest tensile stress (Pa) over the bonds of each element, since the record before."""

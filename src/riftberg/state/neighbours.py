@@ -16,6 +16,7 @@ from riftberg.state import Floats, Ints
 
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
+_FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
 
 
 class PairList(NamedTuple):
@@ -31,7 +32,9 @@ def no_pairs(count: int) -> PairList:
 
 
 @kernel
-def _hash_columns(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float):
+def _hash_columns(
+    x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float
+) -> tuple[float, float, int, int, float, float]:
     """Width of a column and a row in units of x and y, their numbers, and the origin."""
     high = 0.0
     for lat in y:
@@ -42,8 +45,10 @@ def _hash_columns(x: Floats, y: Floats, reach: float, latlon: bool, radius: floa
     width_x, width_y = reach / (per_unit * cosine), reach / per_unit
     x0, y0 = (0.0 if period > 0.0 else x.min()), y.min()
     span = period if period > 0.0 else x.max() - x0
-    columns = int(min(max(span / width_x, 1.0), _MAX_COLUMNS))
     rows = int(min(max((y.max() - y0) / width_y + 1.0, 1.0), _MAX_COLUMNS))
+    # Bergs far apart must not make a grid of mostly empty cells that costs more than the search.
+    most = max(_FEWEST_CELLS, _CELLS_PER_ELEMENT * x.size) // rows
+    columns = int(min(max(span / width_x, 1.0), min(most, _MAX_COLUMNS)))
     width_x = max(width_x, span / columns) if period <= 0.0 else span / columns
     if period <= 0.0:
         columns = min(columns + 1, _MAX_COLUMNS + 1)
@@ -51,7 +56,9 @@ def _hash_columns(x: Floats, y: Floats, reach: float, latlon: bool, radius: floa
 
 
 @kernel
-def _bin(x: Floats, y: Floats, width_x, width_y, columns, rows, x0, y0, period):
+def _bin(
+    x: Floats, y: Floats, width_x: float, width_y: float, columns: int, rows: int, x0: float, y0: float, period: float
+) -> tuple[Ints, Ints, Ints]:
     """Sort elements into bins: start of each bin, and the elements of all bins in turn."""
     count = x.size
     cell = np.empty(count, np.int64)
@@ -60,8 +67,9 @@ def _bin(x: Floats, y: Floats, width_x, width_y, columns, rows, x0, y0, period):
         along = x[e] - x0
         if period > 0.0:
             along -= period * np.floor(along / period)
-        column = min(int(along / width_x), columns - 1)
-        row = min(int((y[e] - y0) / width_y), rows - 1)
+        # A run that goes wrong has positions too large for whole numbers; they must not lead out of the bins.
+        column = min(max(int(along / width_x), 0), columns - 1)
+        row = min(max(int((y[e] - y0) / width_y), 0), rows - 1)
         cell[e] = row * columns + column
         start[cell[e] + 1] += 1
     for c in range(columns * rows):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.stepping.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs
+from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs
 from twins import geometry
 
 RADIUS = 6_363_827.0
@@ -91,3 +91,13 @@ def test_adjacency_lists_unbroken_bonds_of_both_ends_in_order():
     bonds = [bond[pairs.start[e] : pairs.start[e + 1]].tolist() for e in range(5)]
     assert lists == [[1, 2, 3], [0], [0], [0], []]
     assert bonds == [[0, 1, 3], [0], [1], [3], []]
+
+
+@pytest.mark.parametrize("period", [360.0, 0.0])
+def test_positions_of_a_run_gone_wrong_do_not_lead_out_of_the_bins(period):
+    """A run with verlet and too long a step once ended in a segmentation fault instead of an error."""
+    x = np.array([-37.0, 1e200, -1e300, -37.01, 5.0])
+    y = np.array([-56.0, 1e150, -56.0, -56.0, -1e250])
+    found = find_pairs(x, y, np.arange(5), 5e3, ANY, True, 6.371e6, period)
+    assert found.start[-1] == found.partner.size
+    assert 3 in found.partner[found.start[0] : found.start[1]]

@@ -1,0 +1,149 @@
+"""The model with its files: a run file, restart files, and going on from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+import xarray as xr
+
+from riftberg.errors import RiftbergError, RunError
+from riftberg.interrupts import held, say
+from riftberg.model import BareModel, Recorder
+from riftberg.ocean.forcing import Forcing
+from riftberg.runs.restart import load_state, save
+from riftberg.runs.run_file import memory_run
+
+OWN_EXTRAS = ("substeps", "next_element", "next_bond")
+"""What a restart file holds beside the state that no recorder has left there."""
+
+
+class Model(BareModel):
+    """Bonded icebergs in an ocean.
+
+    Parameters
+    ----------
+    berg : Iceberg
+        Elements and bonds at the start; copied.
+    forcing : Forcing
+        Ocean, air, sea ice and sea floor.
+    parameters : Parameters, optional
+        All parameters; the published A68a physics with Riftberg's numerics by default.
+    start : datetime.datetime, optional
+        Date of time zero (UTC).
+
+    Attributes
+    ----------
+    elements, bonds : Elements, Bonds
+        The state; take them anew after elements have come or gone.
+    time : float
+        Seconds since the start.
+    step_number : int
+        Long steps taken.
+    fragments : FragmentTree
+        Family tree of the fragments.
+    after_step : list of callables
+        Processes called after each long step, see `riftberg.model.BareModel`.
+    substeps : int
+        Sub-steps in a long step.
+
+    Examples
+    --------
+    >>> from riftberg import Iceberg, Model, Steady
+    >>> berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
+    >>> model = Model(berg, Steady(current=(0.2, 0.0)))
+    >>> model.run(days=1).sizes["trajectory"]
+    40
+    """
+
+    def run(
+        self,
+        days: float | None = None,
+        *,
+        steps: int | None = None,
+        recorders: Sequence[Recorder] = (),
+        output: str | Path | None = None,
+        every_hours: float = 1.0,
+        forces: bool = False,
+    ) -> xr.Dataset:
+        """Run for some days and return the trajectory.
+
+        Parameters
+        ----------
+        days : float
+            Length of the run; or give ``steps``.
+        steps : int
+            Number of long steps.
+        recorders : sequence of Recorder
+            Called after every long step.
+        output : path, optional
+            Run file to write; kept in memory only if left out.
+        every_hours : float
+            Interval of the records in the run file.
+        forces : bool, optional
+            Record the mean force of each medium on each element too.
+
+        Returns
+        -------
+        xarray.Dataset
+            The run, as `riftberg.runs.run_file` writes it.
+
+        Raises
+        ------
+        ForcingError
+            If the forcing does not serve the whole run; raised before the first step.
+        RunError
+            If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
+            where. Without ``output`` the model itself is left at that state.
+        KeyboardInterrupt
+            After Ctrl-C, at the end of the step in hand; the run file is complete up to there, and the state is saved as
+            above. So it is with the SystemExit after a request to terminate.
+        """
+        before = self.step_number
+        with held(), memory_run(output, every_hours, forces) as writer:
+            try:
+                self.advance(days, steps=steps, recorders=[*recorders, writer])
+            except (KeyboardInterrupt, SystemExit):
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, 'interrupted')}")
+                raise
+            except RiftbergError as error:
+                if self.step_number == before and not isinstance(error, RunError):
+                    raise  # refused before the first step: there is nothing to save
+                raise RunError(
+                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}"
+                ) from error
+            return writer.dataset()
+
+    def _rescued(self, output: str | Path | None, why: str = "failed") -> str:
+        """Save the last good state where there is a place for it, and say how to go on."""
+        if output is None:
+            return "The model is left at its last good state: save it with model.save(path)"
+        path = Path(output)
+        saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
+        return f"Go on with Model.resume({str(saved)!r}, forcing)"
+
+    def save(self, path: str | Path) -> Path:
+        """Write a restart file from which `resume` goes on bit for bit."""
+        coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
+        return save(self, path, extra={**coming, **self.remembered, **self._stepper.memory()})
+
+    @classmethod
+    def resume(cls, path: str | Path, forcing: Forcing) -> Self:
+        """Go on from a restart file; gives bit for bit the run that never stopped.
+
+        Parameters
+        ----------
+        path : path
+            File written by `save`.
+        forcing : Forcing
+            The same forcing as before. Processes (``after_step``) are attached anew.
+        """
+        state = load_state(path)
+        model = cls.going_on(
+            state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
+            state.fragment_rows(),
+        )  # fmt: skip
+        model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
+        model._stepper.recall(state.extra)
+        return model

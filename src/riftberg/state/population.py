@@ -1,0 +1,207 @@
+"""Elements and bonds that come and go: arrays with spare capacity, and identifiers that are never used twice.
+
+An element is its ``id``, a bond its ``id``; the row in which it lies changes when others before it are removed. So
+`Population.elements` and `Population.bonds` are views that hold until the next append or remove: take them anew then.
+Rows keep their order, and the newly born come last.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError
+from riftberg.state import Bonds, Elements, Ints, elements_of, new_bonds
+
+
+class Saved(NamedTuple):
+    """A population as it stood at one moment."""
+
+    elements: Elements
+    bonds: Bonds
+    next_element: int
+    next_bond: int
+    version: int
+
+
+class Population:
+    """Elements and bonds of a run.
+
+    Parameters
+    ----------
+    elements, bonds : Elements, Bonds
+        Those at the start; taken over, not copied.
+    next_element, next_bond : int, optional
+        Identifiers that the next newly born get; one above the largest by default.
+
+    Attributes
+    ----------
+    version : int
+        Rises whenever rows change: what is kept by row must be made anew then.
+    """
+
+    def __init__(self, elements: Elements, bonds: Bonds, next_element: int = 0, next_bond: int = 0) -> None:
+        self.version = 0
+        self._elements, self._bonds = elements, bonds
+        self._room, self._bond_room = elements.arrays(), bonds.arrays()
+        self.next_element = max(next_element, _above(elements.body.id))
+        self.next_bond = max(next_bond, _above(bonds.id))
+
+    @property
+    def elements(self) -> Elements:
+        """The elements, by row; see the top of this file for how long they hold."""
+        return self._elements
+
+    @property
+    def bonds(self) -> Bonds:
+        """The bonds, by row."""
+        return self._bonds
+
+    def rows(self, ids: Any) -> Ints:
+        """Return the rows of elements.
+
+        Raises
+        ------
+        InputError
+            If an identifier is not, or no longer, in the population.
+        """
+        wanted = np.atleast_1d(np.asarray(ids, np.int64))
+        order = np.argsort(self._elements.body.id, kind="stable")
+        known = self._elements.body.id[order]
+        place = np.minimum(np.searchsorted(known, wanted), max(known.size - 1, 0))
+        missing = known[place] != wanted if known.size else np.ones(wanted.size, bool)
+        if missing.any():
+            raise InputError(
+                f"no element has the identifier {wanted[missing][0]}",
+                where="population",
+                remedy="Take identifiers from elements.id; those of removed elements are not used again",
+            )
+        return np.asarray(order[place], np.int64)
+
+    def append(self, elements: Elements, bonds: Bonds | None = None) -> Ints:
+        """Add elements and bonds between them.
+
+        Parameters
+        ----------
+        elements : Elements
+            The newly born; copied. Identifiers are given here.
+        bonds : Bonds, optional
+            Bonds between them; their ends are rows of ``elements``.
+
+        Returns
+        -------
+        array of int
+            Identifiers of the newly born.
+        """
+        ids = np.arange(self.next_element, self.next_element + elements.size)
+        self.next_element += elements.size
+        before = self._elements.size
+        self._room = _extended(self._room, before, {**elements.arrays(), "id": ids})
+        self._show(before + elements.size, self._bonds.first.size)
+        if bonds is not None and bonds.first.size:
+            self._add_bonds({**bonds.arrays(), "first": bonds.first + before, "second": bonds.second + before})
+        self.version += 1
+        return ids
+
+    def join(self, first: Any, second: Any) -> Ints:
+        """Form unbroken bonds between elements by their identifiers; returns the identifiers of the bonds."""
+        new = new_bonds(self.rows(first), self.rows(second))
+        self.version += 1
+        return self._add_bonds(new.arrays())
+
+    def remove(self, ids: Any) -> None:
+        """Take elements out, with all bonds that end in them.
+
+        Raises
+        ------
+        InputError
+            If an identifier is not, or no longer, in the population.
+        """
+        stays = np.ones(self._elements.size, bool)
+        stays[self.rows(ids)] = False
+        row = np.cumsum(stays) - 1
+        bonds = self._bonds.taken(stays[self._bonds.first] & stays[self._bonds.second])
+        bonds.first[:], bonds.second[:] = row[bonds.first], row[bonds.second]
+        self._hold(self._elements.taken(stays), bonds)
+
+    def compact(self) -> None:
+        """Give back the spare capacity."""
+        self._hold(self._elements.copy(), self._bonds.copy())
+
+    def saved(self) -> Saved:
+        """Return a copy to which `restore` goes back."""
+        return Saved(self._elements.copy(), self._bonds.copy(), self.next_element, self.next_bond, self.version)
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to a saved population; in place where no row has come or gone since."""
+        if self.version != saved.version:
+            self._hold(saved.elements, saved.bonds)
+            self.next_element, self.next_bond = saved.next_element, saved.next_bond
+            return
+        for now, then in ((self._elements, saved.elements), (self._bonds, saved.bonds)):
+            for name, array in now.arrays().items():
+                array[:] = getattr(then, name)
+
+    def _hold(self, elements: Elements, bonds: Bonds) -> None:
+        self._room, self._bond_room = elements.arrays(), bonds.arrays()
+        self._show(elements.size, bonds.first.size)
+        self.version += 1
+
+    def _show(self, elements: int, bonds: int) -> None:
+        """Make the views of the rows in use."""
+        self._elements = elements_of({name: array[:elements] for name, array in self._room.items()})
+        self._bonds = Bonds(**{name: array[:bonds] for name, array in self._bond_room.items()})
+
+    def _add_bonds(self, arrays: dict[str, NDArray[Any]]) -> Ints:
+        count, before = arrays["first"].size, self._bonds.first.size
+        ids = np.arange(self.next_bond, self.next_bond + count)
+        self.next_bond += count
+        self._bond_room = _extended(self._bond_room, before, {**arrays, "id": ids})
+        self._show(self._elements.size, before + count)
+        return ids
+
+
+def _above(ids: Ints) -> int:
+    return int(ids.max()) + 1 if ids.size else 1
+
+
+def _extended(room: dict[str, NDArray[Any]], used: int, new: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Write new rows behind those in use; where they do not fit, into arrays of twice the capacity."""
+    needed = used + next(iter(new.values())).size
+    capacity = next(iter(room.values())).size
+    if needed > capacity:
+        bigger = {name: np.zeros(max(needed, 2 * capacity), array.dtype) for name, array in room.items()}
+        for name, array in room.items():
+            bigger[name][:used] = array[:used]
+        room = bigger
+    for name, array in room.items():
+        array[used:needed] = new[name]
+    return room
+
+
+def cut_out(elements: Elements, bonds: Bonds, rows: Ints) -> tuple[Elements, Bonds, Ints]:
+    """Return a copy of some elements and of the bonds between them, and the rows of these bonds.
+
+    Parameters
+    ----------
+    elements, bonds : Elements, Bonds
+    rows : array of int
+        Rows of the elements, rising.
+    """
+    place = np.full(elements.size, -1, np.int64)
+    place[rows] = np.arange(rows.size)
+    inside = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
+    part = bonds.taken(inside)
+    part.first[:], part.second[:] = place[part.first], place[part.second]
+    return elements.taken(rows), part, inside
+
+
+def put_back(elements: Elements, bonds: Bonds, rows: Ints, bond_rows: Ints, part: Elements, part_bonds: Bonds) -> None:
+    """Write what `cut_out` gave, and what was done with it since, back into its rows."""
+    for name, array in part.arrays().items():
+        getattr(elements, name)[rows] = array
+    for name, array in part_bonds.arrays().items():
+        if name not in ("first", "second"):
+            getattr(bonds, name)[bond_rows] = array

@@ -1,0 +1,87 @@
+"""What must be known of an element or a bond before it is stepped: filled in when it is new, and kept from then on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.state import Floats, Ints
+from riftberg.stepping.conglomerates import connected_parts
+from riftberg.stepping.run_state import RunState
+from riftberg.stepping.sizes import interaction_sizes
+
+
+def complete_state(run: RunState) -> None:
+    """Set the area by which bonds know an element, and the rest length of a bond, where they are not yet known."""
+    _set_bond_areas(run)
+    unknown = np.isnan(run.bonds.rest_length)
+    if unknown.any():
+        sizes = interaction_sizes(run.elements, run.constants)
+        # Single-step schemes know springs by the elements' own sizes (spec 1.4, v).
+        radius = sizes.bond_radius if run.parameters.stepping.scheme == "mts" else sizes.radius
+        first, second = run.bonds.first[unknown], run.bonds.second[unknown]
+        run.bonds.rest_length[unknown] = radius[first] + radius[second]
+
+
+def _set_bond_areas(run: RunState) -> None:
+    """Constant area of all bonds of a berg: as the parameters say, or from the mean sides of the berg (spec 1.4, v)."""
+    body, b = run.elements.body, run.parameters.bonds
+    unknown = body.bond_area == 0.0
+    if not unknown.any():
+        return
+    if not b.constant_size:
+        body.bond_area[unknown] = body.length[unknown] * body.width[unknown]
+    elif b.constant_length > 0.0 and b.constant_width > 0.0:
+        body.bond_area[unknown] = b.constant_length * b.constant_width
+    else:
+        bonds = run.bonds
+        part = connected_parts(run.elements.size, bonds.first, bonds.second, bonds.status)
+        count = np.bincount(part)
+        length, width = (np.bincount(part, side) / count for side in (body.length, body.width))
+        area = length * width
+        # What joins a berg takes its size.
+        area[part[~unknown]] = body.bond_area[~unknown]
+        body.bond_area[unknown] = area[part[unknown]]
+
+
+def surround_newborn(run: RunState, newborn: NDArray[np.bool_], sampled: bool) -> None:
+    """Place the newly born on the grid and, where the others have been ``sampled``, give them their environment."""
+    if not newborn.any():
+        return
+    rows = np.flatnonzero(newborn)
+    some = run.elements.taken(rows)
+    if run.forcing.grid is not None:
+        run.forcing.grid.locate(some)
+    if sampled:
+        p = run.parameters
+        lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
+        run.forcing.sample(some, run.time - lag)
+    for group in (some.place, some.environment):
+        for name in group._fields:
+            getattr(run.elements, name)[rows] = getattr(group, name)
+
+
+def changed_rows(
+    ids: Ints, values: tuple[Floats, ...], ids_before: Ints, before: tuple[Floats, ...]
+) -> NDArray[np.bool_]:
+    """Return which elements have other values than before; the newly born count as changed."""
+    if ids_before.size == 0:
+        return np.ones(ids.size, bool)
+    order = np.argsort(ids_before, kind="stable")
+    place = np.minimum(np.searchsorted(ids_before[order], ids), ids_before.size - 1)
+    row = order[place]
+    changed: NDArray[np.bool_] = ids_before[row] != ids
+    for now, then in zip(values, before, strict=True):
+        changed |= now != then[row]
+    return changed
+
+
+def by_identifier(ids: Ints, values: Floats, wanted: Ints) -> Floats:
+    """Return rows of values in the order of other identifiers; zeros for those that have none."""
+    order = np.argsort(ids, kind="stable")
+    place = order[np.minimum(np.searchsorted(ids[order], wanted), max(ids.size - 1, 0))] if ids.size else wanted[:0]
+    found = np.zeros((wanted.size, *values.shape[1:]))
+    if ids.size:
+        known = ids[place] == wanted
+        found[known] = values[place[known]]
+    return found

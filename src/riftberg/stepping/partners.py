@@ -1,0 +1,68 @@
+"""Who acts on whom in a step: partners over bonds, inside a berg and of other bergs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.parameters import KernelParameters
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
+from riftberg.stepping.sizes import Sizes
+
+
+class Neighbourhood:
+    """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
+
+    def __init__(self) -> None:
+        self._bonded: tuple[PairList, Ints] | None = None
+        self._standing: tuple[int, int, int] = (-1, -1, -1)
+
+    def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
+        """Partners over unbroken bonds and the bond of each entry."""
+        # Bonds only break, and a new one raises the largest identifier; elements that go change the number of elements.
+        standing = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
+        if self._bonded is None or standing != self._standing:
+            self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
+            self._standing = standing
+        return self._bonded
+
+    def find(self, el: Elements, reach: float, rule: int, c: KernelParameters) -> PairList:
+        """Partners within ``reach`` metres by the positions that others see."""
+        if el.size < 2 or reach <= 0.0:
+            return no_pairs(el.size)
+        return find_pairs(el.lon_pair, el.lat_pair, el.berg, reach, rule, c.latlon, c.earth_radius, c.period)
+
+    def collisions(self, el: Elements, sizes: Sizes, c: KernelParameters) -> PairList:
+        """Partners of other bergs within reach of contact."""
+        if not c.interactions or not (el.berg != el.berg[0]).any():
+            return no_pairs(el.size)
+        # The largest distance at which two elements can be in contact.
+        return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c)
+
+    def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
+        """Unbonded partners of the same berg within ``reach``."""
+        return without(self.find(el, reach, SAME_BERG, c), self.bonded(el, bonds)[0])
+
+
+def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
+    """Return ``pairs`` with only those partners that are allowed (Q21: partners with fewer than ``max_bonds`` bonds)."""
+    count = pairs.start.size - 1
+    owner = np.repeat(np.arange(count), np.diff(pairs.start))
+    keep = allowed[pairs.partner]
+    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
+    return PairList(start, pairs.partner[keep])
+
+
+def without(pairs: PairList, excluded: PairList) -> PairList:
+    """Return ``pairs`` less those that stand in ``excluded``."""
+    count = pairs.start.size - 1
+    owner = np.repeat(np.arange(count), np.diff(pairs.start))
+    taken = np.repeat(np.arange(count), np.diff(excluded.start)) * count + excluded.partner
+    keep = ~np.isin(owner * count + pairs.partner, taken)
+    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
+    return PairList(start, pairs.partner[keep])
+
+
+def rest_lengths(bonds: Bonds, bond: Ints, p: KernelParameters) -> Floats:
+    """Rest lengths (m) of the entries of a list of bonded partners; none where the reference's rule holds."""
+    return np.zeros(0) if p.rest_length_from_sizes else bonds.rest_length[bond]

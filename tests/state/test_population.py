@@ -1,0 +1,161 @@
+"""A population in which elements come and go, without a model."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from riftberg.errors import InputError
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, GROUPS, new_bonds, new_elements
+from riftberg.state.population import Population, cut_out, put_back
+
+
+def line(count):
+    """Elements in a row, each bonded to the next; every variable different in every element."""
+    elements = new_elements(count)
+    for k, (name, array) in enumerate(elements.arrays().items()):
+        if name != "id":
+            array[:] = 100 * k + np.arange(count)
+    return elements, new_bonds(np.arange(count - 1), np.arange(1, count))
+
+
+def values(population, ids):
+    """All variables of some elements but their identifiers."""
+    rows = population.rows(ids)
+    return {name: array[rows].copy() for name, array in population.elements.arrays().items() if name != "id"}
+
+
+def test_every_variable_is_declared_once():
+    names = [v.name for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES)]
+    assert len(set(v.name for v in ELEMENT_VARIABLES)) == len(ELEMENT_VARIABLES)
+    assert all(v.units and v.long_name for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES)), names
+    assert {v.group for v in ELEMENT_VARIABLES} == set(GROUPS)
+
+
+def test_a_variable_is_found_with_and_without_its_group():
+    elements = new_elements(2)
+    assert elements.lon is elements.place.lon
+    with pytest.raises(AttributeError, match="no variable 'longitude'"):
+        elements.longitude  # noqa: B018
+
+
+def test_new_elements_come_last_and_their_bonds_with_them():
+    population = Population(*line(4))
+    ids = population.append(*line(3))
+    assert ids.tolist() == [5, 6, 7]
+    assert population.elements.id.tolist() == [1, 2, 3, 4, 5, 6, 7]
+    bonds = population.bonds
+    assert list(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == [
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (4, 5),
+        (5, 6),
+    ]
+    assert bonds.id.tolist() == [1, 2, 3, 4, 5]
+
+
+def test_removed_elements_take_their_bonds_along_and_the_rest_keeps_its_values():
+    population = Population(*line(6))
+    stays = [1, 2, 4, 5, 6]
+    before = values(population, stays)
+    population.remove([3])
+    assert population.elements.id.tolist() == stays
+    ends = population.elements.id[population.bonds.first], population.elements.id[population.bonds.second]
+    assert list(zip(*(e.tolist() for e in ends), strict=True)) == [(1, 2), (4, 5), (5, 6)]
+    after = values(population, stays)
+    assert all(np.array_equal(before[name], after[name]) for name in before)
+
+
+def test_identifiers_are_never_used_again():
+    population = Population(*line(3))
+    population.remove([3])
+    assert population.append(new_elements(1)).tolist() == [4]
+    population.remove([1, 2, 4])
+    assert population.elements.size == 0
+    assert population.append(new_elements(2)).tolist() == [5, 6]
+    assert population.join([5], [6]).tolist() == [3]
+
+
+def test_elements_that_are_not_there_are_refused():
+    population = Population(*line(3))
+    population.remove([2])
+    with pytest.raises(InputError, match="no element has the identifier 2"):
+        population.remove([2])
+    with pytest.raises(InputError, match="no element has the identifier 9"):
+        population.join([1], [9])
+
+
+def test_rows_are_found_whatever_their_order():
+    elements, bonds = line(4)
+    elements.id[:] = [40, 7, 99, 12]
+    population = Population(elements, bonds)
+    assert population.rows([12, 40, 99]).tolist() == [3, 0, 2]
+    assert population.append(new_elements(1)).tolist() == [100]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_births_and_deaths_leave_every_other_element_as_it_was(seed):
+    rng = np.random.default_rng(seed)
+    population = Population(*line(20))
+    known = {int(i): float(x) for i, x in zip(population.elements.id, population.elements.lon, strict=True)}
+    joined = {tuple(p) for p in np.stack([population.bonds.first, population.bonds.second], axis=1) + 1}
+    for _ in range(40):
+        if rng.random() < 0.5 and known:
+            gone = rng.choice(list(known), min(len(known), int(rng.integers(1, 5))), replace=False)
+            population.remove(gone)
+            known = {i: x for i, x in known.items() if i not in gone}
+            joined = {pair for pair in joined if not set(pair) & set(gone.tolist())}
+        else:
+            new, bonds = line(int(rng.integers(1, 6)))
+            new.lon[:] = rng.random(new.size)
+            ids = population.append(new, bonds)
+            known |= {int(i): float(x) for i, x in zip(ids, new.lon, strict=True)}
+            joined |= {(int(a), int(b)) for a, b in itertools.pairwise(ids)}
+        now = population.elements
+        assert {int(i): float(x) for i, x in zip(now.id, now.lon, strict=True)} == known
+        ends = now.id[population.bonds.first].tolist(), now.id[population.bonds.second].tolist()
+        assert set(zip(*ends, strict=True)) == joined
+
+
+def test_growth_copies_seldom():
+    """Capacity doubles: fifty thousand births in fifties move the arrays a dozen times, not a thousand."""
+    population = Population(*line(500))
+    moves, room = 0, population.elements.lon.base
+    while population.elements.size < 50_000:
+        population.append(*line(50))
+        moves += population.elements.lon.base is not room
+        room = population.elements.lon.base
+    assert population.elements.size == 50_000
+    assert len(set(population.elements.id.tolist())) == 50_000
+    assert moves <= 8
+    population.compact()
+    assert population.elements.lon.base is None or population.elements.lon.base.size == 50_000
+
+
+def test_going_back_undoes_births_and_deaths():
+    population = Population(*line(5))
+    saved = population.saved()
+    population.append(*line(3))
+    population.remove([1, 2])
+    population.elements.lon[:] = -1.0
+    population.restore(saved)
+    fresh = Population(*line(5))
+    for name, array in fresh.elements.arrays().items():
+        np.testing.assert_array_equal(getattr(population.elements, name), array, err_msg=name)
+    assert population.append(new_elements(1)).tolist() == [6]
+
+
+def test_a_part_that_is_cut_out_and_put_back_changes_only_its_rows():
+    elements, bonds = line(6)
+    rows = np.array([1, 2, 4, 5])
+    part, between, bond_rows = cut_out(elements, bonds, rows)
+    assert list(zip(between.first.tolist(), between.second.tolist(), strict=True)) == [(0, 1), (2, 3)]
+    part.lon[:], between.damage[:] = -5.0, 0.5
+    put_back(elements, bonds, rows, bond_rows, part, between)
+    assert (elements.lon[rows] == -5.0).all()
+    assert (elements.lon[[0, 3]] != -5.0).all()
+    assert bonds.damage.tolist() == [0.0, 0.5, 0.0, 0.0, 0.5]
+    assert bonds.first.tolist() == [0, 1, 2, 3, 4]
