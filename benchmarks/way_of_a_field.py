@@ -53,7 +53,9 @@ def write_case(folder: Path) -> Path:
         "lat": ("lat", lat, {"units": "degrees_north", "standard_name": "latitude"}),
         "lon": ("lon", lon, {"units": "degrees_east", "standard_name": "longitude"}),
     }
-    wave = np.sin(np.arange(48) / 9.0)[:, None, None] * np.cos(np.radians(9.0 * lon))[None, None, :] + 0.0 * lat[:, None]
+    wave = (
+        np.sin(np.arange(48) / 9.0)[:, None, None] * np.cos(np.radians(9.0 * lon))[None, None, :] + 0.0 * lat[:, None]
+    )
     fields = {
         name: (("time", "lat", "lon"), 0.2 * wave, {"units": "m s-1", "standard_name": f"{way}_sea_water_velocity"})
         for name, way in (("uo", "eastward"), ("vo", "northward"))

@@ -46,6 +46,8 @@ MODULES: Final = {
 
 NAMES: Final = {
     "bergs.assembly.radius_of": "bergs.assembly.inscribed_radius",
+    "bergs.iceberg.Body": "bergs.options.Material",
+    "bergs.placement.Plane": "bergs.placement.FillingPlane",
     "bergs.placement.TangentPlane": "plane.EqualAreaPlane",
     "bergs.regions.Ice": "bergs.regions.IceMask",
     "diagnostics.compare.Day": "diagnostics.compare.RunDay",

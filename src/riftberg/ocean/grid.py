@@ -81,7 +81,7 @@ def _closes(lon: Floats, ni: int, halo: int, period: float) -> bool:
     return bool(abs(row[-1] + spacing - row[0] - period) < 0.5 * abs(spacing))
 
 
-class Turn(TypedDict, total=False):
+class GridTurn(TypedDict, total=False):
     """Cosine and sine of the angle by which a grid is turned at its north-east corners; None for not at all."""
 
     cos_angle: ArrayLike | None
@@ -135,7 +135,7 @@ class Grid:
     def from_corners(
         cls, lon2d: ArrayLike, lat2d: ArrayLike, *, latlon: bool = True, regular: bool = True, period: float = 360.0,
         radius_for_metrics: float = EARTH_RADIUS_A68, mask: ArrayLike | None = None, halo: int = 4,
-        includes_southwest: bool = False, cyclic: bool | None = None, **turn: Unpack[Turn],
+        includes_southwest: bool = False, cyclic: bool | None = None, **turn: Unpack[GridTurn],
     ) -> Grid:  # fmt: skip
         """Return the grid with the given cell corners.
 
