@@ -35,6 +35,8 @@ PHYSICS: dict[str, Parameters] = {
     "dem, damage, fracture after the step": A68A_2022.changed(
         fracture={**WEAK_AFTER, "on_substeps": False}, damage=WEAR
     ),
+    "quasi-static": A68A_2022.changed(fracture=WEAK, stepping={"scheme": "quasi_static"}),
+    "quasi-static, damage": A68A_2022.changed(fracture=STRONG, damage=WEAR, stepping={"scheme": "quasi_static"}),
     "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),
     "spring, implicit sub-steps": A68A_2022.changed(
         **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from riftberg import constants
 
-Scheme = Literal["mts", "verlet", "runge_kutta"]
+Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 GroundingLaw = Literal["linear", "quadratic"]
 Packing = Literal["square", "hexagonal"]
@@ -186,7 +186,7 @@ class Damage(Group):
 class Stepping(Group):
     """How the equations are stepped in time."""
 
-    scheme: Scheme = quantity("mts", "", "mts, verlet or runge_kutta", "spec 6")
+    scheme: Scheme = quantity("mts", "", "mts, verlet, runge_kutta or quasi_static", "spec 6; Riftberg")
     time_step: float = quantity(1800.0, "s", "long step", "spec 10.5", gt=0)
     substeps: int | None = quantity(
         None, "1", "sub-steps in a long step; none means the stable number", "spec 6.4 mts_sub_steps", ge=1
@@ -202,6 +202,13 @@ class Stepping(Group):
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "spec 6.4")
     predictor_corrector: bool = quantity(
         True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "spec 4.2"
+    )
+    landing_steps: int = quantity(
+        8,
+        "1",
+        "with quasi_static: parts of a long step in which an element touches down on the sea floor or comes off it",
+        "Riftberg",
+        ge=1,
     )
     skip_first_long_force: bool = quantity(
         False, "", "the first long step has no long-step forces", "spec 6.4 skip_first_outer_mts_step"

@@ -148,10 +148,16 @@ class Parameters(Group):
             raise ValueError(
                 "bonds.law = 'dem' needs stepping.explicit_substeps = true (spec 6.4: DEM is always explicit)"
             )
-        if self.bonds.law == "dem" and self.stepping.scheme != "mts" and self.fracture.enabled:
+        scheme = self.stepping.scheme
+        if self.bonds.law == "dem" and scheme not in ("mts", "quasi_static") and self.fracture.enabled:
             raise ValueError(
-                "fracture acts in the sub-steps of scheme 'mts' only: set stepping.scheme = 'mts' "
+                "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
                 "or fracture.enabled = false (spec 7, quirk Q25)"
+            )
+        if scheme == "quasi_static" and (self.bonds.law == "spring" or self.bonds.no_shear):
+            raise ValueError(
+                "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
+                "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
@@ -181,7 +187,7 @@ class Parameters(Group):
         """Flatten the groups into the named tuple that compiled code reads."""
         p, c = self, self.compatibility
         hexagonal = p.bonds.packing == "hexagonal"
-        multiple = p.stepping.scheme == "mts"
+        multiple = p.stepping.scheme in ("mts", "quasi_static")
         quadratic = p.grounding.law == "quadratic"
         return KernelParameters(
             multiple_steps=multiple,

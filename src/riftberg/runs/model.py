@@ -126,7 +126,7 @@ class Model(BareModel):
     def save(self, path: str | Path) -> Path:
         """Write a restart file from which `resume` goes on bit for bit."""
         coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
-        return save(self, path, extra={**coming, **self.remembered})
+        return save(self, path, extra={**coming, **self.remembered, **self._stepper.memory()})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Self:
@@ -145,4 +145,5 @@ class Model(BareModel):
             state.fragment_rows(),
         )  # fmt: skip
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
+        model._stepper.recall(state.extra)
         return model

@@ -42,6 +42,7 @@ ADDED = {
     "bond_peak_stress": 2,
     "bond_id": 3,
     "bond_rest_length": 3,
+    "bond_released_energy": 3,
     "element_bond_area": 3,
     "element_substeps": 3,
 }

@@ -64,7 +64,7 @@ A record is a moment, and ice rings within a long step: ``peak_stress`` is the l
 since the record before.
 """
 
-BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded")
+BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded", "released_energy")
 
 FRAGMENT_VARIABLES: Final = (
     Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),

@@ -237,6 +237,10 @@ class Bonds(NamedTuple):
     rest_length: Annotated[
         Floats, _is("m", "distance of the centres without strain; NaN while not yet known", default=np.nan)
     ]
+    released_energy: Annotated[
+        Floats,
+        _is("J", "elastic energy released by the crack that began with this bond; of the quasi-static scheme"),
+    ]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays by name, in the order of the registry."""

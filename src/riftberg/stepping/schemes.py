@@ -1,8 +1,9 @@
-"""The three schemes behind one interface: what a model calls once per long step."""
+"""The schemes behind one interface: what a model calls once per long step."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
 from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
+from riftberg.stepping.quasi_static import QuasiStaticStepper
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 from riftberg.stepping.substep import pairs_from_list
@@ -43,12 +45,31 @@ class Stepper(Protocol):
     def applied(self) -> Floats:
         """Mean accelerations (m s-2) over the last long step, shape (elements, forces, 2)."""
 
+    def memory(self) -> dict[str, Any]:
+        """Return arrays of numbers, beside the state, that a run needs to go on bit for bit."""
+
+    def recall(self, kept: Mapping[str, Any]) -> None:
+        """Take up what `memory` gave, from among other arrays."""
+
+
+class Forgetful:
+    """Schemes whose state is all that they need."""
+
+    def memory(self) -> dict[str, Any]:
+        """Return nothing."""
+        return {}
+
+    def recall(self, kept: Mapping[str, Any]) -> None:
+        """Take up nothing."""
+
 
 def make_stepper(run: RunState) -> Stepper:
     """Return the stepper of the scheme that the parameters name."""
     scheme = run.parameters.stepping.scheme
     if scheme == "mts":
         return MultipleStepper(run)
+    if scheme == "quasi_static":
+        return QuasiStaticStepper()
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 
 
@@ -82,7 +103,7 @@ def _update_fragments(run: RunState) -> None:
     run.fragments.update(el, bonds, run.time, c)
 
 
-class MultipleStepper:
+class MultipleStepper(Forgetful):
     """Multiple time steps (spec 6.4).
 
     The slow kicks are those of all bergs together, because bergs collide in them; the sub-steps concern each berg alone
@@ -254,7 +275,7 @@ def _uniform(run: RunState) -> bool:
     return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
 
 
-class SingleStepper:
+class SingleStepper(Forgetful):
     """What the single-step schemes share: partners by the rules of spec 5.1."""
 
     def __init__(self, run: RunState) -> None:

@@ -1,0 +1,149 @@
+"""Breaking in equilibrium: when within a step the first bond fails, and how far a crack runs at once.
+
+Loads change linearly between both ends of a step, and so do extension, slip and bend of each bond; the moment at which
+the first bond reaches its strength is found by bisection. There the most overloaded bond breaks, the equilibrium without
+it is found, and so on until none is overloaded: a crack that runs does so at one time, under the loads of that time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.bonds import shear_stress_of, tensile_stress
+from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
+from riftberg.state import Bonds, Floats, Ints
+from riftberg.stepping.lattice_equilibrium import Lattice, bond_stresses, deformed
+from riftberg.stepping.wear import limits_left
+
+BISECTIONS = 30
+"""Halvings of the step in the search for the moment of a break: to a millionth of a second."""
+
+
+class Limits(NamedTuple):
+    """Tensile and shear stress (Pa) at which the bonds that hold break."""
+
+    normal: Floats
+    shear: Floats
+
+
+@kernel
+def limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> Limits:
+    """Strengths that the bonds have left."""
+    normal, shear = np.empty(alive.size), np.empty(alive.size)
+    for k in range(alive.size):
+        b = alive[k]
+        normal[k], shear[k] = limits_left(  # type: ignore[no-untyped-call]
+            p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b]
+        )
+    return Limits(normal, shear)
+
+
+@kernel
+def most_overloaded(stress: Floats, limits: Limits) -> tuple[int, float]:
+    """Row of the bond whose stress is highest over its strength, and that ratio; above 1 it breaks (-1 without bonds)."""
+    worst, highest = -1, -np.inf
+    for k in range(stress.shape[0]):
+        ratio = _ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
+        if ratio > highest:
+            worst, highest = k, ratio
+    return worst, highest
+
+
+@kernel
+def _ratio(normal: float, shear: float, normal_limit: float, shear_limit: float) -> float:
+    """Stress over strength; a bond without strength fails under the smallest stress."""
+    a = normal / normal_limit if normal_limit > 0.0 else (np.inf if normal > 0.0 else 0.0)
+    b = shear / shear_limit if shear_limit > 0.0 else (np.inf if shear > 0.0 else 0.0)
+    return a if a >= b else b
+
+
+@kernel
+def _deformation(lattice: Lattice, alive: Ints, bend: Floats) -> Floats:
+    """Extension, slip and bend of the bonds that hold, shape (bonds, 3)."""
+    found = np.empty((alive.size, 3))
+    for k in range(alive.size):
+        found[k, 0], found[k, 1], found[k, 2] = deformed(lattice, bend, alive[k])
+    return found
+
+
+@kernel
+def first_break(
+    lattice: Lattice, alive: Ints, before: Floats, after: Floats, limits: Limits, p: KernelParameters
+) -> tuple[int, float]:
+    """Row of the bond that fails first between two equilibria, and the part of the step at which it does (1: none).
+
+    Parameters
+    ----------
+    lattice : Lattice
+    alive : array of int
+        Bonds that hold.
+    before, after : array of float, shape (elements, 3)
+        Displacements at both ends of the step.
+    limits : Limits
+    p : KernelParameters
+    """
+    one, two = _deformation(lattice, alive, before), _deformation(lattice, alive, after)
+    worst, earliest = -1, 1.0
+    for k in range(alive.size):
+        b, low, high = alive[k], 0.0, earliest
+        if not _fails(lattice, b, one[k], two[k], high, limits.normal[k], limits.shear[k], p):
+            continue
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            if _fails(lattice, b, one[k], two[k], middle, limits.normal[k], limits.shear[k], p):
+                high = middle
+            else:
+                low = middle
+        worst, earliest = k, high
+    return worst, earliest
+
+
+@kernel
+def _fails(
+    lattice: Lattice, b: int, one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float,
+    p: KernelParameters,
+) -> bool:  # fmt: skip
+    """Whether a bond is overloaded at a part of the step."""
+    e = one[0] + share * (two[0] - one[0])
+    s = one[1] + share * (two[1] - one[1])
+    angle = one[2] + share * (two[2] - one[2])
+    rest = lattice.rest[b]
+    normal = tensile_stress(p.youngs_modulus, rest, -0.5 * e, angle, lattice.width[b])
+    shear = shear_stress_of(p.youngs_modulus, p.poisson, rest, abs(s))
+    return bool(normal > normal_limit or shear > shear_limit)
+
+
+@kernel
+def wear(
+    bonds: Bonds, lattice: Lattice, alive: Ints, before: Floats, after: Floats, dt: float, p: KernelParameters
+) -> None:
+    """Let the damage of the bonds grow over ``dt`` s by the mean of the stresses at both ends of the step."""
+    mean = bond_stresses(lattice, alive, 0.5 * (before + after), p)
+    limits = limits_of(bonds, alive, p)
+    for k in range(alive.size):
+        b = alive[k]
+        ratio = stress_ratio(mean[k, 0], mean[k, 1], limits.normal[k], limits.shear[k])
+        rate = damage_rate(ratio, p.damage_threshold, p.damage_time, p.damage_exponent)
+        bonds.damage[b] = grown_damage(bonds.damage[b], rate, dt)
+
+
+@kernel
+def store_stresses(
+    bonds: Bonds, lattice: Lattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats, p: KernelParameters
+) -> None:
+    """Write stresses and deformations of the bonds that hold to the state; ``turn`` is the angle of each element's axes."""
+    for k in range(alive.size):
+        b = alive[k]
+        e, s, angle = deformed(lattice, bend, b)
+        i = lattice.first[b]
+        tx, ty = lattice.ny[b], -lattice.nx[b]
+        bonds.normal_stress[b], bonds.shear_stress[b] = stress[k, 0], stress[k, 1]
+        bonds.peak_stress[b] = max(bonds.peak_stress[b], stress[k, 0])
+        bonds.bond_length[b] = lattice.length[b] + e
+        bonds.shear_x[b] = s * (turn[i, 0] * tx - turn[i, 1] * ty)
+        bonds.shear_y[b] = s * (turn[i, 1] * tx + turn[i, 0] * ty)
+        bonds.relative_rotation[b] = angle

@@ -1,0 +1,357 @@
+"""Static equilibrium of the lattices of all fragments under their loads, inertia included.
+
+For each bond with direction n (from the second end to the first), length l, section w H and rest length l_0:
+
+    extension  e = n . (d1 - d2)                          k_n = E H w / l_0
+    slip       s = t . (d1 - d2) + r1 th1 + r2 th2        k_s = k_n / (2 (1 + nu)),  t = (n_y, -n_x),  r1 + r2 = l
+    bend       b = th1 - th2                              k_b = k_n w^2 / 12
+
+``K d = b`` with the loads b in balance. The matrix is singular by the rigid motions of each fragment, so three springs
+hold one element of each: as the loads are in balance they carry nothing, which is the check of every solve. Turns are
+measured as paths at the rim of the element (m), so that all unknowns are of one size.
+
+A bond that breaks takes three columns off the matrix. The factors are kept and corrected for it (Woodbury's formula);
+springs that hold a piece that parts are columns of the same kind.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import SuperLU, splu
+
+from riftberg.errors import RunError
+from riftberg.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
+from riftberg.state import Floats, Ints
+from riftberg.stepping.sizes import Sizes
+
+BALANCE = 1e-5
+"""Largest force on a holding spring, as a part of the largest load, before a solve counts as failed."""
+
+
+class Lattice(NamedTuple):
+    """Bonds as springs between elements; all arrays have one row for each bond of the state, broken ones too.
+
+    ``rows`` are the 3 x 6 matrices that give extension, slip and bend of a bond from the displacements of its ends;
+    ``stiffness`` its three springs; ``nx``, ``ny`` its direction in the frame of its fragment; ``length``, ``rest``,
+    ``width``, ``thickness`` in metres; ``radius`` of the elements (m) scales their turns.
+    """
+
+    first: Ints
+    second: Ints
+    nx: Floats
+    ny: Floats
+    length: Floats
+    rest: Floats
+    width: Floats
+    thickness: Floats
+    rows: Floats
+    stiffness: Floats
+    radius: Floats
+
+
+@kernel
+def find_lattice(
+    first: Ints, second: Ints, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
+) -> Lattice:
+    """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
+
+    Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`).
+    """
+    count = first.size
+    nx, ny, length, rest = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    width, height = np.zeros(count), np.zeros(count)
+    rows, stiffness = np.zeros((count, 3, 6)), np.zeros((count, 3))
+    radius = sizes.bond_radius
+    for b in range(count):
+        i, j = first[b], second[b]
+        r1, r2, t1, t2 = radius[i], radius[j], thickness[i], thickness[j]
+        rx, ry = flat[i, 0] - flat[j, 0], flat[i, 1] - flat[j, 1]
+        length[b], rest[b] = np.sqrt(rx * rx + ry * ry), r1 + r2
+        nx[b], ny[b] = rx / length[b], ry / length[b]
+        half = overlap(rest[b], length[b])
+        small, other = (t1, t2) if r1 <= r2 else (t2, t1)
+        width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, length[b])
+        lever1, lever2 = (r1 - half) / r1, (r2 - half) / r2
+        m = rows[b]
+        m[0, 0], m[0, 1], m[0, 3], m[0, 4] = nx[b], ny[b], -nx[b], -ny[b]
+        m[1, 0], m[1, 1], m[1, 3], m[1, 4] = ny[b], -nx[b], -ny[b], nx[b]
+        m[1, 2], m[1, 5] = lever1, lever2
+        m[2, 2], m[2, 5] = 1.0 / r1, -1.0 / r2
+        stiffness[b, 0] = p.youngs_modulus * height[b] * width[b] / rest[b]
+        stiffness[b, 1] = stiffness[b, 0] * 0.5 / (1.0 + p.poisson)
+        stiffness[b, 2] = stiffness[b, 0] * width[b] ** 2 / 12.0
+    return Lattice(first, second, nx, ny, length, rest, width, height, rows, stiffness, radius)
+
+
+@kernel
+def _entries(lattice: Lattice, alive: Ints, free: Floats, held: Floats) -> tuple[Ints, Ints, Floats]:
+    """Rows, columns and values of the matrix; freedoms that are not free stand alone with the stiffness of their bond."""
+    count = free.size
+    size = 36 * alive.size + count
+    row, column, value = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size)
+    at = 0
+    for b in alive:
+        i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
+        for a in range(6):
+            x = 3 * (i if a < 3 else j) + a % 3
+            for c in range(6):
+                y = 3 * (i if c < 3 else j) + c % 3
+                k = 0.0
+                for s in range(3):
+                    k += lattice.stiffness[b, s] * m[s, a] * m[s, c]
+                both = free[x] * free[y]
+                row[at], column[at], value[at] = x, y, k * (both if x != y else 1.0)
+                at += 1
+    for x in range(count):
+        row[at], column[at], value[at] = x, x, held[x]
+        at += 1
+    return row, column, value
+
+
+@kernel
+def deformed(lattice: Lattice, bend: Floats, b: int) -> tuple[float, float, float]:
+    """Extension, slip (m) and bend (rad) of a bond, with turns of the ends in rad."""
+    i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
+    ri, rj = lattice.radius[i], lattice.radius[j]
+    e = m[0, 0] * (bend[i, 0] - bend[j, 0]) + m[0, 1] * (bend[i, 1] - bend[j, 1])
+    s = m[1, 0] * (bend[i, 0] - bend[j, 0]) + m[1, 1] * (bend[i, 1] - bend[j, 1])
+    s += m[1, 2] * ri * bend[i, 2] + m[1, 5] * rj * bend[j, 2]
+    return e, s, bend[i, 2] - bend[j, 2]
+
+
+@kernel
+def bond_stresses(lattice: Lattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
+    """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
+    stress = np.zeros((alive.size, 2))
+    for k in range(alive.size):
+        b = alive[k]
+        e, s, angle = deformed(lattice, bend, b)
+        stress[k, 0] = tensile_stress(p.youngs_modulus, lattice.rest[b], -0.5 * e, angle, lattice.width[b])
+        stress[k, 1] = shear_stress_of(p.youngs_modulus, p.poisson, lattice.rest[b], abs(s))
+    return stress
+
+
+@kernel
+def balanced_loads(
+    body: Ints, flat: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats, spin: Floats
+) -> Floats:
+    """Loads on the lattice in the axes of its fragment: forces less those that move it as a rigid body.
+
+    Parameters
+    ----------
+    body : array of int, shape (elements,)
+    flat : array of float, shape (elements, 2)
+        Places in the fragment, m.
+    turn : array of float, shape (elements, 2)
+        Cosine and sine of the angle of the fragment's axis against local east.
+    force : array of float, shape (elements, 3)
+        East, north (N) and torque (N m).
+    mass, inertia : array of float, shape (elements,)
+    spin : array of float, shape (fragments,)
+        rad s-1.
+
+    Returns
+    -------
+    array of float, shape (elements, 3)
+        N, N and N m; their sum and moment vanish for each fragment.
+    """
+    count = spin.size
+    total, first, moment = np.zeros(count), np.zeros((count, 2)), np.zeros(count)
+    sums = np.zeros((count, 3))
+    load = np.zeros((body.size, 3))
+    for e in range(body.size):
+        b, c, s = body[e], turn[e, 0], turn[e, 1]
+        load[e, 0], load[e, 1], load[e, 2] = (
+            c * force[e, 0] + s * force[e, 1],
+            c * force[e, 1] - s * force[e, 0],
+            force[e, 2],
+        )
+        total[b] += mass[e]
+        for i in range(2):
+            first[b, i] += mass[e] * flat[e, i]
+            sums[b, i] += load[e, i]
+    for e in range(body.size):
+        b = body[e]
+        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
+        moment[b] += mass[e] * (x * x + y * y) + inertia[e]
+        sums[b, 2] += x * load[e, 1] - y * load[e, 0] + load[e, 2]
+    for e in range(body.size):
+        b, m = body[e], mass[e]
+        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
+        turning, square = sums[b, 2] / moment[b], spin[b] ** 2
+        load[e, 0] -= m * (sums[b, 0] / total[b] - turning * y - square * x)
+        load[e, 1] -= m * (sums[b, 1] / total[b] + turning * x - square * y)
+        load[e, 2] -= inertia[e] * turning
+    return load
+
+
+class Holds:
+    """Freedoms that supports hold, and those that springs hold so that the matrix can be solved.
+
+    Attributes
+    ----------
+    free : array of float, shape (3 elements,)
+        0 where a support holds the freedom, else 1.
+    """
+
+    def __init__(self, static: Floats, free_y: Floats) -> None:
+        free = np.ones((static.size, 3))
+        free[static >= 0.5] = 0.0
+        free[free_y < 0.5, 1] = 0.0
+        self.free = free.ravel()
+        self._supported = (free < 1.0).any(axis=1)
+
+    @property
+    def any(self) -> bool:
+        """Whether there are supports at all."""
+        return bool(self._supported.any())
+
+    def springs(self, body: Ints, flat: Floats) -> Ints:
+        """Freedoms to hold by springs: of each fragment those that its supports leave to it as a rigid body.
+
+        Those of the element nearest to the middle of the fragment; with supports, of the first supported one.
+        """
+        count = int(body.max()) + 1
+        far = np.hypot(flat[:, 0], flat[:, 1])
+        order = np.lexsort((far, body))
+        middle = order[np.searchsorted(body[order], np.arange(count))]
+        held = np.ones(count, bool)
+        chosen: list[int] = []
+        for b in np.unique(body[self._supported]):
+            held[b] = False
+            inside = np.flatnonzero((body == b) & self._supported)
+            chosen += self._left(inside, flat)
+        plain = (3 * middle[held][:, None] + np.arange(3)).ravel()
+        return np.sort(np.concatenate([plain, np.array(chosen, np.int64)])).astype(np.int64)
+
+    def _left(self, inside: Ints, flat: Floats) -> list[int]:
+        """Freedoms of the first supported element that the supports of this fragment do not settle."""
+        rows = [rigid_row(flat[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
+        chosen: list[int] = []
+        for k in range(3):
+            trial = [*rows, rigid_row(flat[inside[0]], k)]
+            if self.free[3 * inside[0] + k] > 0.0 and _rank(trial) > _rank(rows):
+                chosen.append(int(3 * inside[0] + k))
+                rows = trial
+        return chosen
+
+    def modes(self, inside: Ints, flat: Floats) -> Floats:
+        """Rigid motions (columns: east, north, turn) that the supports of one fragment allow."""
+        rows = [rigid_row(flat[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
+        if not rows:
+            return np.eye(3)
+        scaled = np.array(rows)
+        length = max(float(np.abs(scaled[:, 2]).max()), 1.0)
+        _, size, axes = np.linalg.svd(scaled / [1.0, 1.0, length])
+        rank = int((size > 1e-9 * size[0]).sum())
+        return np.asarray(axes[rank:].T / np.array([1.0, 1.0, length])[:, None])
+
+
+def rigid_row(place: Floats, freedom: int) -> Floats:
+    """How a freedom of an element at a place (m) moves with a rigid motion (east, north, turn)."""
+    return np.array([[1.0, 0.0, -place[1]], [0.0, 1.0, place[0]], [0.0, 0.0, 1.0]][freedom])
+
+
+def _rank(rows: list[Floats]) -> int:
+    if not rows:
+        return 0
+    a = np.array(rows)
+    return int(np.linalg.matrix_rank(a / np.maximum(np.abs(a).max(axis=0), 1.0), tol=1e-9))
+
+
+class Factors:
+    """Factors of the stiffness matrix, with corrections for bonds that have broken since.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    alive : array of int
+        Bonds that hold.
+    holds : Holds
+    springs : array of int
+        Freedoms that springs hold.
+    """
+
+    def __init__(self, lattice: Lattice, alive: Ints, holds: Holds, springs: Ints) -> None:
+        self._lattice, self._free, self._springs = lattice, holds.free, springs
+        self.spring = float(lattice.stiffness[alive, 0].mean()) if alive.size else 1.0
+        held = np.where(holds.free > 0.0, 0.0, self.spring)
+        held[springs] += self.spring
+        # An element without bonds has nothing else to hold it.
+        lone = np.ones(holds.free.size // 3, bool)
+        lone[lattice.first[alive]] = lone[lattice.second[alive]] = False
+        held[np.repeat(lone, 3)] = self.spring
+        row, column, value = _entries(lattice, alive, holds.free, held)
+        matrix = csc_matrix((value, (row, column)), shape=(holds.free.size, holds.free.size))
+        self._lu: SuperLU = splu(
+            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+        self._columns: list[Floats] = []
+        self._solved: list[Floats] = []
+        self._signs: list[float] = []
+
+    @property
+    def corrections(self) -> int:
+        """Columns by which the factors are corrected."""
+        return len(self._columns)
+
+    def without(self, bond: int) -> None:
+        """Take a bond out."""
+        i, j = self._lattice.first[bond], self._lattice.second[bond]
+        at = np.concatenate([3 * i + np.arange(3), 3 * j + np.arange(3)])
+        for s in range(3):
+            column = np.zeros(self._free.size)
+            column[at] = np.sqrt(self._lattice.stiffness[bond, s]) * self._lattice.rows[bond, s]
+            self._add(column * self._free, -1.0)
+
+    def hold(self, freedom: int) -> None:
+        """Hold a freedom by a spring."""
+        column = np.zeros(self._free.size)
+        column[freedom] = np.sqrt(self.spring)
+        self._springs = np.append(self._springs, freedom)
+        self._add(column, 1.0)
+
+    def _add(self, column: Floats, sign: float) -> None:
+        self._columns.append(column)
+        self._solved.append(self._lu.solve(column))
+        self._signs.append(sign)
+
+    def solve(self, load: Floats) -> Floats:
+        """Displacements (m, m, rad), shape (elements, 3), under loads in balance (N, N, N m).
+
+        Raises
+        ------
+        RunError
+            If the springs that hold the fragments carry a load: the lattice is a mechanism.
+        """
+        scaled = load.copy()
+        scaled[:, 2] /= self._lattice.radius
+        b = scaled.ravel() * self._free
+        x = self._lu.solve(b)
+        if self._columns:
+            w, a = np.array(self._columns), np.array(self._solved)
+            small = np.diag(self._signs) + w @ a.T
+            x = x - a.T @ np.linalg.solve(small, w @ x)
+        self._check(x, b)
+        d: Floats = x.reshape(-1, 3)
+        d[:, 2] /= self._lattice.radius
+        return d
+
+    def _check(self, x: Floats, b: Floats) -> None:
+        size = float(np.abs(b).max(initial=0.0))
+        force = float(np.abs(x[self._springs]).max(initial=0.0)) * self.spring
+        if not force <= BALANCE * size:
+            raise RunError(
+                f"the lattice is not in equilibrium: a freedom that should be free carries {force:.3g} N of loads of up to "
+                f"{size:.3g} N; bonds without shear stiffness or a mechanism cannot be held (stepping.scheme: mts can)"
+            )
+
+
+def elastic_energy(bend: Floats, load: Floats) -> float:
+    """Energy (J) that the lattice stores: half the work of its loads."""
+    return 0.5 * float((bend * load).sum())

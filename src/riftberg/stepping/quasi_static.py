@@ -1,0 +1,486 @@
+"""Quasi-static stepping: fragments move as rigid bodies, their lattices stand in equilibrium with the loads.
+
+One long step: the fragments move (`riftberg.stepping.rigid_bodies`), the forces at the new place load the lattice, and
+its equilibrium (`riftberg.stepping.lattice_equilibrium`) gives the stresses. Where a bond is overloaded, the step is cut
+where the first one fails, the crack runs (`riftberg.stepping.cracking`), the pieces become bodies of their own, and the
+rest of the step follows. Elastic waves are left out: they pass within minutes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from riftberg.errors import RunError
+from riftberg.ocean.cells import settle_elements
+from riftberg.parameters import KernelParameters
+from riftberg.state import Floats, Ints
+from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
+from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
+from riftberg.stepping.cracking import first_break, limits_of, most_overloaded, store_stresses, wear
+from riftberg.stepping.frames import (
+    Bodies,
+    element_motion,
+    flat_shape,
+    gathered,
+    mean_bend,
+    moved,
+    place,
+    regrouped,
+    without_mean,
+)
+from riftberg.stepping.interactions import pair_law
+from riftberg.stepping.lattice_equilibrium import (
+    Factors,
+    Holds,
+    Lattice,
+    balanced_loads,
+    bond_stresses,
+    elastic_energy,
+    find_lattice,
+)
+from riftberg.stepping.media import Surroundings, allocate_surroundings
+from riftberg.stepping.rigid_bodies import (
+    Motion,
+    element_velocities,
+    find_loading,
+    inertia_and_floor,
+    keep_applied,
+    touching_pairs,
+)
+from riftberg.stepping.run_state import RunState
+from riftberg.stepping.sizes import Sizes, interaction_sizes
+
+EVENTS = 64
+"""Cracks begin at most this often in a long step: overloads that follow each other sooner are met together."""
+
+CONTACT_PHASE = 1.0
+"""Largest step times frequency of the springs of contact, rad; beyond it the step is divided."""
+
+MOST_CORRECTIONS = 90
+"""Columns of Woodbury's formula beyond which the matrix is factored anew."""
+
+PLACE = ("lon", "lat", "lon_pair", "lat_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
+"""What a trial step changes and the next trial needs as it was; all else is found anew."""
+
+
+@dataclass
+class Structure:
+    """The lattice between two breaks: places of the elements in their fragments, bonds that hold, factors."""
+
+    flat: Floats
+    lattice: Lattice
+    alive: Ints
+    holds: Holds
+    factors: Factors
+
+
+@dataclass
+class Moment:
+    """All that is known at one time: bodies, forces on the elements (N, N, N m) and the balanced loads of the lattice."""
+
+    time: float
+    bodies: Bodies
+    motion: Motion
+    force: Floats
+    load: Floats
+
+
+class QuasiStaticStepper:
+    """Rigid bodies with lattices in equilibrium."""
+
+    def __init__(self) -> None:
+        self._bodies: Bodies | None = None
+        self._structure: Structure | None = None
+        self._now: Moment | None = None
+        self._around = allocate_surroundings(0)
+        self._ice: list[np.ndarray] = []
+
+    @property
+    def applied(self) -> Floats:
+        """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
+        return self._around.applied
+
+    def memory(self) -> dict[str, Any]:
+        """Return what a restart file must hold beside the state."""
+        return {} if self._bodies is None else dict(zip(MEMORY, self._bodies, strict=True))
+
+    def recall(self, kept: Mapping[str, Any]) -> None:
+        """Take up what `memory` gave."""
+        if all(name in kept for name in MEMORY):
+            body, *rest = (np.asarray(kept[name]) for name in MEMORY)
+            self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
+
+    def surround(self, model: RunState) -> None:
+        """Sample at the present positions."""
+        model.forcing.sample(model.elements, model.time)
+
+    def synchronised(self, model: RunState) -> tuple[Floats, Floats]:
+        """Return the velocity, which belongs to the positions."""
+        return model.elements.u_sync.copy(), model.elements.v_sync.copy()
+
+    def step(self, model: RunState) -> None:
+        """Advance by one long step."""
+        self._forget_what_changed(model)
+        step = LongStep(model, self._bodies, self._structure, self._now, self._around)
+        step.run()
+        self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
+        self._around.applied[:] = step.applied
+        self._ice = [array.copy() for array in _ice(model)]
+        model.time = step.start + model.parameters.stepping.time_step
+
+    def _forget_what_changed(self, model: RunState) -> None:
+        """Begin anew where elements came or went, and find the lattice anew where ice or bonds have changed."""
+        count = model.elements.size
+        if self._around.coriolis.size != count:
+            self._around = allocate_surroundings(count)
+        now = _ice(model)
+        if self._ice and [a.shape for a in now] != [a.shape for a in self._ice]:
+            self._bodies = None
+        if self._bodies is not None and self._bodies.body.size != count:
+            self._bodies = None
+        same = len(self._ice) == len(now) and all(map(np.array_equal, now, self._ice))
+        if not same:
+            self._structure = self._now = None
+        if self._ice and not np.array_equal(now[0], self._ice[0]):
+            self._bodies = None  # other elements, in the same number
+
+
+def _ice(model: RunState) -> list[np.ndarray]:
+    """What frames and lattice are made of: elements, their ice, and which bonds hold."""
+    el, bonds = model.elements, model.bonds
+    return [el.id, el.mass, el.thickness, el.length, el.width, bonds.id, bonds.status]
+
+
+MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
+"""Names of the fields of `Bodies` in a restart file."""
+
+
+class LongStep:
+    """One long step of a model."""
+
+    def __init__(
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
+        around: Surroundings,
+    ) -> None:  # fmt: skip
+        self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
+        self.sizes: Sizes = interaction_sizes(self.el, self.c)
+        self.start, self.cracked, self.around = model.time, False, around
+        self.applied = np.zeros_like(around.applied)
+        self._near = no_pairs(self.el.mass.size)
+        fresh = bodies is None
+        bodies = self._first_bodies() if bodies is None else bodies
+        self.structure = structure or self._build(bodies)
+        self.now = now or self._moment(bodies, model.time)
+        if fresh:
+            self._bend()
+        stress = bond_stresses(self.structure.lattice, self.structure.alive, self.now.bodies.bend, self.c)
+        self.bonds.peak_stress[self.structure.alive] = stress[:, 0]
+
+    def run(self) -> None:
+        """Go to the end of the long step, over breaks and landings."""
+        p = self.model.parameters
+        end, dt = self.start + p.stepping.time_step, p.stepping.time_step
+        may_break = p.fracture.enabled and not (self.model.step_number == 0 and p.fracture.not_in_first_step)
+        if may_break and self.model.step_number == 0:
+            self._crack(-1)
+        longest = dt
+        while (left := end - self.now.time) > 1e-9 * dt:
+            pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
+            longest = min(longest, self._go(left / pieces, dt, may_break))
+        self._store()
+
+    def _go(self, h: float, dt: float, may_break: bool) -> float:
+        """Take one step of at most ``h`` s, up to the first break; returns the longest step that is right from here on."""
+        landing = dt / self.model.parameters.stepping.landing_steps
+        before, kept = self.now, self._keep()
+        taken = h
+        aground = before.motion.load.aground
+        self._advance(h)
+        if h > landing * (1.0 + 1e-9) and ((self.now.motion.load.aground > 0.0) != (aground > 0.0)).any():
+            # An element has touched down or come off: shorter steps, for the rest of this long step.
+            self._back(before, kept)
+            return landing
+        if may_break:
+            s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+            bond, share = first_break(s.lattice, s.alive, before.bodies.bend, self.now.bodies.bend, limits, self.c)
+            if bond >= 0:
+                least = dt / EVENTS if self.cracked else 0.0
+                if (short := max(share * h, least)) < h * (1.0 - 1e-9):
+                    self._back(before, kept)
+                    self._advance(short)
+                    taken = short
+                self._apply(before, taken / dt)
+                self._crack(int(s.alive[bond]))
+                return dt
+        self._apply(before, taken / dt)
+        return dt
+
+    def _apply(self, before: Moment, part: float) -> None:
+        """Keep the forces of a step: the mean of both ends, by its part of the long step."""
+        for moment in (before, self.now):
+            u, v, _ = element_velocities(moment.bodies.body, moment.motion.elements, moment.bodies.rate)
+            keep_applied(moment.motion.load, u, v, 0.5 * part, self.applied)
+
+    def _keep(self) -> list[np.ndarray]:
+        return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
+
+    def _back(self, before: Moment, kept: list[np.ndarray]) -> None:
+        """Return to the start of a trial step."""
+        for name, values in zip(PLACE, kept[:-1], strict=True):
+            getattr(self.el, name)[:] = values
+        self.bonds.damage[:] = kept[-1]
+        self.now = before
+
+    def _advance(self, h: float) -> None:
+        """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
+        el, c, now = self.el, self.c, self.now
+        rate = now.motion.opened(now.bodies.rate, 0.5 * h)
+        pose = moved(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
+        bodies = now.bodies._replace(pose=pose, rate=rate)
+        el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
+        bodies = self._place(bodies)
+        self.model.forcing.sample(el, now.time + h)
+        motion = self._motion(bodies)
+        bodies = bodies._replace(rate=motion.closed(rate, 0.5 * h))
+        before = now.bodies.bend
+        self.now = self._loaded(bodies, motion, now.time + h)
+        self._bend()
+        if self.model.parameters.damage.enabled:
+            wear(self.bonds, self.structure.lattice, self.structure.alive, before, self.now.bodies.bend, h, c)
+
+    def _place(self, bodies: Bodies) -> Bodies:
+        """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
+        el, c, grid = self.el, self.c, self.model.forcing.grid
+        for _ in range(5):
+            place(bodies, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
+            if grid is None:
+                break
+            lon, lat = el.lon.copy(), el.lat.copy()
+            settle_elements(el, grid.arrays, c)
+            shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
+            if not shift.any():
+                break
+            bodies = bodies._replace(pose=moved(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
+        el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+        return bodies
+
+    def _motion(self, bodies: Bodies) -> Motion:
+        """Find what moves the fragments, from the environment that the elements carry."""
+        el, c = self.el, self.c
+        motion = element_motion(bodies, c.latlon, c.earth_radius)
+        load = find_loading(el, self.sizes, self.around, c)
+        touching = touching_pairs(el, self._partners(bodies), self.sizes, pair_law(c))
+        inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
+        return Motion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
+
+    def _partners(self, bodies: Bodies) -> PairList:
+        """Elements of other fragments within reach of contact."""
+        el, c = self.el, self.c
+        if not c.interactions or bodies.pose.shape[0] < 2:
+            return self._near
+        reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
+        return find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+
+    def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
+        """Inverse inertia; fragments with supports move only as these allow."""
+        mobility: Floats = np.asarray(np.linalg.inv(inertia), np.float64)
+        s = self.structure
+        for b, inside in self._supported(bodies):
+            z = s.holds.modes(inside, s.flat)
+            mobility[b] = z @ np.linalg.solve(z.T @ inertia[b] @ z, z.T) if z.size else 0.0
+        return mobility
+
+    def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
+        """Fragments with supports, and their elements."""
+        if not self.structure.holds.any:
+            return []
+        held = np.unique(bodies.body[(self.el.static >= 0.5) | (self.el.free_y < 0.5)])
+        return [(int(b), np.flatnonzero(bodies.body == b)) for b in held]
+
+    def _moment(self, bodies: Bodies, time: float) -> Moment:
+        return self._loaded(bodies, self._motion(bodies), time)
+
+    def _loaded(self, bodies: Bodies, motion: Motion, time: float) -> Moment:
+        """Forces and loads at the velocities of the bodies, which all elements take on."""
+        el, load, s = self.el, motion.load, self.structure
+        u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
+        for name, values in (("u", u), ("v", v)):
+            for kind in ("", "_sync", "_pair"):
+                getattr(el, name + kind)[:] = values
+        el.spin[:] = w
+        force, total, _ = motion.forces(bodies.rate)
+        force[:, 0] -= load.mass * load.floor * u
+        force[:, 1] -= load.mass * load.floor * v
+        force[:, 2] -= load.inertia * load.floor_spin * w
+        held = _times(motion.floor, bodies.rate)
+        el.spin_rate[:] = _times(motion.mobility, total - held)[bodies.body, 2]
+        turn = motion.elements[:, 9:11]
+        balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
+        for _, inside in self._supported(bodies):
+            z = s.holds.modes(inside, s.flat)
+            balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
+        return Moment(time, bodies, motion, force, balanced)
+
+    def _bend(self) -> None:
+        """Find the equilibrium under the present loads."""
+        now, c = self.now, self.c
+        bend = self.structure.factors.solve(now.load)
+        if not np.isfinite(bend).all():
+            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
+        load = now.motion.load
+        mean = mean_bend(now.bodies, bend, load.mass, load.inertia, c.latlon, c.earth_radius)
+        for b, _ in self._supported(now.bodies):
+            mean[b] = 0.0
+        without_mean(now.bodies, bend, mean, load.mass, c.latlon, c.earth_radius)
+        self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
+        self.now = Moment(now.time, now.bodies._replace(bend=bend), now.motion, now.force, now.load)
+
+    def _contact_limit(self, left: float) -> float:
+        """Longest step (s) that resolves the springs of contact between fragments."""
+        touching = self.now.motion.touching
+        if touching.first.size == 0:
+            return left
+        body, mass = self.now.bodies.body, self.now.motion.load.mass
+        count = self.now.bodies.pose.shape[0]
+        pair = self.c.contact_spring * np.minimum(mass[touching.first], mass[touching.second])
+        stiff = np.bincount(body[touching.first], pair, count) + np.bincount(body[touching.second], pair, count)
+        fastest = math.sqrt(float((2.0 * stiff / np.bincount(body, mass, count)).max()))
+        return CONTACT_PHASE / fastest if fastest > 0.0 else left
+
+    # Breaking
+
+    def _crack(self, first: int) -> None:
+        """Break bonds until none is overloaded; ``first`` breaks in any case (-1: only if it is overloaded)."""
+        s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+        stress = bond_stresses(s.lattice, s.alive, self.now.bodies.bend, self.c)
+        store_stresses(
+            self.bonds, s.lattice, s.alive, self.now.bodies.bend, stress, self.now.motion.elements[:, 9:11], self.c
+        )
+        row, ratio = most_overloaded(stress, limits)
+        bond = first if first >= 0 and ratio <= 1.0 else (int(s.alive[row]) if ratio > 1.0 else -1)
+        if bond < 0:
+            return
+        self.cracked = True
+        whole = elastic_energy(self.now.bodies.bend, self.now.load)
+        starter = bond
+        while bond >= 0:
+            self._break(bond)
+            s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+            stress = bond_stresses(s.lattice, s.alive, self.now.bodies.bend, self.c)
+            row, ratio = most_overloaded(stress, limits)
+            bond = int(s.alive[row]) if ratio > 1.0 else -1
+            if bond >= 0:
+                turn = self.now.motion.elements[:, 9:11]
+                store_stresses(self.bonds, s.lattice, s.alive, self.now.bodies.bend, stress, turn, self.c)
+        self._released(starter, whole - elastic_energy(self.now.bodies.bend, self.now.load))
+        self._settle_fragments()
+
+    def _released(self, bond: int, energy: float) -> None:
+        """Note the energy (J) that a crack has released with the bond that began it."""
+        self.bonds.released_energy[bond] = energy
+
+    def _break(self, bond: int) -> None:
+        """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""
+        el, bonds, s = self.el, self.bonds, self.structure
+        i, j = bonds.first[bond], bonds.second[bond]
+        aground = self.now.motion.load.aground
+        bonds.status[bond] = 1
+        bonds.break_time[bond] = self.now.time
+        bonds.break_grounded[bond] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
+        el.bond_count[i] -= 1
+        el.bond_count[j] -= 1
+        body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
+        if int(body.max()) + 1 != self.now.bodies.pose.shape[0]:
+            load = self.now.motion.load
+            bodies = regrouped(self.now.bodies, body, load.mass, load.inertia, self.c.latlon, self.c.earth_radius)
+            self.structure = self._build(bodies)
+            self.now = self._moment(bodies, self.now.time)
+        elif s.factors.corrections >= MOST_CORRECTIONS:
+            self.structure = self._build(self.now.bodies)
+        else:
+            s.factors.without(bond)
+            s.alive = s.alive[s.alive != bond]
+        self._bend()
+
+    def _settle_fragments(self) -> None:
+        """Number the fragments anew, and start from fresh factors, which a restarted run has too."""
+        model, el, bonds = self.model, self.el, self.bonds
+        if self.c.broken_as_contact:
+            drop_parted_bonds(bonds, connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status))
+        else:
+            drop_broken_bonds(bonds)
+        model.fragments.update(el, bonds, self.now.time, self.c)
+        self.structure = self._build(self.now.bodies)
+        self.now = self._moment(self.now.bodies, self.now.time)
+
+    # Set-up and output
+
+    def _first_bodies(self) -> Bodies:
+        """Make bodies of the elements as they stand, free of load, with the rigid motion nearest to their velocities."""
+        el, bonds, c = self.el, self.bonds, self.c
+        body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
+        bodies = gathered(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
+        self.structure = self._build(bodies)
+        motion = self._motion(bodies)
+        m, load = motion.elements, motion.load
+        momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
+        momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
+        sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
+        return bodies._replace(rate=_times(motion.mobility, sums))
+
+    def _build(self, bodies: Bodies) -> Structure:
+        """Describe and factor the lattice of the bonds that hold."""
+        el, bonds, c = self.el, self.bonds, self.c
+        flat = flat_shape(bodies.shape, c.latlon, c.earth_radius)
+        lattice = find_lattice(bonds.first, bonds.second, flat, el.thickness, self.sizes, c)
+        alive = np.flatnonzero(bonds.status == 0)
+        holds = Holds(el.static, el.free_y)
+        return Structure(flat, lattice, alive, holds, Factors(lattice, alive, holds, holds.springs(bodies.body, flat)))
+
+    def _store(self) -> None:
+        """Write stresses and deformations to the state."""
+        s, now = self.structure, self.now
+        stress = bond_stresses(s.lattice, s.alive, now.bodies.bend, self.c)
+        store_stresses(self.bonds, s.lattice, s.alive, now.bodies.bend, stress, now.motion.elements[:, 9:11], self.c)
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _supported_loads(
+    inside: Ints, z: Floats, flat: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats
+) -> Floats:
+    """Loads on a fragment with supports: forces less what moves it in the rigid motions ``z`` that they allow."""
+    c, s, f, m = turn[inside, 0], turn[inside, 1], force[inside], mass[inside]
+    load = np.column_stack([c * f[:, 0] + s * f[:, 1], c * f[:, 1] - s * f[:, 0], f[:, 2]])
+    if not z.size:
+        return load
+    x, y = flat[inside].T
+    one, none = np.ones(inside.size), np.zeros(inside.size)
+    rows = np.stack([np.array([one, none, -y]), np.array([none, one, x]), np.array([none, none, one])])
+    weight = np.stack([m, m, inertia[inside]])
+    matrix = np.einsum("ran,rn,rbn->ab", rows, weight, rows)
+    sums = np.einsum("ran,nr->a", rows, load)
+    acceleration = z @ np.linalg.solve(z.T @ matrix @ z, z.T @ sums)
+    return np.asarray(load - (weight * np.einsum("ran,a->rn", rows, acceleration)).T)
+
+
+def _shifts(bodies: Bodies, dx: Floats, dy: Floats, lat: Floats, c: KernelParameters) -> Floats:
+    """Shift (m east, m north, 0) that land asks of each fragment: the largest of its elements; a period is none."""
+    if c.period > 0.0:
+        dx = dx - c.period * np.round(dx / c.period)
+    per_unit = c.earth_radius * math.pi / 180.0 if c.latlon else 1.0
+    east = dx * per_unit * (np.cos(np.radians(lat)) if c.latlon else 1.0)
+    north = dy * per_unit
+    shift = np.zeros((bodies.pose.shape[0], 3))
+    for e in np.flatnonzero(np.hypot(east, north) > 1e-6):
+        b = bodies.body[e]
+        if math.hypot(east[e], north[e]) > math.hypot(shift[b, 0], shift[b, 1]):
+            shift[b, :2] = east[e], north[e]
+    return shift

@@ -1,0 +1,380 @@
+"""The quasi-static scheme against theory, against itself at other steps, and against the explicit scheme."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.errors import InputError
+from riftberg.experiments import Options
+from riftberg.experiments.a68a import story_model
+from riftberg.experiments.beams import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.physics.drag import ocean_drag
+from riftberg.runs.model import Model
+from verification.setups import RADIUS, lattice, parameters, turn
+
+POISSON = 0.3
+
+
+def quasi(**groups: Any) -> Parameters:
+    """Parameters of the verification tests with the quasi-static scheme."""
+    stepping = {"scheme": "quasi_static", **groups.pop("stepping", {})}
+    return parameters(stepping=stepping, **groups)
+
+
+class Whirl(Steady):
+    """A current that shears and turns once in a day, so that every element is pushed another way."""
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        phase = 2 * math.pi * time / 86_400.0
+        elements.uo[:] = 0.3 * math.cos(phase) + 2e-5 * elements.lat
+        elements.vo[:] = 0.3 * math.sin(phase) - 1e-5 * elements.lon
+
+
+class Ramp(Whirl):
+    """The same over a floor that rises to the west; grounding sets in gradually."""
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        elements.depth[:] = 160.0 + 1e-3 * elements.lon
+
+
+def order(results: list[Any]) -> float:
+    """Order from results with steps that halve; the mean over the sequence."""
+    errors = [np.abs(a - b).max() for a, b in pairwise(results)]
+    return float(np.mean(np.log2(np.array(errors[:-1]) / errors[1:])))
+
+
+# Motion
+
+
+@pytest.mark.parametrize(
+    ("what", "forcing", "groups"),
+    [
+        ("drag and Coriolis", Whirl(), {}),
+        ("sea floor", Ramp(), {"grounding": {"coefficient": 20.0, "ramp_height": 60.0}}),
+    ],
+)
+def test_order_in_the_long_step(agrees, what, forcing, groups) -> None:
+    """Places and turns of the elements after two days are of second order in the step."""
+    ends = []
+    for dt in (3600.0, 1800.0, 900.0, 450.0):
+        p = quasi(
+            stepping={"time_step": dt, "landing_steps": 1}, drag={"ocean_scale": 17.8},
+            bonds={"youngs_modulus": 1e9}, earth={"reference_latitude": -55.0}, **groups,
+        )  # fmt: skip
+        model = lattice(p, 7, 3, forcing)
+        model.advance(steps=round(172_800.0 / dt))
+        ends.append(np.concatenate([model.elements.lon, model.elements.lat]))
+    agrees(f"order of the quasi-static scheme, {what}", 2.0, order(ends), abs=0.25)
+
+
+def test_free_rotation_goes_on(agrees) -> None:
+    """Without forces spin and angular momentum stay, and after a turn the berg is back."""
+    period = 86_400.0
+    stiff = {"youngs_modulus": 9e9}
+    model = lattice(quasi(stepping={"only_interactions": True, "time_step": 1800.0}, bonds=stiff), 7, 3)
+    turn(model, 2 * math.pi / period)
+    x, y = model.elements.lon.copy(), model.elements.lat.copy()
+    model.advance(steps=48)
+    agrees("quasi-static: turn in a day (rad)", 2 * math.pi, float(model.elements.rotation.mean()), rel=1e-9)
+    # The lattice is stretched by its rotation by a fifth of a millimetre: the places hold to that.
+    assert np.hypot(model.elements.lon - x, model.elements.lat - y).max() < 1e-3
+    assert np.ptp(model.elements.spin) < 1e-18
+
+
+def test_rotation_stretches_the_lattice_as_theory_says(agrees) -> None:
+    """A chain that turns carries the centrifugal force of what lies beyond each bond."""
+    model = lattice(quasi(stepping={"only_interactions": True}), 9, 1)
+    rate = 1e-4
+    turn(model, rate)
+    x = model.elements.lon.copy()
+    model.advance(steps=1)
+    el, b = model.elements, model.bonds
+    middle = np.abs(0.5 * (x[b.first] + x[b.second])).argmin()
+    beyond = x > 0.5 * (x[b.first[middle]] + x[b.second[middle]])
+    force = float((el.mass * rate**2 * x)[beyond].sum())
+    agrees("quasi-static: stress by rotation (Pa)", force / (2 * RADIUS * 200.0), b.normal_stress[middle], rel=1e-9)
+
+
+def test_fragments_in_contact_keep_their_momentum(agrees) -> None:
+    p = quasi(
+        stepping={"only_interactions": True, "time_step": 1800.0}, contact={"spring": 1e-7, "distance": 0.0},
+        drag={"rotational": False},
+    )  # fmt: skip
+    x = np.concatenate([np.arange(4) * 3000.0, 14_000.0 + np.arange(3) * 3000.0])
+    y = np.concatenate([np.zeros(4), np.full(3, 1000.0)])
+    u = np.where(x < 13_000.0, 0.4, -0.1)
+    berg = Iceberg.from_points(x, y, radius=RADIUS, thickness=200.0, velocity=(u, 0.0 * u), latlon=False)
+    model = Model(berg, Steady(), p)
+    el = model.elements
+    before = (el.mass * el.u).sum(), (el.mass * el.v).sum()
+    model.advance(steps=60)
+    assert np.ptp(el.berg) == 1
+    assert el.u[0] < 0.3  # they have met
+    agrees("quasi-static: momentum of two bergs that meet (kg m s-1)", before[0], (el.mass * el.u).sum(), rel=1e-9)
+    assert abs((el.mass * el.v).sum()) < 1e-9 * before[0]
+
+
+@pytest.mark.parametrize("dt", [1800.0, 7200.0, 86_400.0])
+def test_aground_it_creeps_at_any_step(agrees, dt) -> None:
+    """On a hard floor the speed is that at which drag of water and floor balance, without ringing."""
+    p = quasi(
+        stepping={"time_step": dt, "landing_steps": 1}, drag={"ocean_scale": 17.8},
+        grounding={"coefficient": 1e4, "ramp_height": 0.0},
+    )  # fmt: skip
+    model = lattice(p, 5, 3, Steady(current=(0.3, 0.0), depth=100.0))
+    speeds = []
+    for _ in range(10):
+        model.step()
+        speeds.append(model.elements.u.mean())
+    el = model.elements
+    exposed = (4 - el.bond_count) / 4
+    water = sum(ocean_drag(m, 3e3, 3e3, 3e3, 165.853658537, f, 17.8) * m for m, f in zip(el.mass, exposed, strict=True))
+    asked = water * 0.3**2 / (1e4 * (el.length * el.width).sum())
+    assert np.ptp(speeds[3:]) < 1e-6 * abs(speeds[-1])
+    agrees(f"quasi-static: creep aground, step {dt:g} s (m s-1)", asked, speeds[-1], rel=0.01)
+
+
+# Stress
+
+
+def test_supported_beam(agrees) -> None:
+    """Deflection of a slender beam under a small load, with the shear of its bonds."""
+    beam = replace(SUPPORTED, load=1.5e3)
+    got = 151_000.5 - at_rest(supported_beam(beam), beam).elements.lat[beam.columns // 2]
+    stiffness = beam.youngs_modulus * beam.second_moment
+    sheared = beam.load * beam.length / (4 * beam.youngs_modulus / (2 * (1 + POISSON)) * beam.section)
+    agrees(
+        "quasi-static: supported beam, middle with shear (m)",
+        beam.load * beam.length**3 / (48 * stiffness) + sheared, got, rel=0.002,
+    )  # fmt: skip
+
+
+def test_cantilever(agrees) -> None:
+    beam = replace(CANTILEVER, load=1.5e7)
+    got = 156_000.0 - at_rest(cantilever(beam), beam).elements.lat.reshape(-1, 3)[-1, 1]
+    asked = beam.load * beam.length**3 / (3 * beam.youngs_modulus * beam.second_moment)
+    agrees("quasi-static: cantilever, tip (m)", asked, got, rel=0.02)
+
+
+def at_rest(berg: Iceberg, beam: Beam) -> Model:
+    """The beam after two steps: the first shows the equilibrium."""
+    p = beam.parameters("own").changed(stepping={"scheme": "quasi_static"})
+    model = Model(berg, Steady(depth=0.0), p)
+    model.advance(steps=2)
+    assert np.abs(model.elements.u).max() < 1e-15
+    return model
+
+
+def test_stress_does_not_depend_on_youngs_modulus(agrees) -> None:
+    """From 5 MPa to 9 GPa: what is left is the displacement of a soft lattice in the sheared current."""
+    stress = []
+    for youngs in (5e6, 9e9):
+        p = quasi(stepping={"time_step": 1800.0}, drag={"ocean_scale": 17.8}, bonds={"youngs_modulus": youngs})
+        model = lattice(p, 12, 4, Whirl())
+        model.advance(steps=24)
+        stress.append(model.bonds.normal_stress.copy())
+    largest = float(stress[1].max())
+    agrees("quasi-static: stress at 5 MPa and 9 GPa (Pa)", largest, float(stress[0].max()), rel=0.01)
+    assert np.abs(stress[0] - stress[1]).max() < 0.01 * largest
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_stress_turns_with_the_berg(packing) -> None:
+    """Turned by 30 degrees with its current, a berg has the same stresses."""
+    stress = []
+    for angle in (0.0, math.radians(30.0)):
+        p = quasi(stepping={"time_step": 1800.0}, drag={"ocean_scale": 17.8}, bonds={"packing": packing})
+        model = lattice(p, 8, 4, Turned(angle))
+        el = model.elements
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = el.lon.copy(), el.lat.copy()
+        for name in ("lon", "lon_pair"):
+            getattr(el, name)[:] = c * x - s * y
+        for name in ("lat", "lat_pair"):
+            getattr(el, name)[:] = s * x + c * y
+        model.advance(steps=12)
+        stress.append(model.bonds.normal_stress.copy())
+    np.testing.assert_allclose(stress[0], stress[1], rtol=0, atol=1e-7 * np.abs(stress[0]).max())
+
+
+class Turned(Steady):
+    """A sheared current turned by an angle (rad)."""
+
+    def __init__(self, angle: float) -> None:
+        super().__init__()
+        self.angle = angle
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        across = -s * elements.lon + c * elements.lat
+        along = 0.2 + 2e-5 * across
+        elements.uo[:], elements.vo[:] = c * along, s * along
+
+
+# Breaking
+
+
+def pulled(strength: float, **groups: Any) -> Model:
+    """A notched plate pulled apart along x by loads that outgrow its strength at the notch."""
+    p = quasi(
+        fracture={"enabled": True, "normal_strength": strength, "shear_strength": 1e9},
+        stepping={"only_interactions": True, "time_step": 1800.0}, contact={"spring": 0.0}, **groups,
+    )  # fmt: skip
+    model = lattice(p, 10, 6)
+    el, b = model.elements, model.bonds
+    el.load_x[:] = np.where(el.lon > 13e3, 4e9, np.where(el.lon < -13e3, -4e9, 0.0))
+    middle = 0.5 * (el.lon[b.first] + el.lon[b.second])
+    height = 0.5 * (el.lat[b.first] + el.lat[b.second])
+    notch = (np.abs(middle) < 100.0) & (height < -5e3)
+    b.status[notch] = 2
+    el.bond_count[b.first[notch]] -= 1
+    el.bond_count[b.second[notch]] -= 1
+    return model
+
+
+def test_a_crack_runs_through_in_one_step() -> None:
+    """All bonds of the cross-section break at one time, and the pieces part; the crack releases energy."""
+    whole = pulled(1e9)
+    whole.advance(steps=1)
+    model = pulled(0.8 * whole.bonds.normal_stress.max())
+    model.advance(steps=1)
+    times = model.bonds.break_time[np.isfinite(model.bonds.break_time)]
+    assert times.size == 5
+    assert np.ptp(times) == 0.0
+    assert model.fragment_count == 2
+    assert [f.elements for f in model.fragments.breakups] == [30]
+    assert model.bonds.released_energy.max() > 0.0
+    assert (model.bonds.released_energy != 0.0).sum() == 1
+    # What is left is pulled less than what was whole.
+    alive = model.bonds.status == 0
+    assert model.bonds.normal_stress[alive].max() < whole.bonds.normal_stress.max()
+
+
+def test_nothing_breaks_below_the_strength() -> None:
+    whole = pulled(1e9)
+    whole.advance(steps=1)
+    model = pulled(1.001 * whole.bonds.normal_stress.max())
+    model.advance(steps=3)
+    assert model.bonds_broken == 0
+
+
+@pytest.mark.parametrize("dt", [1800.0, 900.0, 450.0])
+def test_time_of_a_break_does_not_depend_on_the_step(agrees, dt) -> None:
+    """Loads of a current that rises: the break comes when the stress reaches the strength, within a step."""
+    times = []
+    for step in (100.0, dt):
+        p = quasi(
+            stepping={"time_step": step}, drag={"ocean_scale": 17.8},
+            fracture={"enabled": True, "normal_strength": 900.0, "shear_strength": 1e9},
+        )  # fmt: skip
+        model = lattice(p, 14, 4, Rising())
+        model.advance(steps=round(36_000.0 / step))
+        times.append(float(np.nanmin(model.bonds.break_time)))
+    agrees(f"quasi-static: time of the first break, step {dt:g} s (h)", times[0] / 3600, times[1] / 3600, abs=0.05)
+
+
+class Rising(Steady):
+    """Currents against each other, that rise over ten hours."""
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        elements.vo[:] = 0.5 * (time / 36_000.0) * np.cos(np.pi * elements.lon / 21e3)
+
+
+def test_laws_that_it_cannot_hold_are_refused() -> None:
+    for bonds in ({"law": "spring"}, {"no_shear": True}):
+        with pytest.raises((InputError, ValueError), match="quasi_static"):
+            quasi(bonds=bonds)
+
+
+# A68a
+
+
+def story(dt: float, *, fracture: bool = True, without: tuple[str, ...] = (), **groups: Any) -> Model:
+    """The built-in A68a with the quasi-static scheme."""
+    model = story_model(Options(without=without))
+    stepping = {"scheme": "quasi_static", "time_step": dt, **groups.pop("stepping", {})}
+    p = model.parameters.changed(stepping=stepping, fracture={"enabled": fracture}, **groups)
+    berg = Iceberg(model.elements, model.bonds, packing="square", latlon=True, earth_radius=p.earth.radius)
+    return Model(berg, model.forcing, p)
+
+
+def azimuth(model: Model) -> float:
+    """Direction of the long axis, degrees."""
+    el = model.elements
+    x, y = (el.lon - el.lon.mean()) * math.cos(math.radians(float(el.lat.mean()))), el.lat - el.lat.mean()
+    return math.degrees(0.5 * math.atan2(2 * (x @ y), x @ x - y @ y))
+
+
+def apart(a: Model, b: Model) -> float:
+    """Distance of the centroids, m."""
+    metre = math.radians(a.parameters.earth.radius)
+    east = (a.elements.lon.mean() - b.elements.lon.mean()) * math.cos(math.radians(float(a.elements.lat.mean())))
+    return metre * math.hypot(east, a.elements.lat.mean() - b.elements.lat.mean())
+
+
+@pytest.mark.slow
+def test_path_and_rotation_are_those_of_the_explicit_scheme(agrees) -> None:
+    """A68a after ten days without breaks: steps of 1800 s against the explicit scheme at 300 s."""
+    quick = story(1800.0, fracture=False, without=("shoal",))
+    quick.advance(days=10)
+    slow = story(300.0, fracture=False, without=("shoal",), stepping={"scheme": "mts", "substeps": 15})
+    slow.advance(days=10)
+    agrees("quasi-static: A68a after 10 days, from the explicit path (m)", 0.0, apart(quick, slow), abs=300.0)
+    difference = (azimuth(quick) - azimuth(slow) + 90.0) % 180.0 - 90.0
+    agrees("quasi-static: A68a after 10 days, azimuth (degree)", 0.0, difference, abs=1.0)
+
+
+@pytest.mark.slow
+def test_explicit_stress_tends_to_equilibrium_as_its_steps_shrink(agrees) -> None:
+    """From one state, over the hours in which the finger is loaded: explicit long steps of 150 s and 50 s."""
+    quick = story(1800.0, fracture=False, without=("shoal",))
+    quick.advance(steps=2 * 255)
+    explicit = {}
+    for dt, substeps in ((150.0, 8), (50.0, 4)):
+        model = story(dt, fracture=False, without=("shoal",), stepping={"scheme": "mts", "substeps": substeps})
+        for there, here in ((quick.elements, model.elements), (quick.bonds, model.bonds)):
+            for name, values in there.arrays().items():
+                if name != "substeps":
+                    getattr(here, name)[:] = values
+        model.time, model.step_number = quick.time, 1
+        model.advance(steps=round(11 * 3600.0 / dt))
+        explicit[dt] = model.bonds.normal_stress
+    quick.advance(steps=22)
+    stress = quick.bonds.normal_stress
+    off = {dt: float(np.sqrt(np.mean((s - stress) ** 2)) / stress.max()) for dt, s in explicit.items()}
+    agrees("quasi-static: stress from explicit 50 s, rms over largest", 0.0, off[50.0], abs=0.004)
+    agrees("quasi-static: stress from explicit 150 s, rms over largest", 0.0, off[150.0], abs=0.012)
+    agrees("quasi-static: largest stress from explicit 50 s (Pa)", float(explicit[50.0].max()), stress.max(), rel=0.02)
+    assert off[50.0] < 0.5 * off[150.0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dt", [900.0, 450.0])
+def test_the_story_does_not_depend_on_the_long_step(agrees, dt) -> None:
+    """Times of both break-ups of A68a and areas of the large pieces."""
+    told = []
+    for step in (1800.0, dt):
+        model = story(step)
+        model.advance(days=12)
+        told.append([(f.birth_time / 3600.0, f.area / 1e6) for f in model.fragments.breakups if f.area > 50e6])
+    assert [area for _, area in told[0]] == [area for _, area in told[1]]
+    assert len(told[0]) == 2
+    for (one, area), (two, _) in zip(*told, strict=True):
+        agrees(f"quasi-static: break-up of {area:.0f} km2 at {dt:g} s (h)", one, two, abs=1.0)
