@@ -13,7 +13,15 @@ SOURCES = Path(constants.__file__).parent
 LAWS = [p for room in ("physics", "stepping") for p in sorted((SOURCES / room).glob("*.py"))]
 ALL = [p for p in sorted(SOURCES.rglob("*.py")) if p.name != "constants.py"]
 VALUES = {name: value for name, value in vars(constants).items() if name.isupper() and isinstance(value, float)}
-ORDINARY = {"OCEAN_DRAG_SIDE", "SEA_ICE_DRAG_SIDE", "AIR_DRAG_SIDE", "RHO_AIR", "WAVE_RADIATION_MAX", "SECONDS_PER_DAY"}
+ORDINARY = {
+    "OCEAN_DRAG_SIDE",
+    "SEA_ICE_DRAG_SIDE",
+    "AIR_DRAG_SIDE",
+    "RHO_AIR",
+    "WAVE_RADIATION_MAX",
+    "SECONDS_PER_DAY",
+    "STRESS_INVERSION_DRAG",
+}
 """Constants whose values are common numbers that mean other things outside the laws."""
 
 

@@ -262,9 +262,11 @@ class BareModel(RunState):
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
         version, next_element, next_bond = self._seen_rows
-        changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), *self._seen_sizes)
-        if self.population.version == version and not changed.any():
+        ids, sizes = self._seen_sizes
+        # Most steps change nothing: then the rows are the same, and comparing them as they stand is enough.
+        if self.population.version == version and all(map(np.array_equal, _sizes_of(self.elements), sizes)):
             return
+        changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), ids, sizes)
         check_state(self.elements, self.bonds)
         surround_newborn(self, self.elements.body.id >= next_element, self._visited)
         complete_state(self)

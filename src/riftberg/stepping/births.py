@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.run_state import RunState
@@ -12,8 +15,9 @@ from riftberg.stepping.sizes import interaction_sizes
 
 
 def complete_state(run: RunState) -> None:
-    """Set the area by which bonds know an element, and the rest length of a bond, where they are not yet known."""
+    """Set the area by which bonds know an element, and length and rest length of a bond, where they are not yet known."""
     _set_bond_areas(run)
+    _set_lengths(run)
     unknown = np.isnan(run.bonds.rest_length)
     if unknown.any():
         sizes = interaction_sizes(run.elements, run.constants)
@@ -21,6 +25,15 @@ def complete_state(run: RunState) -> None:
         radius = sizes.bond_radius if run.parameters.stepping.scheme == "mts" else sizes.radius
         first, second = run.bonds.first[unknown], run.bonds.second[unknown]
         run.bonds.rest_length[unknown] = radius[first] + radius[second]
+
+
+def _set_lengths(run: RunState) -> None:
+    """Measure the bonds that were formed since the last step: not every scheme measures them, and no length is 0."""
+    el, bonds, c = run.elements, run.bonds, run.constants
+    for b in np.flatnonzero(bonds.bond_length == 0.0):
+        i, j = bonds.first[b], bonds.second[b]
+        rx, ry = separation(el.lon[i], el.lat[i], el.lon[j], el.lat[j], c.latlon, c.earth_radius, c.period)
+        bonds.bond_length[b] = math.hypot(rx, ry)
 
 
 def _set_bond_areas(run: RunState) -> None:

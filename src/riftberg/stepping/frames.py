@@ -16,11 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 from riftberg.physics.geometry import nearest_image
 from riftberg.state import Floats, Ints
-
-_DEGREE = math.pi / 180.0
 
 
 class Bodies(NamedTuple):
@@ -51,7 +50,7 @@ class Bodies(NamedTuple):
 @kernel
 def unit_vector(lon: float, lat: float) -> tuple[float, float, float]:
     """Unit vector from the centre of the sphere to a point in degrees."""
-    a, b = lon * _DEGREE, lat * _DEGREE
+    a, b = lon * DEGREE, lat * DEGREE
     return math.cos(b) * math.cos(a), math.cos(b) * math.sin(a), math.sin(b)
 
 
@@ -211,9 +210,9 @@ def place(bodies: Bodies, lon: Floats, lat: Floats, static: Floats, latlon: bool
         rx = q[0, 0] * x + q[0, 1] * y + q[0, 2] * z
         ry = q[1, 0] * x + q[1, 1] * y + q[1, 2] * z
         rz = q[2, 0] * x + q[2, 1] * y + q[2, 2] * z
-        there = math.atan2(ry, rx) / _DEGREE
+        there = math.atan2(ry, rx) / DEGREE
         lon[e] += nearest_image(there - lon[e], 360.0)
-        lat[e] = math.atan2(rz, math.sqrt(rx * rx + ry * ry)) / _DEGREE
+        lat[e] = math.atan2(rz, math.sqrt(rx * rx + ry * ry)) / DEGREE
 
 
 @kernel

@@ -139,8 +139,9 @@ class MultipleStepper(Forgetful):
         for batch, fast in zip(batches, inner, strict=True):
             batch.take(run)
             some, room, around = batch.elements, batch.room, batch.surroundings(self._around)
+            own_sizes = sizes if batch.rows is None else interaction_sizes(some, c)
             report = take_substeps(
-                some, batch.bonds, room.rows, room.pairs, fast, room.scratch, interaction_sizes(some, c), around,
+                some, batch.bonds, room.rows, room.pairs, fast, room.scratch, own_sizes, around,
                 batch.of_all(earlier), plan._replace(substeps=int(some.body.substeps[0])), c,
             )  # fmt: skip
             batch.give(run, around, self._around)
