@@ -10,6 +10,7 @@ that it waits for want the lock.
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -90,9 +91,20 @@ def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[n
         As `netCDF4.Dataset` takes it.
     **options
         Further arguments of `netCDF4.Dataset`.
+
+    Raises
+    ------
+    OSError
+        If the machine does not let the file be written: the library says RuntimeError where a disk is full or a file may
+        not grow, and nothing that could be told from an error of the program.
     """
-    with NETCDF, netCDF4.Dataset(str(path), mode, **options) as file:  # type: ignore[arg-type]
-        yield file
+    try:
+        with NETCDF, netCDF4.Dataset(str(path), mode, **options) as file:  # type: ignore[arg-type]
+            yield file
+    except RuntimeError as error:
+        if mode == "r" or not str(error).startswith("NetCDF"):
+            raise
+        raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
 
 
 def open_lazily(source: Any, **options: Any) -> xr.Dataset:

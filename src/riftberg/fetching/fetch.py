@@ -256,7 +256,8 @@ def check_hourly(path: Path, field: Hourly) -> None:
     try:
         ds = open_lazily(path, decode_times=False)
     except (OSError, ValueError) as error:
-        raise ForcingError(f"cannot be read ({error})", where=str(path), remedy=remedy) from error
+        reason = str(error).splitlines()[0]  # what follows is advice on packages, which would not help here
+        raise ForcingError(f"cannot be read ({reason})", where=str(path), remedy=remedy) from error
     with ds:
         missing = [name for name in field.variables if name not in ds.data_vars]
         if missing:
