@@ -2,6 +2,7 @@
 # Install Riftberg for development and pass all checks: lint, types, tests. One command on a machine with plain Python 3.11.
 #   bash check.sh            environment in .venv
 #   RIFTBERG_VENV=DIR ...    environment elsewhere
+#   RIFTBERG_WORKERS=N ...   processes that test side by side (2)
 set -euo pipefail
 cd "$(dirname "$0")"
 venv="${RIFTBERG_VENV:-.venv}"
@@ -12,4 +13,5 @@ venv="${RIFTBERG_VENV:-.venv}"
 "$venv/bin/ruff" format --check src tests benchmarks
 "$venv/bin/ruff" check src tests benchmarks
 "$venv/bin/mypy"
-exec "$venv/bin/python" -m pytest "$@"
+# Two processes share the files of tests out between them; each compiles the kernels that it needs, once, into one cache.
+exec "$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile "$@"
