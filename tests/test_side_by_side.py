@@ -9,6 +9,7 @@ import os
 import pickle
 import subprocess
 import sys
+import textwrap
 import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
@@ -255,6 +256,7 @@ def test_files_are_opened_in_one_place_only() -> None:
 
 COMPILE = """
 import sys
+import textwrap
 from riftberg.kernels import kernel
 from riftberg.state.neighbours import find_pairs
 from riftberg.stepping.sizes import radius_of
@@ -281,3 +283,18 @@ def test_first_compile_in_two_processes_with_one_cache(tmp_path: Path) -> None:
         answers = [process.communicate(timeout=300) for process in running]
         assert [process.returncode for process in running] == [0] * 4, answers
         assert {answer for answer, _ in answers} == {"[1, 0, 2, 1, 3, 2, 4, 3, 5, 4]\n"[0:]}
+
+
+@pytest.mark.parametrize("name", ["words.nc", "words.nc4", "words.h5"])
+def test_a_file_that_only_looks_like_netcdf_does_not_stop_the_program(tmp_path: Path, name: str) -> None:
+    """Bug once: xarray wanted its lock a second time, for ever."""
+    (tmp_path / name).write_text("no run at all")
+    script = f"""
+    from riftberg.netcdf_lock import open_lazily
+    try:
+        open_lazily({str(tmp_path / name)!r})
+    except (OSError, ValueError) as error:
+        print("refused")
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "refused\n", done.stderr

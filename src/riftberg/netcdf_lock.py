@@ -21,8 +21,11 @@ from typing import Any, Final
 import netCDF4
 import xarray as xr
 from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
+from xarray.backends.plugins import guess_engine
 
 _NETCDF: Final = (b"CDF", b"\x89HDF")
+_LOCKED: Final = ("netcdf4", "h5netcdf")
+"""Engines of xarray that call the libraries which this lock is for."""
 
 
 class NetcdfLock:
@@ -117,10 +120,12 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     **options
         Further arguments of `xarray.open_dataset`.
     """
-    if _is_netcdf(source):
-        options = {"engine": "netcdf4", "lock": NETCDF, **options}
+    engine = options.pop("engine", None) or ("netcdf4" if _is_netcdf(source) else guess_engine(source))
+    if engine not in _LOCKED:
+        return xr.open_dataset(source, engine=engine, **options)
+    # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
     with NETCDF:
-        return xr.open_dataset(source, **options)
+        return xr.open_dataset(source, engine=engine, **{"lock": NETCDF, **options})
 
 
 def _is_netcdf(source: Any) -> bool:
