@@ -182,7 +182,7 @@ def test_missing_folder_namelist_and_restart(case: Path, tmp_path: Path) -> None
     with pytest.raises(InputError, match=r"INPUT/icebergs.res.nc: no such file"):
         load_case(case)
     (case / "input.nml").unlink()
-    with pytest.raises(NamelistError, match=r"input.nml: cannot be read"):
+    with pytest.raises(NamelistError, match=r"input.nml: no such file"):
         load_case(case)
 
 
