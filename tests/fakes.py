@@ -77,6 +77,7 @@ class FakeModel:
         self.bonds = new_bonds(*(np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1)))
         self.bonds.bond_length[:] = SIDE
         self.elements = new_elements(nx * ny)
+        self.elements.body.substeps[:] = self.substeps
         self.elements.length[:] = self.elements.width[:] = SIDE
         self.elements.thickness[:] = 200.0
         self.elements.mass[:] = 200.0 * SIDE**2 * 850.0

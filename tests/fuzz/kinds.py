@@ -600,8 +600,8 @@ def restart_variables_of_own() -> Iterator[Kind]:
                 not possible,
             )
     for name, value in (
-        ("time", -5.0), ("time", 1e30), ("time", 7.0), ("step_number", -1), ("step_number", 10**9), ("step_number", 0), ("extra/substeps", 0),
-        ("extra/substeps", -3), ("extra/substeps", 10**12), ("bond_status", 9), ("bond_status", -1), ("bond_first", -1), ("bond_second", 10**6),
+        ("time", -5.0), ("time", 1e30), ("time", 7.0), ("step_number", -1), ("step_number", 10**9), ("step_number", 0), ("element_substeps", -3), ("element_substeps", 0),
+        ("element_substeps", 10**12), ("bond_status", 9), ("bond_status", -1), ("bond_first", -1), ("bond_second", 10**6),
         ("bond_strength", -1.0), ("bond_damage", 2.0), ("element_mass", -1.0), ("element_mass", 1e20), ("element_lat", -200.0), ("element_thickness", 0.0), ("element_length", -1.0),
         ("element_berg", -3), ("element_id", 2), ("bond_break_time", 1e12), ("bond_break_time", -7.0), ("bond_bond_length", 0.0),
     ):  # fmt: skip

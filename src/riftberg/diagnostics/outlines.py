@@ -71,8 +71,10 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
     ring = ring[:, :2]
     if len(ring) > 1 and (ring[0] == ring[-1]).all():
         ring = ring[:-1]
-    if len(ring) < 3:
-        raise InputError(f"an outline of {len(ring)} points", where=where, remedy="At least three are needed")
+    if len(np.unique(ring, axis=0)) < 3:
+        raise InputError(
+            f"an outline of {len(np.unique(ring, axis=0))} points", where=where, remedy="At least three are needed"
+        )
     if (np.abs(ring[:, 1]) > 90.0).any():
         raise InputError("a latitude beyond 90 degrees", where=where, remedy=remedy)
     if (np.abs(ring[:, 0]) > 540.0).any():

@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading, shown, value_shown
 from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
-from riftberg.netcdf_lock import open_lazily
+from riftberg.netcdf_lock import NETCDF, open_lazily
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
@@ -70,7 +70,7 @@ def open_checked(file: Path) -> xr.Dataset:
     """
     check_file(file, remedy=RUN_REMEDY)
     with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
-        dataset = open_lazily(file, engine="netcdf4", decode_times=False)
+        dataset = open_lazily(file, engine="netcdf4", lock=NETCDF, decode_times=False)  # never xarray's own lock
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
@@ -356,12 +356,18 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
 
 _SURROUNDINGS: Final = frozenset(
     ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "sst", "sss", "ice_fraction", "ice_thickness",
-     "vorticity", "ax", "ay", "bx", "by", "ax_fast", "ay_fast", "bx_fast", "by_fast")
+     "vorticity")
 )  # fmt: skip
 
 
 def _check_substeps(state: State, path: Path, remedy: str) -> None:
-    if "substeps" not in state.extra:
+    if "substeps" not in state.extra:  # since layout 3 each element has its own number
+        own = state.elements.body.substeps
+        least = 1 if state.parameters.stepping.scheme == "mts" else 0
+        bad = (own < least) | (own > MOST_SUBSTEPS)
+        if bad.any():
+            k = int(np.argmax(bad))
+            raise _error(f"element {k + 1} has {own[k]} sub-steps", path, "variable element_substeps", remedy)
         return
     found = np.asarray(state.extra["substeps"])
     if found.dtype.kind not in "iu" or found.size != 1 or not 1 <= int(found) <= MOST_SUBSTEPS:
