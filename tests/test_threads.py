@@ -19,7 +19,7 @@ PROGRAM = """
 import hashlib
 from test_threads import moved
 elements, bonds = moved(0)
-print(hashlib.sha256(b"".join(a.tobytes() for a in (*elements, *bonds))).hexdigest())
+print(hashlib.sha256(b"".join(a.tobytes() for part in (elements, bonds) for a in part.arrays().values())).hexdigest())
 """
 
 

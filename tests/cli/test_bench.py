@@ -15,6 +15,7 @@ from riftberg.cli.main import app
 from riftberg.diagnostics import speed, yardstick
 from riftberg.errors import InputError
 from riftberg.experiments import Info
+from riftberg.state import copy_state
 
 
 @pytest.fixture
@@ -54,10 +55,11 @@ def test_yardstick_grows_with_the_number_of_bonds() -> None:
 
 def test_yardstick_leaves_the_model_alone_and_stays_finite() -> None:
     model = FakeModel()
-    before = [array.copy() for array in (*model.elements, *model.bonds)]
+    before = copy_state(model.elements, model.bonds)
     yardstick.yardstick_seconds_per_day(model, seconds=0.01, repeats=1)
-    for old, new in zip(before, (*model.elements, *model.bonds), strict=True):
-        np.testing.assert_array_equal(old, new)
+    for old, new in zip(before, (model.elements, model.bonds), strict=True):
+        for name, array in new.arrays().items():
+            np.testing.assert_array_equal(getattr(old, name), array, err_msg=name)
     state, rest = yardstick._start(model)
     yardstick._loop(model.bonds.first, model.bonds.second, state, np.zeros((3, 24)), rest, 1.0, 1000)
     assert np.isfinite(state).all()
