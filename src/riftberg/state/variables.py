@@ -202,7 +202,7 @@ class Elements(NamedTuple):
 
     def copy(self) -> Elements:
         """Return elements that share no memory with these; once a long step, so by group and not by name."""
-        return Elements(*(group._make(array.copy() for array in group) for group in self))
+        return Elements(*(kind(*map(np.copy, group)) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
     def taken(self, rows: Any) -> Elements:
         """Return a copy of some rows (numbers or a mask)."""
@@ -248,7 +248,7 @@ class Bonds(NamedTuple):
 
     def copy(self) -> Bonds:
         """Return bonds that share no memory with these."""
-        return Bonds._make(array.copy() for array in self)
+        return Bonds(**{name: array.copy() for name, array in self.arrays().items()})
 
     def taken(self, rows: Any) -> Bonds:
         """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
