@@ -1080,7 +1080,7 @@ def outputs() -> Iterator[Kind]:
                 f"output of {command}",
                 what,
                 make,
-                ("-o", "--output", "good.yaml", "run.nc", "taken", "x", "/"),
+                ("-o", "--output", "good.yaml", "run.nc", "taken", "x", "/", "copernicusmarine"),
                 not (same or folder_is_fine),
             )
 

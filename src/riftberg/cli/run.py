@@ -344,9 +344,14 @@ class Session:
                 writer.path.unlink(missing_ok=True)
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
             raise RunError(f"the run failed at {self._date()}: {error}. {self._saved('failed')}") from error
-        except Exception:
+        except Exception as error:
             if self.model.step_number == before:
                 writer.path.unlink(missing_ok=True)
+                if isinstance(error, RuntimeError) and str(error).startswith("NetCDF:"):
+                    raise RunError(
+                        f"cannot write {writer.path} ({error}). Is the disk full, or may files not grow (ulimit -f)? "
+                        "Name a folder with room"
+                    ) from error
                 raise
             say(f"The run failed at {self._date()}. {self._saved('failed')}")
             raise
