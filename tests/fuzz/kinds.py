@@ -962,7 +962,7 @@ def options() -> Iterator[Kind]:
                     f"option of {command}",
                     f"{option} {value[:30]!r}",
                     make,
-                    (*words, "good.yaml", "wind", "substeps", "time_step", "parameters"),
+                    (*words, "good.yaml", "wind", "substeps", "time_step", "parameters", "restart", "fetch"),
                     not _optional(command, option, value),
                 )
 
