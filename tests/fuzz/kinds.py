@@ -962,7 +962,7 @@ def options() -> Iterator[Kind]:
                     f"option of {command}",
                     f"{option} {value[:30]!r}",
                     make,
-                    (*words, "good.yaml", "wind", "substeps", "time_step", "parameters"),
+                    (*words, "good.yaml", "wind", "substeps", "time_step", "parameters", "restart", "fetch"),
                     not _optional(command, option, value),
                 )
 
@@ -1080,7 +1080,7 @@ def outputs() -> Iterator[Kind]:
                 f"output of {command}",
                 what,
                 make,
-                ("-o", "--output", "good.yaml", "run.nc", "taken", "x", "/"),
+                ("-o", "--output", "good.yaml", "run.nc", "taken", "x", "/", "copernicusmarine"),
                 not (same or folder_is_fine),
             )
 

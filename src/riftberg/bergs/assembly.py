@@ -61,7 +61,12 @@ def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, de
     if len(lon) == 0:
         raise BergError("no elements", remedy="Give at least one position")
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
-        raise BergError("positions that are not numbers", remedy="Remove them")
+        k = int(np.argmin(np.isfinite(lon) & np.isfinite(lat)))
+        raise BergError(
+            "positions that are not numbers",
+            where=f"element {k + 1}",
+            remedy="Remove them, or look at placement and size",
+        )
     if latlon and abs(lat).max() > 89.0:
         raise BergError(
             f"latitude {lat[np.argmax(abs(lat))]:g}", remedy="Latitudes must lie within 89 degrees of the equator"

@@ -17,6 +17,9 @@ from riftberg.state import Bonds, Elements, Floats
 Distribution = Literal["weibull", "normal", "uniform"]
 DISTRIBUTIONS = get_args(Distribution)
 
+LEAST_MODULUS = 0.05
+"""Weibull modulus below which the mean of the distribution can no longer be told in floating point."""
+
 
 def listed(values: Any, size: int) -> Floats:
     """Return given relative strengths, one for each of ``size`` bonds, if they are that."""
@@ -81,8 +84,10 @@ def scatter(size: int, distribution: Distribution, *, shape: float | None, sprea
     spread = 0.1 if spread is None else spread
     if distribution == "weibull":
         modulus = 10.0 if shape is None else shape
-        if not modulus > 0:
-            raise BergError(f"Weibull modulus {modulus}", where="strength", remedy="Give a positive shape")
+        if not LEAST_MODULUS <= modulus < math.inf:
+            raise BergError(
+                f"Weibull modulus {modulus:g}", where="strength", remedy=f"Give a shape of {LEAST_MODULUS:g} or more"
+            )
         return generator.weibull(modulus, size) / math.gamma(1.0 + 1.0 / modulus)
     if not 0 <= spread < 1:
         raise BergError(f"spread {spread}", where="strength", remedy="Give a spread from 0 up to, not including, 1")

@@ -82,8 +82,16 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     check_span(experiment.start, experiment.days, where=document.where(("days",)))
     if parameters.earth.latlon:
         _check_place(experiment.berg, document)
+        if parameters.earth.radius < SMALLEST_SPHERE:
+            raise document.error(
+                f"{parameters.earth.radius:g} m is no radius of the Earth", ("parameters", "earth", "radius"),
+                f"Give {SMALLEST_SPHERE:g} m or more, usually 6.371e6",
+            )  # fmt: skip
     return experiment, parameters, document
 
+
+SMALLEST_SPHERE = 1e6
+"""Radius (m) of the sphere below which it is a slip of units."""
 
 FIRST_YEAR, LAST_YEAR = 1700, 2250
 """Years in which run files can tell dates to the nanosecond, as xarray keeps them."""

@@ -62,6 +62,8 @@ class FileForcing(Section):
 
     @model_validator(mode="after")
     def _a_box(self) -> FileForcing:
+        if any(entry == "" for entry in self.files):
+            raise ValueError("files holds an empty name")
         for name, (low, high), most in (("longitude", self.longitude, 540.0), ("latitude", self.latitude, 90.0)):
             if abs(low) > most or abs(high) > most:
                 raise ValueError(f"{name} = [{low:g}, {high:g}] is not in degrees; they go from {-most:g} to {most:g}")

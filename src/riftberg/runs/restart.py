@@ -234,6 +234,8 @@ def _check_header(file: netCDF4.Dataset, path: Path) -> None:
             where=str(path),
             remedy="Run files (run.nc) cannot be resumed; files of KID go through 'riftberg kid'",
         )
+    if not isinstance(layout, int | np.integer) or layout < 1:
+        raise InputError(f"restart layout {layout!r} is none", where=str(path), remedy=_REMEDY)
     if int(layout) > FORMAT:
         raise InputError(
             f"restart layout {layout} is newer than this Riftberg ({__version__}) knows ({FORMAT})",
@@ -289,4 +291,6 @@ def _read_parameters(file: netCDF4.Dataset, path: Path) -> Parameters:
 
 def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = json.loads(file.getncattr("fragments_json"))
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise ValueError("attribute fragments_json is no list of fragments")
     return rows

@@ -39,7 +39,12 @@ def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes
     operator = bond_operator(p, elements, bonds, sizes)
     if not operator.root_mass.any():
         return math.inf
-    fastest = largest_eigenvalue(operator)
+    try:
+        fastest = largest_eigenvalue(operator)
+    except np.linalg.LinAlgError:  # numbers that overflow
+        return 0.0
+    if not math.isfinite(fastest):
+        return 0.0
     return 1.0 / fastest if fastest > 0.0 else math.inf
 
 
