@@ -225,7 +225,6 @@ def _centred_frame(x: float, y: float, z: float) -> Floats:
     return q
 
 
-@kernel
 def regrouped(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon: bool, radius: float) -> Bodies:
     """Give the pieces of fragments that have parted frames of their own; nothing moves.
 
@@ -239,6 +238,12 @@ def regrouped(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon:
     mass, inertia : array of float, shape (elements,)
         kg and kg m2.
     """
+    return Bodies(*_regrouped(bodies, body, mass, inertia, latlon, radius))
+
+
+@kernel
+def _regrouped(bodies, body, mass, inertia, latlon, radius):
+    """Return the fields of `Bodies`; see `riftberg.kernels` why no named tuple."""
     count = body.max() + 1
     shape, bend = bodies.shape.copy(), bodies.bend.copy()
     pose, rate = np.zeros((count, 3, 3)), np.zeros((count, 3))
@@ -274,7 +279,7 @@ def regrouped(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon:
         _turn_axes(bodies.shape[e], shape[e], to, bend[e])
     new = Bodies(body, shape, pose, rate, bend)
     _take_over_mean(new, mass, inertia, total, latlon, radius)
-    return new
+    return new.body, new.shape, new.pose, new.rate, new.bend
 
 
 @kernel
@@ -384,7 +389,6 @@ def _take_over_mean(bodies: Bodies, mass: Floats, inertia: Floats, total: Floats
         q[0, 1], q[1, 1] = -q[1, 0], q[0, 0]
 
 
-@kernel
 def gathered(lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float) -> Bodies:
     """Make bodies of elements that stand free of load: first axis east, second north, at the centre of mass.
 
@@ -397,6 +401,12 @@ def gathered(lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, r
     mass : array of float, shape (elements,)
         kg.
     """
+    return Bodies(*_gathered(lon, lat, body, mass, latlon, radius, period))
+
+
+@kernel
+def _gathered(lon, lat, body, mass, latlon, radius, period):
+    """Return the fields of `Bodies`; see `riftberg.kernels` why no named tuple."""
     count = body.max() + 1
     shape, pose, total = np.zeros((body.size, 3)), np.zeros((count, 3, 3)), np.zeros(count)
     first = np.full(count, -1, np.int64)
@@ -429,4 +439,4 @@ def gathered(lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, r
                 shape[e, i] = q[0, i] * x + q[1, i] * y + q[2, i] * z
         else:
             shape[e, 0], shape[e, 1] = x - q[0, 2], y - q[1, 2]
-    return Bodies(body, shape, pose, np.zeros((count, 3)), np.zeros((body.size, 3)))
+    return (body, shape, pose, np.zeros((count, 3)), np.zeros((body.size, 3)))

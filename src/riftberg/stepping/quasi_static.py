@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from riftberg.errors import RunError
+from riftberg.kernels import plain
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Floats, Ints
@@ -274,7 +275,7 @@ class LongStep:
         el, c = self.el, self.c
         motion = element_motion(bodies, c.latlon, c.earth_radius)
         load = find_loading(el, self.sizes, self.around, c)
-        touching = touching_pairs(el, self._partners(bodies), self.sizes, pair_law(c))
+        touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
         return Motion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
 
