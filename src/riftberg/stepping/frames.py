@@ -242,7 +242,9 @@ def regrouped(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon:
 
 
 @kernel
-def _regrouped(bodies, body, mass, inertia, latlon, radius):
+def _regrouped(
+    bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon: bool, radius: float
+) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies`; see `riftberg.kernels` why no named tuple."""
     count = body.max() + 1
     shape, bend = bodies.shape.copy(), bodies.bend.copy()
@@ -405,7 +407,9 @@ def gathered(lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, r
 
 
 @kernel
-def _gathered(lon, lat, body, mass, latlon, radius, period):
+def _gathered(
+    lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float
+) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies`; see `riftberg.kernels` why no named tuple."""
     count = body.max() + 1
     shape, pose, total = np.zeros((body.size, 3)), np.zeros((count, 3, 3)), np.zeros(count)
