@@ -24,8 +24,8 @@ from riftberg.experiments.a68a import DAYS, story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import Packing
-from riftberg.physics.drag import draft_of
-from riftberg.plane import Plane
+from riftberg.physics.floating import draft_of
+from riftberg.plane import ConformalPlane
 from riftberg.runs.model import Model
 from riftberg.runs.shapes import element_polygons
 from riftberg.runs.track import Position, berg_position
@@ -178,7 +178,7 @@ def long_side(model: Model, on: Any, here: Position) -> float:
         latlon=True,
         radius=p.earth.radius,
     ).reshape(-1, 2)
-    x, y = Plane(here.lon, here.lat, p.earth.radius).forward(*corners.T)
+    x, y = ConformalPlane(here.lon, here.lat, p.earth.radius).forward(*corners.T)
     return rectangle_azimuth(shapely_module().multipoints(np.column_stack([x, y])))
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from riftberg import moved
 
+ROOT = Path(__file__).resolve().parent.parent
 OLD = [f"riftberg.{path}" for path in moved.MODULES]
 INSIDE = {
     "riftberg.io.kid.namelist": "riftberg.kid.namelist",
@@ -49,6 +52,21 @@ def test_an_old_name_gives_the_object_of_today_and_warns(name):
     with pytest.warns(DeprecationWarning, match=rf"is now {new_home}\.{new}$"):
         value = getattr(importlib.import_module(home), old)
     assert value is getattr(importlib.import_module(new_home), new)
+
+
+@pytest.mark.parametrize("folder", ["src", "tests", "benchmarks", "docs"])
+def test_no_code_of_the_project_asks_for_an_old_name(folder):
+    """A test that uses an old name fails only once it is collected; a benchmark or a page fails at nobody's desk."""
+    old = {f"riftberg.{name}" for name in (*moved.MODULES, *moved.NAMES)}
+    asked = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module
+        for name in (node.module, *(f"{node.module}.{part.name}" for part in node.names))
+        if name in old
+    }
+    assert asked == set()
 
 
 def test_what_never_was_is_still_an_error():

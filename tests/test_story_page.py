@@ -12,7 +12,7 @@ from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polygon_on, rectangle_azimuth
 from riftberg.experiments.a68a_observed import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
-from riftberg.plane import Plane
+from riftberg.plane import ConformalPlane
 from scripts import loaded
 
 AGAIN = "run: python benchmarks/story.py --write"
@@ -53,7 +53,7 @@ def test_the_observed_axes_are_those_of_the_outlines(shared: Path) -> None:
     apart = []
     assert len(SCRIPT.MOMENTS) == 13
     for seen, moment in zip(A68A_OBSERVED, SCRIPT.MOMENTS, strict=False):
-        shape = polygon_on(Plane(seen.lon, seen.lat, EARTH_RADIUS_A68), rings[seen.day])
+        shape = polygon_on(ConformalPlane(seen.lon, seen.lat, EARTH_RADIUS_A68), rings[seen.day])
         assert axis_difference(polygon_moments(np.asarray(shape.exterior.coords))[2], moment) == pytest.approx(
             0.0, abs=0.06
         )

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from browser import drawn, opened
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from typer.testing import CliRunner
@@ -23,6 +22,7 @@ from riftberg.runs.scene import Scene
 from riftberg.viz.packing import unpack
 from riftberg.viz.plots import _peak_stress, draw_damage
 from riftberg.viz.replay import ReplayContent, write_replay
+from viz.browser import drawn, opened
 
 WORN, RIFT = 20, 11
 """A bond that loses strength, and one of a rift without any; neither is among those that break."""

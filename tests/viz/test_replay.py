@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from browser import drawn, opened, until
 from matplotlib.image import imread
 
 from fakes import FakeModel
@@ -18,6 +17,7 @@ from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.packing import pack, unpack
 from riftberg.viz.replay import ReplayContent, chosen_records, write_replay
+from viz.browser import drawn, opened, until
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
 

@@ -30,16 +30,21 @@ class Limits(NamedTuple):
     shear: Floats
 
 
-@kernel
 def limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> Limits:
     """Strengths that the bonds have left."""
+    return Limits(*_limits_of(bonds, alive, p))
+
+
+@kernel
+def _limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> tuple[Floats, Floats]:
+    """Return the fields of `Limits`; see `riftberg.kernels` why no named tuple."""
     normal, shear = np.empty(alive.size), np.empty(alive.size)
     for k in range(alive.size):
         b = alive[k]
         normal[k], shear[k] = limits_left(  # type: ignore[no-untyped-call]
             p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b]
         )
-    return Limits(normal, shear)
+    return normal, shear
 
 
 @kernel
@@ -123,10 +128,10 @@ def wear(
 ) -> None:
     """Let the damage of the bonds grow over ``dt`` s by the mean of the stresses at both ends of the step."""
     mean = bond_stresses(lattice, alive, 0.5 * (before + after), p)
-    limits = limits_of(bonds, alive, p)
+    normal, shear = _limits_of(bonds, alive, p)
     for k in range(alive.size):
         b = alive[k]
-        ratio = stress_ratio(mean[k, 0], mean[k, 1], limits.normal[k], limits.shear[k])
+        ratio = stress_ratio(mean[k, 0], mean[k, 1], normal[k], shear[k])
         rate = damage_rate(ratio, p.damage_threshold, p.damage_time, p.damage_exponent)
         bonds.damage[b] = grown_damage(bonds.damage[b], rate, dt)
 

@@ -54,7 +54,6 @@ class Lattice(NamedTuple):
     radius: Floats
 
 
-@kernel
 def find_lattice(
     first: Ints, second: Ints, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
 ) -> Lattice:
@@ -62,6 +61,14 @@ def find_lattice(
 
     Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`).
     """
+    return Lattice(*_find_lattice(first, second, flat, thickness, sizes, p))
+
+
+@kernel
+def _find_lattice(
+    first: Ints, second: Ints, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
+) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+    """Return the fields of `Lattice`; see `riftberg.kernels` why no named tuple."""
     count = first.size
     nx, ny, length, rest = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
@@ -85,7 +92,7 @@ def find_lattice(
         stiffness[b, 0] = p.youngs_modulus * height[b] * width[b] / rest[b]
         stiffness[b, 1] = stiffness[b, 0] * 0.5 / (1.0 + p.poisson)
         stiffness[b, 2] = stiffness[b, 0] * width[b] ** 2 / 12.0
-    return Lattice(first, second, nx, ny, length, rest, width, height, rows, stiffness, radius)
+    return first, second, nx, ny, length, rest, width, height, rows, stiffness, radius
 
 
 @kernel

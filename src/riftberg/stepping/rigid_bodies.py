@@ -88,9 +88,18 @@ class Touching(NamedTuple):
     damping: Floats
 
 
-@kernel
 def find_loading(el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> Loading:
     """Take the coefficients of all forces from the environment that the elements carry."""
+    return Loading(*_find_loading(el, sizes, around, p))
+
+
+@kernel
+def _find_loading(
+    el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters
+) -> tuple[
+    Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, bool, bool
+]:  # fmt: skip
+    """Return the fields of `Loading`; see `riftberg.kernels` why no named tuple."""
     body = el.body
     count = body.mass.size
     find_surroundings(el, sizes, around, p)
@@ -111,15 +120,20 @@ def find_loading(el: Elements, sizes: Sizes, around: Surroundings, p: KernelPara
             floor_spin[e] = grounding_spin_rate(p.ground_coefficient, radius[e], bond_mass[e], aground[e])
         if p.rotational_drag and not p.only_interactions:
             spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
-    return Loading(
+    return (
         media, around.coriolis.copy(), mass, inertia, floor, floor_spin, aground, spinning,
         0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions, touches,
     )  # fmt: skip
 
 
-@kernel
 def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> Touching:
     """Find the pairs of different fragments that touch: the law of contact between bergs, as a force on each pair."""
+    return Touching(*_touching_pairs(el, partners, sizes, law))
+
+
+@kernel
+def _touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> tuple[Ints, Ints, Floats, Floats]:
+    """Return the fields of `Touching`; see `riftberg.kernels` why no named tuple."""
     size = partners.partner.size // 2 + 1
     first, second = np.empty(size, np.int64), np.empty(size, np.int64)
     spring, damping = np.empty((size, 2)), np.empty((size, 3))
@@ -150,7 +164,7 @@ def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw)
             spring[count, 0], spring[count, 1] = ix, iy
             damping[count, 0], damping[count, 1], damping[count, 2] = p11, p12, p22
             count += 1
-    return Touching(first[:count], second[:count], spring[:count], damping[:count])
+    return first[:count], second[:count], spring[:count], damping[:count]
 
 
 @kernel

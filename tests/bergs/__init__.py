@@ -1,0 +1,1 @@
+"""Tests of how bergs come to be: outlines, masks, lattices, bonds."""

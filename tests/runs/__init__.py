@@ -1,0 +1,1 @@
+"""Tests of a run as a file and in memory."""

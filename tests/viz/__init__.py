@@ -1,0 +1,1 @@
+"""Tests of pictures, films and the replay page."""
