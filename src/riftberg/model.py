@@ -158,7 +158,9 @@ class BareModel(RunState):
             return self.elements.u.copy(), self.elements.v.copy()
         return self._stepper.synchronised(self)
 
-    def append(self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0) -> Ints:
+    def append(
+        self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0, ids: Ints | None = None
+    ) -> Ints:
         """Add elements, with bonds between them; for use between two steps or in `after_step`.
 
         Parameters
@@ -170,6 +172,8 @@ class BareModel(RunState):
             Bonds between them; their ends are rows of ``elements``.
         parent : int, optional
             Number of the fragment that they come from.
+        ids : array of int, optional
+            Their identifiers, which must never have been used; the next free ones if left out.
 
         Returns
         -------
@@ -177,7 +181,7 @@ class BareModel(RunState):
             Their identifiers; identifiers are never used again.
         """
         rows = self.elements.size
-        ids = self.population.append(elements, bonds)
+        ids = self.population.append(elements, bonds, ids=ids)
         new = slice(rows, None)
         now = self.elements
         now.body.berg[new] = parent
@@ -256,19 +260,19 @@ class BareModel(RunState):
     def _look(self) -> None:
         """Note what must be followed up when it changes: which rows there are, mass and sizes."""
         body, population = self.elements.body, self.population
-        self._seen_rows = population.version, population.next_element, population.next_bond
+        self._seen_rows = population.version, population.next_bond
         self._seen_sizes = body.id.copy(), tuple(a.copy() for a in _sizes_of(self.elements))
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
-        version, next_element, next_bond = self._seen_rows
+        version, next_bond = self._seen_rows
         ids, sizes = self._seen_sizes
         # Most steps change nothing: then the rows are the same, and comparing them as they stand is enough.
         if self.population.version == version and all(map(np.array_equal, _sizes_of(self.elements), sizes)):
             return
         changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), ids, sizes)
         check_state(self.elements, self.bonds)
-        surround_newborn(self, self.elements.body.id >= next_element, self._visited)
+        surround_newborn(self, ~np.isin(self.elements.body.id, ids), self._visited)
         complete_state(self)
         if self._visited:
             count_bonds(self.elements, self.bonds)

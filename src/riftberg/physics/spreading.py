@@ -330,10 +330,7 @@ def side_shares(x, reach):
         Side of the berg in cells, at most 1.
     """
     left = min(0.5, max(0.0, 0.5 - x / reach))
-    if reach == 1.0:
-        right = min(0.5, max(0.0, x - 0.5))
-    else:
-        right = min(0.5, max(0.0, x / reach + (0.5 - 1.0 / reach)))
+    right = min(0.5, max(0.0, x / reach + (0.5 - 1.0 / reach)))
     return left, max(0.0, 1.0 - (left + right)), right
 
 
