@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from riftberg.parameter_groups import (
     BondLaw,
     BondParameters,
+    Calving,
     Compatibility,
     Contact,
     Damage,
@@ -34,6 +35,7 @@ __all__ = [
     "A68A_2022_KID",
     "BondLaw",
     "BondParameters",
+    "Calving",
     "Compatibility",
     "Contact",
     "Damage",
@@ -140,6 +142,7 @@ class Parameters(Group):
     damage: Damage = Field(default_factory=Damage)
     stepping: Stepping = Field(default_factory=Stepping)
     earth: Earth = Field(default_factory=Earth)
+    calving: Calving = Field(default_factory=Calving)
     compatibility: Compatibility = Field(default_factory=Compatibility)
 
     @model_validator(mode="after")
