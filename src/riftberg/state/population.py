@@ -80,7 +80,7 @@ class Population:
             )
         return np.asarray(order[place], np.int64)
 
-    def append(self, elements: Elements, bonds: Bonds | None = None) -> Ints:
+    def append(self, elements: Elements, bonds: Bonds | None = None, ids: Ints | None = None) -> Ints:
         """Add elements and bonds between them.
 
         Parameters
@@ -89,14 +89,26 @@ class Population:
             The newly born; copied. Identifiers are given here.
         bonds : Bonds, optional
             Bonds between them; their ends are rows of ``elements``.
+        ids : array of int, optional
+            Identifiers that another model's rule gives them (KID); never used before.
 
         Returns
         -------
         array of int
             Identifiers of the newly born.
+
+        Raises
+        ------
+        InputError
+            If a given identifier is in use.
         """
-        ids = np.arange(self.next_element, self.next_element + elements.size)
-        self.next_element += elements.size
+        if ids is None:
+            ids = np.arange(self.next_element, self.next_element + elements.size)
+        elif np.isin(ids, self._elements.body.id).any():
+            raise InputError(
+                f"identifier {int(ids[np.isin(ids, self._elements.body.id)][0])} is in use", where="population"
+            )
+        self.next_element = max(self.next_element, _above(ids))
         before = self._elements.size
         self._room = _extended(self._room, before, {**elements.arrays(), "id": ids})
         self._show(before + elements.size, self._bonds.first.size)
