@@ -177,7 +177,7 @@ class BareModel(RunState):
         parent : int, optional
             Number of the fragment that they come from.
         ids : array of int, optional
-            Identifiers that they must have (KID's own); by default the next ones.
+            Their identifiers, which must never have been used; the next free ones if left out.
 
         Returns
         -------
@@ -185,7 +185,7 @@ class BareModel(RunState):
             Their identifiers; identifiers are never used again.
         """
         rows = self.elements.size
-        ids = self.population.append(elements, bonds, ids)
+        ids = self.population.append(elements, bonds, ids=ids)
         new = slice(rows, None)
         now = self.elements
         now.body.berg[new] = parent
