@@ -17,6 +17,7 @@ from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.interrupts import Hold, held
+from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022, Parameters
@@ -79,6 +80,8 @@ class BareModel(RunState):
         counted, fragments numbered, newly born placed, sub-steps chosen anew) is done after the last of them. A process
         that fails takes the whole step back. A run that is resumed goes on bit for bit if a process takes what it needs
         from the model (state, ``time``, ``step_number``) and keeps nothing itself.
+    life : LifeProcess or None
+        Melt, rolling and footloose calving, where the parameters ask for them; acts before the processes above.
     remembered : dict of str to array
         What recorders must know again to go on exactly; it is saved with the state.
     """
@@ -119,6 +122,7 @@ class BareModel(RunState):
             population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments)), start, time,
             step_number,
         )  # fmt: skip
+        self.life = LifeProcess(parameters) if lives(parameters) else None
         self.after_step: list[Process] = []
         self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
@@ -227,7 +231,7 @@ class BareModel(RunState):
         if self.step_number == 0 and not self._visited:
             self._first_visit()
         self._follow_changes()
-        before = self.time, self.step_number, list(self.fragments.rows), self.population.saved()
+        before = self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered)
         try:
             if self.elements.size:
                 self._stepper.step(self)
@@ -236,6 +240,8 @@ class BareModel(RunState):
             else:
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1
+            if self.life is not None:
+                self.life.act(self)
             for process in self.after_step:
                 process(self)
             self._follow_changes()
@@ -251,8 +257,11 @@ class BareModel(RunState):
                 "the run is unstable: use more sub-steps (stepping.substeps) or a softer berg"
             )
 
-    def _go_back(self, time: float, step_number: int, rows: list[Fragment], population: Saved) -> None:
+    def _go_back(
+        self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats]
+    ) -> None:
         """Return to the state before a step that failed, so that it can be saved."""
+        self.remembered = remembered
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
         self.population.restore(population)
         self._look()

@@ -327,7 +327,9 @@ def check_flux(flux: Floats, heat_flux: Floats, mask: NDArray[np.float64], where
             raise InputError(
                 f"{name} is {values[j, i]:g} in cell ({i + 1}, {j + 1})",
                 where=where,
-                remedy="Ice leaves the land: give numbers of 0 or more" if name == "calving flux" else "Give finite numbers",
+                remedy="Ice leaves the land: give numbers of 0 or more"
+                if name == "calving flux"
+                else "Give finite numbers",
             )
     dry = (flux > 0.0) & (mask < 0.5)
     if dry.any():
