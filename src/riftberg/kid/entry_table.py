@@ -311,3 +311,28 @@ DRIVER: Final[tuple[Entry, ...]] = (
     _nil("debug", LOGICAL, True, "", "messages", "progress is shown instead"),
 )
 """Group ``icebergs_driver_nml``: 25 entries."""
+
+# fmt: off
+COUPLED: Final[tuple[Entry, ...]] = (
+    _yes("ni", INTEGER, 0, "cells", "grid size"),
+    _yes("nj", INTEGER, 0, "cells", "grid size"),
+    _yes("gridres", REAL, 1000.0, "m", "cell size"),
+    _yes("lat0", REAL, 0.0, "m", "added to the second coordinate of all corners; below 0 lies the south"),
+    _yes("land", REAL, 0.0, "", "above 0: land in three cells"),
+    _yes("dt", REAL, 3600.0, "s", "time step"),
+    _yes("nsteps", INTEGER, 1, "steps", "run length"),
+    _yes("uo0", REAL, 0.0, "m s-1", "ocean velocity"),
+    _yes("vo0", REAL, 0.0, "m s-1", "ocean velocity"),
+    _yes("ui0", REAL, 0.0, "m s-1", "sea-ice velocity"),
+    _yes("vi0", REAL, 0.0, "m s-1", "sea-ice velocity"),
+    _yes("ua0", REAL, 0.0, "Pa (m s-1 if tau_is_velocity)", "zonal wind argument"),
+    _yes("va0", REAL, 0.0, "Pa (m s-1 if tau_is_velocity)", "meridional wind argument"),
+    _yes("sst0", REAL, 0.0, "degree_Celsius", "sea temperature at the corner of the grid"),
+    _yes("sstk", REAL, 0.0, "K", "added to it: 273.15 hands it over in kelvin"),
+    _yes("sss0", REAL, 0.0, "1e-3", "salinity at the corner of the grid"),
+    _yes("cn0", REAL, 0.0, "1", "sea-ice concentration of column 10"),
+    _yes("hi0", REAL, 1.0, "m", "sea-ice thickness"),
+    _yes("calv0", REAL, 0.0, "kg m-2 s-1", "flux of land ice"),
+    _yes("calvh0", REAL, 0.0, "W m-2", "heat that it lacks"),
+)
+"""Group ``drv_nml`` of cases that exchange with an ocean: 20 entries."""
