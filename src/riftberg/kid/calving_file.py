@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError
-from riftberg.kid.ncfile import checksum, opened_dataset, raw_values, unpacked
+from riftberg.kid.ncfile import checksum, opened_dataset, unpacked
 from riftberg.life.calving import Stores
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
@@ -63,12 +63,11 @@ def read_stores(path: Path, grid: Grid, classes: int) -> Stores | None:
         def maybe(name: str) -> Floats | None:
             return read(name, *shape) if name in dataset.variables else None
 
-        counter = np.zeros(shape, np.int64)
-        if "iceberg_counter_grd" in dataset.variables:
-            counter[:] = raw_values(dataset, path, "iceberg_counter_grd").reshape(shape)
+        counter = maybe("iceberg_counter_grd")
         heat = maybe("stored_heat")
         return Stores(
-            read("stored_ice", classes, *shape), np.zeros(shape) if heat is None else heat, counter,
+            read("stored_ice", classes, *shape), np.zeros(shape) if heat is None else heat,
+            np.zeros(shape, np.int64) if counter is None else np.asarray(counter, np.int64),
             maybe("rmean_calving"), maybe("rmean_calving_hflx"), begun=True,
         )  # fmt: skip
 
