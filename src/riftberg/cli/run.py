@@ -432,4 +432,5 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     areas = ", ".join(f"{area:.0f}" for area in summary["areas_km2"][:6])
     more = " ..." if summary["fragments"] > 6 else ""
     count = f"{summary['fragments']} fragment{'s' if summary['fragments'] != 1 else ''}"
-    return [*lines, f"  {count} at the end: {areas}{more} km2"]
+    melt = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
+    return [*lines, f"  {count} at the end: {areas}{more} km2", *melt]

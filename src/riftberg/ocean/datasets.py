@@ -158,6 +158,11 @@ class DatasetForcing:
         return cls([part_of(ds, start) for ds in in_memory(given)], **options)
 
     @property
+    def provides(self) -> frozenset[str]:
+        """Variables of the elements that come from a product."""
+        return frozenset(VARIABLES) - frozenset(self._missing)
+
+    @property
     def title(self) -> str:
         """Return the products, for titles."""
         return ", ".join(dict.fromkeys(part.source for part in self.parts))
