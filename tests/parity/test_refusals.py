@@ -4,11 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from riftberg.errors import NamelistError
-from riftberg.kid.run import run_kid
-
 from .cases import CASES, MELTING
 
 

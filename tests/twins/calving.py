@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def running_mean(before, now, tau, dt):
-    """Exponential mean."""
-    return now if tau == 0.0 else (dt * now + tau * before) / (tau + dt)
+def weights(tau, dt):
+    """Of the present flux and of the mean so far."""
+    return dt / (tau + dt), tau / (tau + dt)
 
 
 def mass_fractions(numbers, mass):

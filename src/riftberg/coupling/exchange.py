@@ -323,7 +323,7 @@ class Exchange:
 
     def _returned(self, fields: dict[str, Floats], by_process: Floats) -> xr.Dataset:
         g = self.grid.arrays
-        data = {}
+        data: dict[str, Any] = {}
         for name, q in GIVEN.items():
             attributes = {"units": q.units, "long_name": q.meaning}
             attributes |= {"standard_name": name} if q.standard else {}
@@ -352,9 +352,9 @@ def _kept_stores(model: BareModel) -> Stores | None:
     kept = model.remembered
     if STORES + "ice" not in kept:
         return None
-    means = (kept[name].copy() if (name := STORES + part) in kept else None for part in ("mean_flux", "mean_heat"))
+    flux, heat = (kept[name].copy() if (name := STORES + part) in kept else None for part in ("mean_flux", "mean_heat"))
     counter = kept[STORES + "counter"].astype(np.int64)
-    return Stores(kept[STORES + "ice"].copy(), kept[STORES + "heat"].copy(), counter, *means, begun=True)
+    return Stores(kept[STORES + "ice"].copy(), kept[STORES + "heat"].copy(), counter, flux, heat, begun=True)
 
 
 def _whole_steps(ocean: float, bergs: float) -> int:

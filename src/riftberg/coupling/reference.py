@@ -211,5 +211,5 @@ class ReferenceExchange:
             thickness=np.where(left, m.thickness, m.fl_thickness),
         )  # fmt: skip
         rows = np.flatnonzero(left | bits_only)
-        some = Spread(*(np.ascontiguousarray(a[rows]) for a in changed))
+        some = Spread(**{name: np.ascontiguousarray(a[rows]) for name, a in changed._asdict().items()})
         return gather(self._parts(some)[0], self.grid)[self.grid.domain]

@@ -19,7 +19,7 @@ import f90nml
 from riftberg.errors import NamelistError
 from riftberg.input_files import check_file, reading
 from riftberg.kid.entries import GROUPS, convert, find_entry, refused
-from riftberg.kid.entry_table import CALVING, HONOURED, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
+from riftberg.kid.entry_table import CALVING, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
 from riftberg.limits import MOST_YAML
 from riftberg.shared_settings import own_filters
 
@@ -115,8 +115,9 @@ class KidNamelist:
 def _group_report(group: NamelistGroup, coupled: bool) -> Iterator[str]:
     for entry in GROUPS[group.name]:
         if entry.name in group.given or entry.name == "add_weight_to_ocean":
-            # What has no effect without an ocean and a flux of land ice has one here.
-            known = replace(entry, treatment=HONOURED, note="") if coupled and entry.note in (CALVING, OCEAN) else entry
+            known = entry
+            if entry.note in (CALVING, OCEAN):  # of effect only with an ocean and a flux of land ice
+                known = replace(entry, note="") if coupled else replace(entry, treatment=REPORTED)
             yield _entry_report(group, known)
 
 

@@ -213,19 +213,13 @@ def _check_criterion(group: NamelistGroup, inline: bool) -> None:
 
 def _calving(group: NamelistGroup) -> dict[str, Any]:
     """Map calving (files, 3); the smoothing time is divided by the seconds of a year (quirk T14)."""
-
-    def table(suffix: str) -> dict[str, tuple[float, ...]]:
-        names = {
-            "mass": "initial_mass",
-            "fraction": "distribution",
-            "scaling": "mass_scaling",
-            "thickness": "initial_thickness",
-        }
-        return {ours: group.numbers(theirs + suffix) for ours, theirs in names.items()}
-
+    south = ("initial_mass", "distribution", "mass_scaling", "initial_thickness")
+    north = ("initial_mass_n", "distribution_n", "mass_scaling_n", "initial_thickness_n")
+    ours = ("mass", "fraction", "scaling", "thickness")
+    tables = [{k: group.numbers(name) for k, name in zip(ours, names, strict=True)} for names in (south, north)]
     return {
-        "south": table(""),
-        "north": table("_n") if group.flag("separate_distrib_for_n_hemisphere") else None,
+        "south": tables[0],
+        "north": tables[1] if group.flag("separate_distrib_for_n_hemisphere") else None,
         "fractions": "number" if group.flag("input_freq_distribution") else "mass",
         "length_over_width": group.number("LoW_ratio"),
         "smoothing_time": max(group.number("tau_calving"), 0.0) / (365.0 * 24.0 * 60.0 * 60.0),

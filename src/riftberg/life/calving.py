@@ -17,7 +17,7 @@ from riftberg.ocean.cells import position_in_cell
 from riftberg.ocean.grid import Grid
 from riftberg.parameter_groups import Calving, ClassTable
 from riftberg.parameters import Parameters
-from riftberg.physics.calving import class_width, fill_stores, fractions_by_mass, running_mean
+from riftberg.physics.calving import class_width, fill_stores, fractions_by_mass, mean_weights
 from riftberg.state import Elements, Floats, Ints, new_elements
 
 PART_OF_STEP: Final = 2.0 / 17.0
@@ -131,12 +131,12 @@ class Stores:
     def next_identifier(self, column: int, row: int) -> int:
         """Count a birth in a cell (indices of the domain) and return the identifier of the reference (files, 0.4)."""
         self.counter[row, column] += 1
-        return (int(self.counter[row, column]) << 32) | (column + 1 + self.counter.shape[1] * row)
+        return (int(self.counter[row, column]) << 32) | (column + 1 + int(self.counter.shape[1]) * row)
 
     def copy(self) -> Stores:
         """Return stores that share no memory with these."""
-        means = (None if q is None else q.copy() for q in (self.mean_flux, self.mean_heat))
-        return Stores(self.ice.copy(), self.heat.copy(), self.counter.copy(), *means, self.begun)
+        flux, heat = (None if q is None else q.copy() for q in (self.mean_flux, self.mean_heat))
+        return Stores(self.ice.copy(), self.heat.copy(), self.counter.copy(), flux, heat, self.begun)
 
 
 class Accumulated(NamedTuple):
@@ -237,9 +237,9 @@ class FluxCalving:
         s, tau = self.stores, self.parameters.calving.smoothing_time
         if s.mean_flux is None or s.mean_heat is None:
             s.mean_flux, s.mean_heat = flux.copy(), heat_flux.copy()
+        new, old = mean_weights(tau, dt)
         for mean, now in ((s.mean_flux, flux), (s.mean_heat, heat_flux)):
-            for at in np.ndindex(mean.shape):
-                mean[at] = running_mean(mean[at], now[at], tau, dt)
+            mean[:] = new * now + old * mean
         return s.mean_flux.copy(), s.mean_heat.copy()
 
     def bear(self, year: int, day: float, dt: float) -> Births:
