@@ -57,6 +57,8 @@ NAMES: Final = {
     "diagnostics.observed.Observed": "diagnostics.observed.Observations",
     "diagnostics.overlap.overlap": "diagnostics.overlap.intersection_over_union",
     "diagnostics.score.Day": "diagnostics.score.ScoredDay",
+    "experiments.changes.kinds_of": "values.kinds_of",
+    "experiments.changes.unit_of": "values.unit_of",
     "experiments.Entry": "experiments.registry.BuiltIn",
     "experiments.a68a_observed.Observed": "experiments.a68a_observed.ObservedDay",
     "model.Model": "runs.model.Model",
