@@ -14,6 +14,7 @@ The names below are loaded when they are first used, so that ``import riftberg``
 from __future__ import annotations
 
 import importlib
+import logging
 from typing import TYPE_CHECKING, Any
 
 from riftberg import moved
@@ -57,6 +58,14 @@ __all__ = [
 ]
 
 moved.install()
+
+
+logging.getLogger("riftberg").addHandler(logging.NullHandler())
+
+
+def __dir__() -> list[str]:
+    """Name what the package offers, also what is not loaded yet; tab completion asks for it."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
 
 
 def __getattr__(name: str) -> Any:

@@ -57,6 +57,7 @@ NAMES: Final = {
     "diagnostics.observed.Observed": "diagnostics.observed.Observations",
     "diagnostics.overlap.overlap": "diagnostics.overlap.intersection_over_union",
     "diagnostics.score.Day": "diagnostics.score.ScoredDay",
+    "cli.progress.ProgressRecorder": "runs.progress.ProgressRecorder",
     "experiments.changes.kinds_of": "values.kinds_of",
     "experiments.changes.unit_of": "values.unit_of",
     "experiments.Entry": "experiments.registry.BuiltIn",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import types
 from collections.abc import Mapping
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from functools import cache
 from typing import Annotated, Any, Final, Union, get_args, get_origin
 
@@ -75,6 +75,10 @@ def native(value: Any) -> Any:
         return moment if isinstance(moment, datetime) else value
     if isinstance(value, datetime) and type(value) is not datetime:  # a Timestamp of pandas
         return value.to_pydatetime(warn=False) if hasattr(value, "to_pydatetime") else value
+    if isinstance(value, np.timedelta64):
+        return value.astype("timedelta64[us]").item()
+    if isinstance(value, timedelta) and type(value) is not timedelta:  # a Timedelta of pandas
+        return timedelta(seconds=value.total_seconds())
     if isinstance(value, np.generic):
         return value.item()
     if hasattr(value, "__array__") and not isinstance(value, type):
@@ -236,11 +240,7 @@ def checked(section: type[BaseModel], values: Mapping[str, Any]) -> dict[str, An
     fields, result = section.model_fields, {}
     for name, value in values.items():
         if name not in fields:
-            raise InputError(
-                f"there is no {name!r}",
-                where=section.__name__,
-                remedy=f"{nearest(name, fields)}It has {', '.join(fields)}",
-            )
+            raise _unknown(section, name)
         inner = _section_in(fields[name])
         if inner is None:
             result[name] = _prepared(value, fields[name], f"{section.__name__}.{name}")
@@ -256,6 +256,19 @@ def checked(section: type[BaseModel], values: Mapping[str, Any]) -> dict[str, An
     return result
 
 
+def _unknown(section: type[BaseModel], name: str) -> InputError:
+    fields = section.model_fields
+    hint = nearest(name, fields)
+    if any(_section_in(field) for field in fields.values()):
+        return InputError(
+            "there is no such group of parameters", where=name, remedy=f"{hint}Groups are {', '.join(fields)}"
+        )
+    return InputError(
+        "there is no such parameter", where=f"{section.__name__}.{name}",
+        remedy=f"{hint}{section.__name__} has {', '.join(fields)}",
+    )  # fmt: skip
+
+
 def _section_in(field: FieldInfo) -> type[BaseModel] | None:
     kind = field.annotation
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
@@ -267,7 +280,8 @@ def _inner(section: type[BaseModel], name: str, values: Mapping[str, Any]) -> Ba
         return section(**values)
     except InputError as error:
         place = name + error.where.removeprefix(section.__name__)
-        raise InputError(error.what, where=place, remedy=error.remedy) from error
+        remedy = error.remedy.replace(f"{section.__name__} has ", f"{name} has ")
+        raise InputError(error.what, where=place, remedy=remedy) from error
 
 
 def explained(error: ValidationError, section: type[BaseModel]) -> InputError:
@@ -344,6 +358,21 @@ def check_place(
         )  # fmt: skip
 
 
+def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> float:
+    """Return one number in a unit; a text with a unit and numbers of NumPy are taken.
+
+    Raises
+    ------
+    InputError
+        If it is no number or has a wrong unit.
+    """
+    try:
+        return _number_in(value, unit)
+    except ValueError as error:
+        measured = f", in {unit}" if unit not in ("", "1") else ""
+        raise kind(str(error), where=where, remedy=f"Allowed: a number{measured}") from error
+
+
 def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> np.ndarray[Any, Any]:
     """Return a number or an array of numbers in a unit; texts with units, Series and DataArrays are taken.
 
@@ -370,6 +399,8 @@ def _number_in(value: Any, unit: str) -> float:
     plain = native(value)
     if isinstance(plain, str):
         return to_unit(plain, unit)
+    if isinstance(plain, timedelta):
+        return to_unit(f"{plain.total_seconds()!r} s", unit)
     if isinstance(plain, bool) or not isinstance(plain, int | float):
         raise ValueError(f"{value_shown(plain)} is no number")
     return float(plain)
