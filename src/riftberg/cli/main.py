@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, why
+from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, sweep, why
 from riftberg.cli.verbose import verbose
 from riftberg.version import __version__
 
@@ -39,6 +39,7 @@ def _main(
 
 
 app.command("run")(verbose(run.run))
+app.command("sweep")(verbose(sweep.sweep))
 app.command("experiments")(verbose(run.experiments))
 app.command("kid")(verbose(kid.kid))
 app.command("bench")(verbose(bench.bench))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import sys
 import time as clock
+from collections.abc import Mapping
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Final
 
@@ -85,6 +86,39 @@ class ProgressRecorder:
             f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "
             f"{broken} bond{'s' if broken != 1 else ''} broken"
         )
+
+
+class SweepBar:
+    """How many members of a sweep are done: a bar on a terminal and in a notebook, lines in a log.
+
+    Parameters
+    ----------
+    total : int
+        Members.
+    """
+
+    def __init__(self, total: int) -> None:
+        self.total, self._shown = total, 0.0
+        self._bar: Any = None
+        if in_notebook():
+            self._bar = NotebookBar(total)
+        elif sys.stderr.isatty():
+            self._bar = TerminalBar(total)
+
+    def show(self, done: Mapping[int, Any]) -> None:
+        """Show how many outcomes there are."""
+        failed = sum(outcome.status == "failed" for outcome in done.values())
+        text = f"{len(done)} of {self.total} members" + (f", {failed} failed" if failed else "")
+        if self._bar is not None:
+            self._bar.show(len(done), text)
+        elif (now := clock.monotonic()) - self._shown >= LOG_SECONDS or len(done) == self.total:
+            self._shown = now
+            say(text)
+
+    def stop(self) -> None:
+        """Leave the bar as it stands."""
+        if self._bar is not None:
+            self._bar.stop()
 
 
 def in_notebook() -> bool:
