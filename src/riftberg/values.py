@@ -213,8 +213,9 @@ def given(
 @cache
 def _adapter(section: type[BaseModel], name: str) -> TypeAdapter[Any]:
     field = section.model_fields[name]
-    metadata = (field.annotation, *field.metadata)
-    return TypeAdapter(Annotated[metadata] if field.metadata else field.annotation, config={"allow_inf_nan": False})
+    limits = (field.annotation, *field.metadata)
+    annotation: Any = Annotated[limits] if field.metadata else field.annotation
+    return TypeAdapter(annotation, config={"allow_inf_nan": False})
 
 
 def _prepared(value: Any, field: FieldInfo, where: str, kind: type[InputError] = InputError) -> Any:

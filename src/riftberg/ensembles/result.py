@@ -14,7 +14,7 @@ from riftberg.ensembles.member import FRAGMENT, Outcome
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, is_folder, reading
-from riftberg.netcdf_lock import NETCDF
+from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
 from riftberg.version import __version__
 from riftberg.whole_files import replacing
@@ -213,12 +213,13 @@ def write_sweep(ds: xr.Dataset, path: str | Path) -> Path:
         name: dict(dated) for name in ("time", "first_breakup", "fragment_birth_time")
     }
     if path.suffix == ".zarr":
-        ds.to_zarr(path, mode="w", encoding=encoding)
+        ds.to_zarr(path, mode="w", encoding=encoding, consolidated=False)
         return path
     for name, variable in ds.data_vars.items():
         if variable.dtype.kind == "f":
             encoding[str(name)] = {"zlib": variable.ndim > 1, "complevel": 1, "_FillValue": np.nan}
-    with replacing(path) as part, NETCDF:
+    # xarray takes its own lock, which is part of ours and cannot be taken twice.
+    with replacing(path) as part:
         ds.to_netcdf(part, engine="netcdf4", encoding=encoding)
     return path
 
@@ -241,16 +242,18 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     InputError
         If it is none.
     """
+    ds: xr.Dataset
     path = Path(path)
     remedy = "Name a folder that 'riftberg sweep' made"
     if path.suffix == ".zarr":
         with reading(path, "not readable as Zarr", remedy):
-            ds = xr.open_zarr(path).load()
+            ds = xr.open_zarr(path, consolidated=False).load()
     else:
         file = path / "sweep.nc" if is_folder(path) else path
         check_file(file, remedy=remedy)
-        with reading(file, "not readable as NetCDF", remedy), NETCDF, xr.open_dataset(file, engine="netcdf4") as opened:
-            ds = opened.load()
+        with reading(file, "not readable as NetCDF", remedy):
+            ds = open_lazily(file).load()
+            ds.close()
     if "member" not in ds.dims or "status" not in ds:
         raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
     return ds

@@ -196,6 +196,9 @@ def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_h
         first, info = build(named, _first_options(options, members[0]))
         length = info.days if length is None else length
         _check_members(first, members)
+        last, _ = build(named, _first_options(options, members[-1]))
+        for model, values in ((first, members[0]), (last, members[-1])):
+            _check_taken(model, values, named)
     elif length is None:
         raise InputError("the length of the runs is missing", where="days", remedy="Give days")
     else:
@@ -224,6 +227,18 @@ def _check_members(first: Model, members: list[dict[str, Any]]) -> None:
     for values in members:
         said = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
         changed(first.parameters, grouped(values), where=f"--vary, member with {said}")
+
+
+def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
+    """Refuse to vary what the experiment sets itself, such as the packing of its berg."""
+    for group, inner in grouped(values).items():
+        for key, value in inner.items():
+            found = getattr(getattr(model.parameters, group), key)
+            if found != value and value:  # 0 and none mean: find it
+                raise InputError(
+                    f"{named} keeps {group}.{key} = {value_shown(found)} whatever is given", where=f"--vary {group}.{key}",
+                    remedy="Vary another parameter, or give a function that makes the models",
+                )  # fmt: skip
 
 
 class Store:

@@ -22,7 +22,7 @@ from riftberg.values import allowed, given, kinds_of, native, unit_of
 MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
 
-EXAMPLE: Final = "For example --vary fracture.normal_strength=14..24kPa:11, or --vary bonds.packing=square,hexagonal"
+EXAMPLE: Final = "For example --vary fracture.normal_strength=14..24kPa:11, or --vary damage.enabled=true,false"
 
 _RANGE: Final = re.compile(r"(.+?)\.\.([^:]+)(?::(.*))?$")
 _UNIT: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*(.*)$")

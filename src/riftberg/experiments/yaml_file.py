@@ -19,7 +19,6 @@ from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
     PRESETS,
     Berg,
-    ConstantForcing,
     Experiment,
     ExperimentForcing,
     Rift,
@@ -27,6 +26,7 @@ from riftberg.experiments.schema import (
 )
 from riftberg.input_files import value_shown
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.values import (
     NORTHERNMOST,
