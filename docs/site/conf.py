@@ -14,7 +14,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "src"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from pictures import written_pictures  # noqa: E402
 from riftberg.version import __version__  # noqa: E402
 
 project, author, release = "Riftberg", "The Riftberg developers", __version__
@@ -47,7 +46,7 @@ sphinx_gallery_conf: dict[str, Any] = {
     "filename_pattern": r"/[a-z]",
     "ignore_pattern": r"__init__\.py",
     "plot_gallery": os.environ.get("RIFTBERG_GALLERY", "1") == "1",
-    "image_scrapers": (written_pictures,),
+    "image_scrapers": ("pictures.written_pictures",),
     "abort_on_example_error": True,
     "remove_config_comments": True,
     "download_all_examples": False,
