@@ -24,8 +24,8 @@ from riftberg.runs.background import StoredWater, on_even_grid, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.version import __version__
+from riftberg.viz.colours import FRAGMENTS, SMALL
 from riftberg.viz.packing import pack
-from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
 from riftberg.whole_files import write_text
 
 LARGEST: Final = 10e6
@@ -135,8 +135,8 @@ class ReplayContent:
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
             "lowest": self._lowest(),
-            "colours": list(FRAGMENT_COLOURS),
-            "small": SMALL_COLOUR,
+            "colours": list(FRAGMENTS),
+            "small": SMALL,
             "elements": arrays,
             "bonds": self._bonds(),
             "fragments": self._fragments(),
