@@ -15,7 +15,7 @@ from riftberg.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-KINDS = ("map", "dates", "stress", "timeline", "damage", "theory")
+KINDS = ("map", "dates", "stress", "timeline", "damage", "story")
 
 
 @reported
@@ -26,7 +26,7 @@ def plot(
         list[str] | None,
         typer.Option(
             "--kind", "-k",
-            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline; damage where it is on; theory for the beams]",
+            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline, damage where it is on; story of test cases]",
         ),
     ] = None,
     date: Dates = None,
@@ -57,7 +57,7 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
     from riftberg.experiments.registry import story_of
 
     if story_of(run) is not None:
-        return ["theory", "stress"]
+        return ["story", "stress"]
     return ["dates", "stress", "timeline", *(["damage"] if "damage" in run else [])]
 
 
@@ -66,8 +66,8 @@ def _drawn(name: str, run: xr.Dataset, path: Path, when: list[object], shown: ob
     from riftberg.viz import map as maps
     from riftberg.viz import plots
 
-    if name == "theory":
-        return _theory(run, path, dpi)
+    if name == "story":
+        return _story(run, path, dpi)
     if name == "map":
         return maps.draw_map(run, path, observed=shown, dpi=dpi)  # type: ignore[arg-type]
     if name == "timeline":
@@ -78,12 +78,14 @@ def _drawn(name: str, run: xr.Dataset, path: Path, when: list[object], shown: ob
     return draw(run, path, dates=when, dpi=dpi)  # type: ignore[arg-type]
 
 
-def _theory(run: xr.Dataset, path: Path, dpi: int) -> Path:
+def _story(run: xr.Dataset, path: Path, dpi: int) -> Path:
     from riftberg.experiments.registry import story_of
 
     story = story_of(run)
     if story is None:
         raise InputError(
-            "the run is none of the beams, there is no theory of it", where="--kind theory", remedy="Draw another kind"
+            "the run is none of the beams or collisions that come with Riftberg",
+            where="--kind story",
+            remedy="Draw another kind",
         )
     return story.draw(run, path, dpi)

@@ -417,9 +417,10 @@ def berg_line(model: Model) -> str:
     import numpy as np
 
     from riftberg.places import area_text, place_text
+    from riftberg.stepping.fragments import centroid
 
     e = model.elements
-    lon, lat = (float(np.average(a, weights=e.mass)) for a in (e.lon, e.lat))
+    lon, lat = centroid(e.lon, e.lat, e.mass, model.parameters.earth.period)
     place = place_text(lon, lat, latlon=model.parameters.earth.latlon)
     count = len(np.unique(e.berg))
     area = float((e.length * e.width).sum())

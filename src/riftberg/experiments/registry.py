@@ -66,7 +66,7 @@ EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
           story="beams:SUPPORTED_STORY"),
     BuiltIn("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end",
           story="beams:CANTILEVER_STORY"),
-    BuiltIn("collision", "collision:build", "two small bergs collide"),
+    BuiltIn("collision", "collision:build", "two small bergs collide", story="collision:STORY"),
     BuiltIn("grounding-fracture", "grounding_fracture:build", "a berg runs aground and breaks"),
 )  # fmt: skip
 """Built-in experiments."""

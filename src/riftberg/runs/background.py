@@ -37,6 +37,8 @@ MOST_TIMES: Final = 80
 """Largest number of currents; a longer run has them at longer intervals."""
 
 _MARGIN = 0.3
+_HEIGHT = 0.85
+"""Least height of the box over the width of what is drawn, before it is widened."""
 _SQUARE = 1.35
 """Side of the square around the berg at a record over its length: more than maps of single dates show."""
 _SHAPE = 2.0
@@ -103,6 +105,9 @@ def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floa
     north = max(north + margin, float(middle_y.max()) + half)
     west = min(west - margin * stretch, float(middle_x.min()) - half * stretch)
     east = max(east + margin * stretch, float(middle_x.max()) + half * stretch)
+    # The map of the drift is about as high as it is wide.
+    short = 0.5 * max(0.0, _HEIGHT * (east - west) / stretch - (north - south))
+    south, north = south - short, north + short
     wide = max(east - west, _SHAPE * (north - south) * stretch)
     if latlon:
         wide = min(wide, 350.0)

@@ -91,7 +91,7 @@ def depth_map() -> Colormap:
     """Return the colours of the depth of water: sand to a light grey blue, quiet enough to lie behind everything."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("depth", ["#F3EBD7", "#E6ECE4", "#D6E2E8", "#C3D4E1", "#AFC5D8"])
+    return LinearSegmentedColormap.from_list("depth", ["#F9F4E6", "#E9EEE8", "#D6E2E8", "#C3D4E1", "#AFC5D8"])
 
 
 def stress_map() -> Colormap:

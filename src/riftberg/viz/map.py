@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO date to rings of shape (n, 2), longitude and latitude."""
 
-NEAR = 14.0
+NEAR = 24.0
 """Marks on the track that are nearer than this (points) share one date."""
 
 
@@ -270,7 +270,7 @@ class _MapFigure:
         columns = (len(records) + 1) // 2
         left = self.figure.add_gridspec(1, 1, left=0.045, right=0.40, bottom=0.175, top=0.885)
         right = self.figure.add_gridspec(
-            2, columns, left=0.455, right=0.985, bottom=0.135, top=0.875, wspace=0.24, hspace=0.2
+            2, columns, left=0.455, right=0.985, bottom=0.135, top=0.875, wspace=0.3, hspace=0.2
         )
         overview = Overview(self.figure.add_subplot(left[0]), self.scene, self.water, self.observed)
         overview.draw(records)

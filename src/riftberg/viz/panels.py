@@ -31,6 +31,9 @@ ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 DEPTHS: Final = (0, *ISOBATHS, 7000, 12000)
 """Edges (m) of the steps in which the sea floor is shaded."""
 
+UNKNOWN_DEPTH: Final = 9000.0
+"""A floor that is this deep (m) all over is the deep water of a run that knows no sea floor."""
+
 LARGE_BOX: Final = 1.6
 """Panels share one extent where it is at most so many times that of the largest berg."""
 
@@ -78,10 +81,14 @@ class Panel:
 
     def fastest(self, record: int) -> float:
         """Return the largest current speed in the panel, m s-1; 0 where there is no current."""
+        return self.speeds(record)[1]
+
+    def speeds(self, record: int) -> tuple[float, float]:
+        """Return the smallest and the largest current speed in the panel, m s-1; 0 where there is no current."""
         if self.water is None:
-            return 0.0
+            return 0.0, 0.0
         speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
-        return float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
+        return (float(np.nanmin(speed)), float(np.nanmax(speed))) if np.isfinite(speed).any() else (0.0, 0.0)
 
     def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> Quiver | None:
         """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows; return the arrows."""
@@ -127,17 +134,16 @@ class Panel:
             return False
         x, y = self._mesh(260)
         depth = np.ma.masked_invalid(self.water.depth(x, y))
-        if depth.mask.all() or float(depth.min()) == float(depth.max()):
+        if depth.mask.all():
             return False
         low, high, draft = float(depth.min()), float(depth.max()), self.scene.draft()
         if high <= draft:
             return False
+        if shaded and low < UNKNOWN_DEPTH:
+            self._shade(x, y, depth)
         levels = [d for d in ISOBATHS if low < d < high]
         # A floor of steps, such as a zone that is simply declared dry, has no isobaths.
-        smooth = len(np.unique(depth.compressed())) >= 50
-        if shaded and smooth:
-            self._shade(x, y, depth)
-        if isobaths and levels and smooth:
+        if isobaths and levels and len(np.unique(depth.compressed())) >= 50:
             lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
             if labels:
                 self.ax.clabel(lines, fmt="%d m", fontsize=6)
@@ -203,7 +209,9 @@ class Panel:
             np.hypot(*(ends[:, 1] - ends[:, 0]).T) < 2.5 * np.median(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
         )
         self.ax.add_collection(
-            LineCollection(list(ends[near]), colors="black", linewidths=0.7 * points, linestyles=":", zorder=6)
+            LineCollection(
+                list(ends[near]), colors="black", linewidths=min(1.8, 0.7 * points), linestyles=":", zorder=6
+            )
         )
         return lines
 
@@ -242,8 +250,13 @@ def fragment_name(scene: Scene, number: int) -> str:
 
 
 def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:
-    """Return the end of the speed scale of panels at these records, m s-1; still water has one too."""
-    return max(0.05, *(panel.fastest(record) for panel, record in zip(panels, records, strict=True)))
+    """Return the end of the speed scale of panels at these records, m s-1; still water has one too.
+
+    A current of one speed everywhere stands in the middle of its scale, so that it is not all dark under arrows and ice.
+    """
+    found = [panel.speeds(record) for panel, record in zip(panels, records, strict=True)]
+    least, most = min(low for low, _ in found), max(high for _, high in found)
+    return max(0.05, 2.0 * most if least > 0.9 * most else most)
 
 
 def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: float) -> None:
@@ -263,10 +276,11 @@ def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: flo
 def arrow_key(quiver: Quiver, figure: Figure, x: float, y: float, top: float) -> None:
     """Draw an arrow of a round speed of up to ``top`` (m s-1) beside that speed, from a place of a figure (its parts) on."""
     speed = style.round_length(0.75 * top)
-    quiver.axes.quiverkey(
+    key = quiver.axes.quiverkey(
         quiver, x, y, speed, f"{speed:g} m s$^{{-1}}$", coordinates="figure", labelpos="E", labelsep=0.06,
         fontproperties={"size": 8}, color=colours.ARROW,
     )  # fmt: skip
+    key.set_in_layout(False)  # it stands outside of its panel
 
 
 def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:

@@ -325,16 +325,17 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     """
     scene = Scene(run)
     figure = new_figure(11.0, 7.4, dpi)
-    axes = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.0))
-    upper, middle, lower = axes
-    times = _times_shown(scene)
-    _areas(upper, scene, times)
-    _peak_stress(middle, scene, times)
     ground = scene.aground().sum(axis=1)
-    lower.fill_between(times, ground, step="post", color=colours.GROUND, alpha=0.6, lw=0.0)
-    lower.set_ylabel("elements\naground", fontsize=9)
-    lower.yaxis.get_major_locator().set_params(integer=True)
-    lower.set_ylim(0.0, max(1.0, 1.15 * float(ground.max())))
+    heights = (3.0, 1.6, 1.0) if ground.any() else (3.0, 2.0)
+    axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    times, lower = _times_shown(scene), axes[-1]
+    _areas(axes[0], scene, times)
+    _peak_stress(axes[1], scene, times)
+    if ground.any():
+        lower.fill_between(times, ground, step="post", color=colours.GROUND, alpha=0.6, lw=0.0)
+        lower.set_ylabel("elements\naground", fontsize=9)
+        lower.yaxis.get_major_locator().set_params(integer=True)
+        lower.set_ylim(0.0, 1.15 * float(ground.max()))
     for k, ax in enumerate(axes):
         ax.grid(color=colours.GRID, lw=0.6)
         ax.set_axisbelow(True)
@@ -367,15 +368,16 @@ def _times_shown(scene: Scene) -> Any:
 def _areas(ax: Axes, scene: Scene, times: Any) -> None:
     """Draw the area of each named fragment; a break-up is a step of the parent and a dot where the child begins."""
     unit = 1e6 if float(scene.area.sum()) >= 1e4 else 1.0
-    for number, colour in fragment_colours(scene).items():
+    for rank, (number, colour) in enumerate(fragment_colours(scene).items()):
         area = np.where(scene.berg == number, scene.area, 0.0).sum(axis=1) / unit
         there = area > 0.0
-        ax.step(times[there], area[there], where="post", color=colour, lw=2.2, label=fragment_name(scene, number))
+        ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 3.2 - 0.7 * rank),
+                label=fragment_name(scene, number))  # fmt: skip
         if scene.birth(number) is not None and there.any():
             ax.axvline(times[there][0], color="#999999", lw=0.8, ls=":")
             ax.plot(times[there][0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
-    # The legend stands above the curves, which begin with the whole berg.
-    ax.set_ylim(0.0, 1.12 * float(scene.area.sum()) / unit)
+    ax.margins(y=0.12)
+    ax.set_ylim(bottom=0.0)
     ax.set_ylabel("area (km²)" if unit == 1e6 else "area (m²)", fontsize=9)
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
 

@@ -203,7 +203,7 @@ class Labels:
             text, (x, y), (dx, dy), textcoords="offset points", ha=ha, va=va, zorder=10,
             path_effects=[withStroke(linewidth=2.5, foreground="white")], **{"fontsize": 8, **style},
         )  # fmt: skip
-        return label, label.get_window_extent().expanded(1.03, 1.1)
+        return label, label.get_window_extent().padded(0.03 * self.ax.figure.dpi)
 
     def _inside(self, box: Any) -> bool:
         frame = self.ax.bbox
