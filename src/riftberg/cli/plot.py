@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from riftberg.cli.pictures import Dates, Format, ObservedFile, Run, check_pictur
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
 KINDS = ("map", "dates", "stress", "timeline", "damage", "story")
@@ -61,7 +62,9 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
     return ["dates", "stress", "timeline", *(["damage"] if "damage" in run else [])]
 
 
-def _drawn(name: str, run: xr.Dataset, path: Path, when: list[object], shown: object, dpi: int) -> Path:
+def _drawn(
+    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], shown: dict[str, list[Any]], dpi: int
+) -> Path:
     """Draw one figure."""
     from riftberg.viz import map as maps
     from riftberg.viz import plots
@@ -69,13 +72,13 @@ def _drawn(name: str, run: xr.Dataset, path: Path, when: list[object], shown: ob
     if name == "story":
         return _story(run, path, dpi)
     if name == "map":
-        return maps.draw_map(run, path, observed=shown, dpi=dpi)  # type: ignore[arg-type]
+        return maps.draw_map(run, path, observed=shown, dpi=dpi)
     if name == "timeline":
         return plots.draw_timeline(run, path, dpi=dpi)
     if name == "dates":
-        return plots.draw_dates(run, path, dates=when, observed=shown, dpi=dpi)  # type: ignore[arg-type]
+        return plots.draw_dates(run, path, dates=when, observed=shown, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage
-    return draw(run, path, dates=when, dpi=dpi)  # type: ignore[arg-type]
+    return draw(run, path, dates=when, dpi=dpi)
 
 
 def _story(run: xr.Dataset, path: Path, dpi: int) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.runs.background import usable_water
+from riftberg.runs.background import stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -106,7 +106,7 @@ def draw_map(
     >>> draw_map(run, ax=right, date="2020-12-17T13:00")                    # doctest: +SKIP
     >>> figure.savefig("berg.pdf")                                          # doctest: +SKIP
     """
-    scene, water = Scene(run), usable_water(run, forcing)
+    scene, water = Scene(run), forcing or stored_water(run)
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")

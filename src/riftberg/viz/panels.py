@@ -276,7 +276,8 @@ def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: flo
 def arrow_key(quiver: Quiver, figure: Figure, x: float, y: float, top: float) -> None:
     """Draw an arrow of a round speed of up to ``top`` (m s-1) beside that speed, from a place of a figure (its parts) on."""
     speed = style.round_length(0.75 * top)
-    key = quiver.axes.quiverkey(
+    axes: Any = quiver.axes
+    key = axes.quiverkey(
         quiver, x, y, speed, f"{speed:g} m s$^{{-1}}$", coordinates="figure", labelpos="E", labelsep=0.06,
         fontproperties={"size": 8}, color=colours.ARROW,
     )  # fmt: skip

@@ -382,8 +382,9 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
 
 
-def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
+def _peak_stress(ax: Axes, scene: Scene, times: Any = None) -> None:
     """Draw the largest tension between records and, thinner, at the records: what is between both is ringing and impact."""
+    times = scene.times if times is None else times
     peak = scene.tension().max(axis=1, initial=0.0)
     ax.plot(times, peak / 1e3, color=colours.STRESS_LINE, lw=1.3, label="between records")
     if "peak_stress" in scene.run:

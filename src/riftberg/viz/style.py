@@ -31,7 +31,7 @@ PLACES = (
 )
 """Where a label may stand beside its point: offset in points and alignment, best first."""
 
-EDITABLE = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "riftberg"}
+EDITABLE: Any = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "riftberg"}
 """Settings of vector files: letters stay letters, which journals ask for, and two files of a picture are alike."""
 
 UNDATED: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
