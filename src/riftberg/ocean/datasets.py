@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime
+from pathlib import PurePath
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -54,6 +55,10 @@ MUST_BE_KNOWN: Final = ("uo", "ua", "ssh")
 """Fields without which an element cannot start: where they are unknown there is no water, or no data."""
 
 
+NO_NAMES: Final = ("cf", "")
+"""Products that are known by their conventions alone, which tell nobody whose fields they are."""
+
+
 class Part(NamedTuple):
     """One product: its points, its records, and the fields (keys of `FILLS`) that it serves."""
 
@@ -66,6 +71,14 @@ class Part(NamedTuple):
         """Name of the product."""
         attributes = self.records.ds.attrs
         return str(attributes.get("product") or attributes.get("source", "data"))
+
+    @property
+    def shown(self) -> str:
+        """Name for titles: the product, or the files where nothing but their conventions is known."""
+        if self.source not in NO_NAMES:
+            return self.source
+        given = str(self.records.ds.attrs.get("source", "")) or self.source
+        return ", ".join(dict.fromkeys(PurePath(name).name for name in given.split(", ")))
 
 
 def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
@@ -174,7 +187,7 @@ class DatasetForcing(ShownForcing):
     @property
     def title(self) -> str:
         """Return the products, for titles."""
-        return ", ".join(dict.fromkeys(part.source for part in self.parts))
+        return ", ".join(dict.fromkeys(part.shown for part in self.parts))
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""
