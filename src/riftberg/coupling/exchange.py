@@ -113,7 +113,7 @@ class Exchange:
     >>> berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
     >>> parameters = Parameters(melt={"enabled": True})
     >>> exchange = Exchange(Model(berg, OceanForcing(grid, grid.fields()), parameters))
-    >>> given = exchange.step({"sea_surface_temperature": (np.full((12, 20), 275.0), "K")})
+    >>> given = exchange.step({"sea_surface_temperature": (275.0, "K"), "sea_surface_salinity": 34.0})
     >>> float(given["ficeberg"].sum()) > 0.0
     True
     """
@@ -213,12 +213,7 @@ class Exchange:
         wide = {*CORNER_FIELDS, "taux", "tauy"}
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
         arrays = taken(items, shapes, g.mask[self.grid.domain])
-        melt = self.model.parameters.melt
-        if melt.enabled and melt.temperature is None and "sst" not in arrays:
-            raise ForcingError(
-                "no sea_surface_temperature, but bergs melt", where="exchange",
-                remedy="Hand it over, give melt.temperature as a number, or set melt.enabled = false",
-            )  # fmt: skip
+        self._check_water(arrays)
         for pair in (("uo", "vo"), ("ui", "vi"), ("ua", "va"), ("taux", "tauy")):
             if (pair[0] in arrays) != (pair[1] in arrays):
                 raise InputError(
@@ -227,6 +222,21 @@ class Exchange:
         if "taux" in arrays and "ua" in arrays:
             raise InputError("wind and its stress", where="exchange", remedy="Hand over one of them")
         return arrays
+
+    def _check_water(self, arrays: dict[str, Floats]) -> None:
+        """Refuse a step of bergs that melt without what their laws need of the water."""
+        melt = self.model.parameters.melt
+        if not melt.enabled or melt.zero_rates:
+            return
+        salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
+        for field, number, needed in (("sst", melt.temperature, True), ("sss", melt.salinity, salty)):
+            if needed and number is None and field not in arrays:
+                name = next(name for name, q in TAKEN.items() if q.field == field)
+                raise ForcingError(
+                    f"no {name}, but bergs melt",
+                    where="exchange",
+                    remedy=f"Hand it over, give melt.{name.split('_')[-1]} as a number, or set melt.enabled = false",
+                )
 
     def _flux(self, arrays: dict[str, Floats]) -> tuple[Floats, Floats]:
         shape = self.grid.arrays.nj, self.grid.arrays.ni

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
@@ -20,7 +20,14 @@ class OceanForcing(GriddedForcing):
         At the start.
     **options
         How fields reach the elements, see `riftberg.ocean.gridded.GriddedForcing`.
+
+    Attributes
+    ----------
+    provides : frozenset of str
+        What each step brings of the water; `Exchange.step` sees to it.
     """
+
+    provides: Final = frozenset({"sst", "sss"})
 
     def __init__(self, grid: Grid, fields: Fields, **options: Any) -> None:
         super().__init__(grid, fields, **options)
