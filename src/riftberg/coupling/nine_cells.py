@@ -1,6 +1,6 @@
 """Bergs on ocean cells by the rules of the reference: shares of the nine cells around, gathered into fields.
 
-Source: specification of thermodynamics and files, sections 4.1 to 4.5.
+Source: files 4.1 to 4.5.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One step of exchange as in the reference: its order, its fields, its stocks.
 
-Source: specification of thermodynamics and files, sections 4.6 and 5.
+Source: files 4.6 and 5.
 """
 
 from __future__ import annotations

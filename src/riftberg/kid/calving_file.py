@@ -1,4 +1,4 @@
-"""KID's restart of calving, ``calving.res.nc``: ice in the stores of the size classes (specification of files, section 6.4)."""
+"""KID's restart of calving, ``calving.res.nc``: ice in the stores of the size classes (files 6.4)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """KID cases that exchange with an ocean: the small driver of group ``drv_nml``, its files, and what it hands over.
 
-Its fields are formulas: see `ocean_fields`. Source: specification of thermodynamics and files, section 5.
+Its fields are formulas: see `ocean_fields`. Source: files 5.
 """
 
 from __future__ import annotations

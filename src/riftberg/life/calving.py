@@ -1,6 +1,6 @@
 """Calving from a flux of land ice: stores of ice by size class in each cell, and the bergs that leave them.
 
-Source: specification of thermodynamics and files, section 3.
+Source: files 3.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Bergs from the flux of ice that leaves the land: smoothing in time, size classes, stores (spec of files 3)."""
+"""Bergs from the flux of ice that leaves the land: smoothing in time, size classes, stores (files 3)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 @kernel
 def mean_weights(time_scale: float, dt: float) -> tuple[float, float]:
-    """Weights of the present flux and of the mean so far: ``1 - a`` and ``a = tau / (tau + dt)`` (spec of files 3.2).
+    """Weights of the present flux and of the mean so far: ``1 - a`` and ``a = tau / (tau + dt)`` (files 3.2).
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ def mean_weights(time_scale: float, dt: float) -> tuple[float, float]:
 
 @kernel
 def class_width(mass: float, thickness: float, density: float, ratio: float) -> float:
-    """Width (m) of a berg of a class: ``sqrt(m / (r rho T))`` with the ratio r of length to width (spec of files 3.1)."""
+    """Width (m) of a berg of a class: ``sqrt(m / (r rho T))`` with the ratio r of length to width (files 3.1)."""
     return math.sqrt(mass / (ratio * density * thickness))
 
 
 @kernel
 def fractions_by_mass(numbers: Floats, mass: Floats, fractions: Floats) -> None:
-    """Turn parts of the number of bergs into parts of their mass: ``d_k m_k / sum d_l m_l`` (spec of files 3.1).
+    """Turn parts of the number of bergs into parts of their mass: ``d_k m_k / sum d_l m_l`` (files 3.1).
 
     The last class that has a part gets what the others leave, so that all sum to one.
     """
@@ -70,7 +70,7 @@ def fill_stores(
     left: Floats,
     heat_left: Floats,
 ) -> tuple[float, float]:
-    """Put a flux of ice and its heat into the stores of the size classes of each cell (spec of files 3.2).
+    """Put a flux of ice and its heat into the stores of the size classes of each cell (files 3.2).
 
     ``S_k += dt C d_k`` with the flux C of the cell; the part ``1 - sum d_k`` of ice and heat is left over.
 
