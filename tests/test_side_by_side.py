@@ -195,7 +195,7 @@ def kid_digest(case: Path, output: str) -> str:
 def test_kid_runs_in_threads(tmp_path: Path) -> None:
     from kid.conftest import write_case
 
-    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0})
+    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0, "mts_sub_steps": 40})
     alone = kid_digest(case, str(tmp_path / "alone.nc"))
     with ThreadPoolExecutor(3) as pool:
         together = set(pool.map(kid_digest, [case] * 3, [str(tmp_path / f"{n}.nc") for n in range(3)]))
