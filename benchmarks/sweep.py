@@ -2,7 +2,7 @@
 
     python benchmarks/sweep.py [--days 4] [--members 8] [--workers 2]
 
-Two sweeps of a shorter case, one of twice as many members, give the time to start the workers and the time of a member. From these
+Two sweeps of a shorter case, one of twice the members, give the time to start the workers and the time of a member. From these
 and one single run of the whole 17 days the ratio of the full sweep is predicted; those of the short sweeps are measured.
 A single run is timed in this process, compiled and loaded: the hardest one to keep up with.
 """
