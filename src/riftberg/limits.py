@@ -62,6 +62,11 @@ def allow_large(allowed: bool = True) -> Iterator[None]:
         _ALLOWED.reset(token)
 
 
+def large_allowed() -> bool:
+    """Whether runs and files beyond the limits are allowed here."""
+    return _ALLOWED.get()
+
+
 def refuse_large(
     count: float, most: float, what: str, *, size: float = 0.0, where: str = "", remedy: str, kind: type[InputError]
 ) -> None:
@@ -116,7 +121,12 @@ def check_elements(count: float, *, where: str = "", kind: type[InputError] = In
 def check_work(steps: float, substeps: int, elements: int, *, where: str) -> None:
     """Refuse a run of more steps, sub-steps or work than is allowed, before its first step."""
     refuse_large(
-        steps, MOST_STEPS, "long steps", where=where, remedy="Run shorter, with a longer step", kind=InputError
+        steps,
+        MOST_STEPS,
+        "long steps",
+        where=where,
+        kind=InputError,
+        remedy="Run fewer days, or with a longer stepping.time_step",
     )
     refuse_large(
         substeps, MOST_SUBSTEPS, "sub-steps in a long step", where=where, kind=InputError,

@@ -98,7 +98,7 @@ class BareModel(RunState):
         self._begin(Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), start)
         if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = given.earth
-            refuse_overlap(self.elements, given.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+            refuse_overlap(self.elements, given.bonds.packing, Metric(earth.latlon, earth.radius, earth.zonal_period))
 
     @classmethod
     def going_on(

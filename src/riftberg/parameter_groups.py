@@ -226,11 +226,21 @@ class Earth(Group):
 
     latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "spec 2")
     radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "spec 10.5", gt=0)
-    period: float = quantity(360.0, "degree or m", "zonal period, 0 or less if there is none", "spec 2.4 Lx")
+    period: float | None = quantity(
+        None, "degree or m", "zonal period, 0 or less if there is none; 360 in degrees and none in metres if left out",
+        "spec 2.4 Lx",
+    )  # fmt: skip
     f_plane: bool = quantity(False, "", "constant Coriolis parameter", "spec 2.6")
     reference_latitude: float = quantity(
         0.0, "degree", "latitude of the f-plane and of Cartesian runs", "spec 2.6", ge=-90, le=90
     )
+
+    @property
+    def zonal_period(self) -> float:
+        """Zonal period as compiled code reads it; 0 or less if there is none."""
+        if self.period is None:
+            return 360.0 if self.latlon else -1.0
+        return self.period
 
 
 class Compatibility(Group):

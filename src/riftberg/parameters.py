@@ -242,7 +242,7 @@ class Parameters(Group):
             interactions=p.stepping.interactions,
             latlon=p.earth.latlon,
             earth_radius=p.earth.radius,
-            period=p.earth.period,
+            period=p.earth.zonal_period,
             f_plane=p.earth.f_plane,
             reference_latitude=p.earth.reference_latitude,
             sticky_collision_flags=c.sticky_collision_flags,

@@ -113,7 +113,7 @@ def load_case(case_dir: Path) -> KidCase:
     restarts = folder / namelist.icebergs.text("restart_input_dir")
     elements, origin = read_restart(restarts / RESTART, grid)
     earth = parameters.earth
-    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.zonal_period))
     notes = _prepare_elements(elements, origin, namelist.icebergs, restarts)
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
     check_rolling(elements, namelist.icebergs, breakable=parameters.fracture.enabled)
@@ -136,7 +136,7 @@ def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parame
         none: Ints = np.zeros(0, dtype=np.int64)
         return new_bonds(none, none)
     earth = parameters.earth
-    metric = Metric(earth.latlon, earth.radius, earth.period)
+    metric = Metric(earth.latlon, earth.radius, earth.zonal_period)
     if not group.flag("manually_initialize_bonds"):
         return read_bonds(restarts / BOND_RESTART, elements, metric)
     by_radii = group.flag("manually_initialize_bonds_from_radii")

@@ -83,7 +83,7 @@ class Scene:
 
     def _joined(self, x: Floats) -> Floats:
         """Put longitudes on one branch, so that a berg on the date line stays in one piece."""
-        period = self.parameters.earth.period
+        period = self.parameters.earth.zonal_period
         if period <= 0.0:
             if not self.latlon:
                 return x
