@@ -232,7 +232,7 @@ def _earth(group: NamelistGroup) -> dict[str, Any]:
     return {
         "latlon": group.flag("grid_is_latlon"),
         "radius": group.number("Rearth"),
-        "period": zonal_period(group),
+        "period": None if group.number("Lx") == 360.0 else zonal_period(group),
         "f_plane": group.flag("use_f_plane"),
         "reference_latitude": group.number("lat_ref"),
     }

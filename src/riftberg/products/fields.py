@@ -88,8 +88,9 @@ def _beyond(ds: xr.Dataset, product: Product, found: set[str]) -> list[tuple[str
     if product.select is not None:
         return []
     lacking = [quantity for quantity in QUANTITIES if quantity not in found]
-    held = {quantity: name for quantity in lacking if (name := by_standard_name(ds, quantity)) and units_of(ds[name])}
-    return [(quantity, name, f"{quantity} is taken by its standard name") for quantity, name in held.items()]
+    held = [(quantity, name) for quantity in lacking if (name := by_standard_name(ds, quantity))]
+    taken = [(quantity, name) for quantity, name in held if units_of(ds[name]) and name not in product.left_out]
+    return [(quantity, name, f"{quantity} is taken from {name} by its standard name") for quantity, name in taken]
 
 
 def _canonical(
