@@ -63,7 +63,7 @@ def allow_large(allowed: bool = True) -> Iterator[None]:
 
 
 def large_allowed() -> bool:
-    """Whether runs and files beyond the limits are allowed here."""
+    """Whether runs and files beyond the limits are allowed here; for work that goes to another process."""
     return _ALLOWED.get()
 
 
@@ -121,12 +121,7 @@ def check_elements(count: float, *, where: str = "", kind: type[InputError] = In
 def check_work(steps: float, substeps: int, elements: int, *, where: str) -> None:
     """Refuse a run of more steps, sub-steps or work than is allowed, before its first step."""
     refuse_large(
-        steps,
-        MOST_STEPS,
-        "long steps",
-        where=where,
-        kind=InputError,
-        remedy="Run fewer days, or with a longer stepping.time_step",
+        steps, MOST_STEPS, "long steps", where=where, remedy="Run shorter, with a longer step", kind=InputError
     )
     refuse_large(
         substeps, MOST_SUBSTEPS, "sub-steps in a long step", where=where, kind=InputError,

@@ -132,7 +132,7 @@ def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
     for p in (A68A_2022_KID, A68A_2022):
         assert p.ice.density == 850.0
         assert p.earth.radius == 6_363_827.0
-        assert p.earth.zonal_period == 360.0
+        assert p.earth.period == 360.0
         assert p.drag.ocean_scale == 17.8
         assert p.drag.sides_by_bonds
         assert p.drag.coastal_drift == 0.0

@@ -46,7 +46,7 @@ def test_defaults_of_a_silent_namelist(tmp_path: Path) -> None:
     assert p.contact.tangential_critical_damping
     assert p.grounding.ramp_height == 100.0
     assert p.earth.radius == 6_360_000.0
-    assert p.earth.zonal_period == 360.0
+    assert p.earth.period == 360.0
     assert not p.stepping.interactions
     assert not p.drag.rotational
     assert not p.bonds.objective_damping
@@ -63,7 +63,7 @@ def test_contact_spring(tmp_path: Path, given: float, found: float) -> None:
     ("latlon", "given", "found"), [(False, 360.0, -1.0), (True, 360.0, 360.0), (False, 20e3, 20e3), (True, -1.0, -1.0)]
 )
 def test_period(tmp_path: Path, latlon: bool, given: float, found: float) -> None:
-    assert mapped(tmp_path, grid_is_latlon=latlon, Lx=given).earth.zonal_period == found
+    assert mapped(tmp_path, grid_is_latlon=latlon, Lx=given).earth.period == found
 
 
 def test_mts_forces_verlet_and_dem_needs_mts(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def build(options: Options) -> tuple[Model, Info]:
     elements = read_restart(folder / FILES["berg"], forcing.grid)
     parameters = options.apply(A68A_2022 if options.own else A68A_2022_KID)
     earth = parameters.earth
-    bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.zonal_period))
+    bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
     berg = Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": FILES["berg"]})
     title = "A68a in the mean currents of December 2020 (ORAS5)"
     return Model(berg, forcing, parameters), Info("a68a-oras5", title, days=18.0, output_every_hours=1.0)

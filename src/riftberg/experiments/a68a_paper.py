@@ -154,7 +154,7 @@ def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | N
     elements = read_restart(folder / BERG, forcing.grid)
     parameters = options.apply(A68A_2022 if own else A68A_2022_KID)
     earth = parameters.earth
-    bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.zonal_period))
+    bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
     berg = Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": BERG})
     return Model(berg, forcing, parameters, DEFAULT_START)
 

@@ -112,8 +112,8 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     forcing = driver_forcing(namelist, grid, folder, clock)
     restarts = folder / namelist.icebergs.text("restart_input_dir")
     earth = parameters.earth
-    elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.zonal_period <= 0.0)
-    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.zonal_period))
+    elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
+    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
     notes = _prepare_elements(elements, namelist.icebergs, parameters, restarts)
@@ -139,7 +139,7 @@ def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parame
         none: Ints = np.zeros(0, dtype=np.int64)
         return new_bonds(none, none)
     earth = parameters.earth
-    metric = Metric(earth.latlon, earth.radius, earth.zonal_period)
+    metric = Metric(earth.latlon, earth.radius, earth.period)
     if not group.flag("manually_initialize_bonds"):
         return read_bonds(restarts / BOND_RESTART, elements, metric)
     by_radii = group.flag("manually_initialize_bonds_from_radii")

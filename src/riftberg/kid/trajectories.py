@@ -302,7 +302,7 @@ class BondRecorder(_Sampler):
         keep = recorded(e, self.group, p.ice.density, date.year)[columns["first"]]
         columns = {name: values[keep] for name, values in columns.items()}
         a, b = columns["first"], columns["other"]
-        metric = Metric(p.earth.latlon, p.earth.radius, p.earth.zonal_period)
+        metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
         dx, dy = separation(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
         columns["n1"], columns["n2"] = dx / e.length[a], dy / e.length[a]
         columns["lon"], columns["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])

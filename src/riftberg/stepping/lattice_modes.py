@@ -108,8 +108,8 @@ class BondOperator:
 def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) -> tuple[Floats, Floats]:
     """Unit vectors from the second to the first elements (spec 2.2)."""
     dx, dy = elements.lon[first] - elements.lon[second], elements.lat[first] - elements.lat[second]
-    if p.earth.zonal_period > 0.0:
-        dx -= p.earth.zonal_period * np.floor(dx / p.earth.zonal_period + 0.5)
+    if p.earth.period > 0.0:
+        dx -= p.earth.period * np.floor(dx / p.earth.period + 0.5)
     if p.earth.latlon:
         dx *= np.cos(np.radians(0.5 * (elements.lat[first] + elements.lat[second])))
     length = np.hypot(dx, dy)
