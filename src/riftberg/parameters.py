@@ -158,13 +158,13 @@ class Parameters(Group):
     def _combinations(self) -> Parameters:
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
             raise ValueError(
-                "bonds.law = 'dem' needs stepping.explicit_substeps = true (spec 6.4: DEM is always explicit)"
+                "bonds.law = 'dem' needs stepping.explicit_substeps = true (equations 6.4: DEM is always explicit)"
             )
         scheme = self.stepping.scheme
         if self.bonds.law == "dem" and scheme not in ("mts", "quasi_static") and self.fracture.enabled:
             raise ValueError(
                 "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
-                "or fracture.enabled = false (spec 7, quirk Q25)"
+                "or fracture.enabled = false (equations 7, quirk Q25)"
             )
         if scheme == "quasi_static" and (self.bonds.law == "spring" or self.bonds.no_shear):
             raise ValueError(
@@ -318,7 +318,7 @@ class Parameters(Group):
 
 
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
-    """Radius of the inscribed circle of an element of the given area (spec 1.4).
+    """Radius of the inscribed circle of an element of the given area (equations 1.4).
 
     Parameters
     ----------
@@ -342,7 +342,7 @@ A68A_2022 = Parameters(
     fracture=Fracture(normal_strength=18e3, shear_strength=100e3),
     stepping=Stepping(time_step=1800.0, substeps=90),
 )
-"""Physics of the published A68a run (spec 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's."""
+"""Physics of the published A68a run (equations 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's."""
 
 A68A_2022_KID = A68A_2022.changed(
     drag={"rotational": False},
