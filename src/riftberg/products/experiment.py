@@ -17,6 +17,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.netcdf_lock import open_lazily
+from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
 from riftberg.products.roles import role_of
 
@@ -32,7 +33,15 @@ def _matches(ds: xr.Dataset) -> bool:
     """Tell the bare style: fields named as in the model, no units, 1/8 degree, and no coordinate metadata."""
     held = _FIELDS & set(map(str, ds.data_vars))
     bare = held and all("units" not in ds[name].attrs and "Unit" not in ds[name].attrs for name in held)
-    return bool(bare) and {"lat", "lon"} <= set(ds.dims) and not str(ds.attrs.get("title", "")).startswith("The GEBCO")
+    alone = not (USUAL_NAMES - _FIELDS) & set(
+        map(str, ds.data_vars)
+    )  # a file of others has fields that these never have
+    return (
+        bool(bare)
+        and alone
+        and {"lat", "lon"} <= set(ds.dims)
+        and not str(ds.attrs.get("title", "")).startswith("The GEBCO")
+    )
 
 
 def _grid_beside(path: str) -> xr.Dataset | None:
