@@ -31,8 +31,8 @@ def kid(
     ] = "1x1",
 ) -> None:
     """Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files."""
-    from riftberg.cli.progress import ProgressRecorder
     from riftberg.kid.run import load_case, run_kid
+    from riftberg.runs.progress import ProgressRecorder
 
     layout = _ranks(ranks)
     with allow_large(large):

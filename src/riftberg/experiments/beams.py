@@ -1,4 +1,4 @@
-"""Beams under a load: the supported beam and the cantilever of Huth et al. (spec 10.3).
+"""Beams under a load: the supported beam and the cantilever of Huth et al. (equations 10.3).
 
 A beam of elements bends as the elastic beam of the same section does, which tests normal force, shear and bending of the
 bonds together. With Riftberg's own numerics a drag of the sea floor, linear in velocity, brings the beam to rest: it does
@@ -8,12 +8,15 @@ not change the equilibrium, and bonds alone would damp the bending of kilometres
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.experiments.options import Info, Options
+from riftberg.diagnostics.beam import BeamCase, Held, bent, words
+from riftberg.experiments.options import Info, Options, Story
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Compatibility, Parameters
 
@@ -77,6 +80,11 @@ class Beam:
         """Second moment of area of the cross-section, m4."""
         return self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
 
+    def case(self, held: Held) -> BeamCase:
+        """Return what theory asks of the beam."""
+        width = 2.0 * self.radius * self.rows
+        return BeamCase(held, self.columns, self.rows, self.length, width, self.thickness, self.load)
+
     def points(self) -> tuple[Any, Any]:
         """Return x and y of the elements, column by column, m."""
         side = 2.0 * self.radius
@@ -110,13 +118,13 @@ SUPPORTED = Beam(
     columns=29, rows=1, radius=0.25, thickness=1.0, density=800.0, youngs_modulus=1e9, load=1.5e5, slowest=8.1,
     damping=0.1, time_step=1.0, substeps=100_000, duration=10.0,
 )  # fmt: skip
-"""Simply supported beam of 14 m with a load at mid-span (spec 10.3)."""
+"""Simply supported beam of 14 m with a load at mid-span (equations 10.3)."""
 
 CANTILEVER = Beam(
     columns=30, rows=3, radius=2500.0, thickness=1.0, density=900.0, youngs_modulus=1e9, load=1.5e10, slowest=7.6e-4,
     damping=0.7, time_step=100.0, substeps=2000, duration=30_000.0,
 )  # fmt: skip
-"""Clamped beam of 145 km with a load at its end (spec 10.3)."""
+"""Clamped beam of 145 km with a load at its end (equations 10.3)."""
 
 
 def supported_beam(beam: Beam = SUPPORTED) -> Iceberg:
@@ -140,17 +148,40 @@ def cantilever(beam: Beam = CANTILEVER) -> Iceberg:
 
 def build_supported(options: Options) -> tuple[Model, Info]:
     """Build the simply supported beam (see `riftberg.experiments.build`)."""
-    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options)
+    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options, SUPPORTED_STORY)
 
 
 def build_cantilever(options: Options) -> tuple[Model, Info]:
     """Build the cantilever (see `riftberg.experiments.build`)."""
-    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options)
+    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options, CANTILEVER_STORY)
 
 
-def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -> tuple[Model, Info]:
+def beam_story(beam: Beam, held: Held, title: str) -> Story:
+    """Return what a beam tells of itself: how far it bends, and how far theory bends it."""
+    case = beam.case(held)
+
+    def draw(run: xr.Dataset, path: Path, dpi: int) -> Path:
+        from riftberg.viz.beam import draw_beam
+
+        return draw_beam(run, bent(run, case), path, title=f"{title}: deflection against theory", dpi=dpi)
+
+    return Story(
+        tell=lambda run: words(bent(run, case)),
+        facts=lambda run: bent(run, case).facts(),
+        draw=draw,
+        fits=lambda run: run.sizes["trajectory"] == case.columns * case.rows and run.sizes["time"] > 1,
+    )
+
+
+SUPPORTED_STORY = beam_story(SUPPORTED, "supported", "Simply supported beam")
+CANTILEVER_STORY = beam_story(CANTILEVER, "clamped", "Cantilever")
+
+
+def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options, story: Story) -> tuple[Model, Info]:
     from riftberg.runs.model import Model
 
     # The sea floor lies above the keel, so that its drag acts everywhere.
     model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))
-    return model, Info(name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0)
+    return model, Info(
+        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, story=story
+    )

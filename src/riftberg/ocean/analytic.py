@@ -10,10 +10,15 @@ import numpy as np
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.shown import ShownForcing
+from riftberg.ocean.steady_schema import MOST, ConstantForcing, check_sea_ice
+from riftberg.parameters import Earth
+from riftberg.sections import beyond
 from riftberg.state import Elements, Floats
+from riftberg.values import given, native
 
 
-class Steady:
+class Steady(ShownForcing):
     """A uniform, steady environment.
 
     Parameters
@@ -27,7 +32,7 @@ class Steady:
     sea_ice : tuple of float, optional
         Eastward and northward sea-ice velocity (m s-1) and its thickness (m).
     depth : float, optional
-        Depth of water, m.
+        Depth of water, m; 0 is dry ground.
     temperature, salinity : float, optional
         Of the sea, degrees Celsius and 1e-3; melt needs them.
     ice_fraction : float, optional
@@ -41,7 +46,12 @@ class Steady:
     Raises
     ------
     ForcingError
-        If a temperature is not one of the sea in degrees Celsius, or a salinity none of the sea.
+        If one of them is not possible, or has a wrong unit.
+
+    Examples
+    --------
+    >>> Steady(current=("20 cm/s", 0.05), depth="0.5 km")
+    <Steady: steady and uniform: current (0.2, 0.05) m/s, wind (0.0, 0.0) m/s, depth 500 m>
     """
 
     grid: Grid | None = None
@@ -59,10 +69,14 @@ class Steady:
         salinity: float | None = None,
         ice_fraction: float = 0.0,
     ) -> None:
-        self.current, self.wind, self.slope, self.sea_ice, self.water = current, wind, slope, sea_ice, depth
         self._water = _checked_water(temperature, salinity, ice_fraction)
-        given = (("sst", temperature), ("sss", salinity))
-        self.provides = frozenset(name for name, value in given if value is not None)
+        said = (("sst", temperature), ("sss", salinity))
+        self.provides = frozenset(name for name, value in said if value is not None)
+        self.current: tuple[float, float] = steady("current", current)
+        self.wind: tuple[float, float] = steady("wind", wind)
+        self.slope: tuple[float, float] = steady("slope", slope)
+        self.sea_ice: tuple[float, float, float] = steady("sea_ice", sea_ice)
+        self.water: float = 0.0 if native(depth) == 0.0 else steady("depth", depth)
 
     @classmethod
     def balanced(cls, current: tuple[float, float], latitude: float, **others: Any) -> Self:
@@ -80,6 +94,8 @@ class Steady:
         **others
             Wind, sea ice and depth as for the class.
         """
+        latitude = given(latitude, Earth, "reference_latitude", where="latitude", kind=ForcingError)
+        current = steady("current", current)
         f = 2.0 * EARTH_ROTATION * math.sin(math.radians(latitude))
         return cls(current, slope=(f * current[1] / GRAVITY, -f * current[0] / GRAVITY), **others)
 
@@ -130,8 +146,20 @@ def _checked_water(
     return 0.0 if temperature is None else temperature, -1.0 if salinity is None else salinity, ice_fraction
 
 
+def steady(name: str, value: Any) -> Any:
+    """Return a value of a steady environment without unit, or refuse it in the words that an experiment file gets."""
+    plain = given(value, ConstantForcing, name, kind=ForcingError)
+    if name in MOST:
+        try:
+            beyond(ConstantForcing, name, plain, MOST[name])
+            check_sea_ice(plain if name == "sea_ice" else (0.0, 0.0, 0.0))
+        except ValueError as error:
+            raise ForcingError(str(error), where=name) from error
+    return plain
+
+
 class Convergence(Steady):
-    """A uniform current along x that converges on a line in part of each period (spec 10.2).
+    """A uniform current along x that converges on a line in part of each period (equations 10.2).
 
     The northward current falls from ``speed`` south of the line to ``-speed`` north of it over ``ramp`` metres on either
     side, and sets in and ends over ``ramp`` along x: what bilinear interpolation gives on a grid of that spacing.
@@ -190,7 +218,7 @@ class Convergence(Steady):
 
 
 class Seamount(Steady):
-    """A uniform current over a Gaussian seamount (spec 10.4).
+    """A uniform current over a Gaussian seamount (equations 10.4).
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Set
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from typing import Literal
 
 import numpy as np
@@ -24,16 +24,18 @@ from riftberg.ocean.interpolation import (
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
 from riftberg.ocean.search import locate_points
+from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
+from riftberg.values import moment, number
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
 Records = Fields | Sequence[Fields] | Callable[[int], Fields]
 
 DEPTH_RULES = {"cell": DEPTH_OF_CELL, "biquadratic": DEPTH_BIQUADRATIC, "zone": DEPTH_ZONE}
-"""Names of the depth rules: constant in a cell (STS), biquadratic (MTS), dry quadrant (A68) (spec 3.2)."""
+"""Names of the depth rules: constant in a cell (STS), biquadratic (MTS), dry quadrant (A68) (equations 3.2)."""
 
 MARGIN = 3
 """Cells around the elements whose fields are blended in time; interpolation reaches two."""
@@ -44,7 +46,7 @@ TIME_TOLERANCE = 1e-6
 """Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
 
 
-class GriddedForcing:
+class GriddedForcing(ShownForcing):
     """Ocean, air, sea ice and sea floor from fields on a grid, constant or in records over time.
 
     Implements `riftberg.ocean.forcing.Forcing`.
@@ -67,15 +69,15 @@ class GriddedForcing:
     interpolation : {"linear", "previous"}
         Between records: linear, or the record before.
     stepwise : sequence of str
-        Fields that keep the record before although the others are interpolated (sea level in the A68 run, spec 10.5).
+        Fields that keep the record before although the others are interpolated (sea level in the A68 run, equations 10.5).
     coastal_drift, tidal_drift : float
         Drift away from land and random current near land, m s-1.
     mirrored, even_parity : bool
         Quirks Q22 and Q20.
     sea_level_gaps : bool
         Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
-        reference (spec 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
-    start : datetime, optional
+        reference (equations 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
+    start : date, optional
         Date of time 0, named in messages.
     source : str
         Where the fields come from, for `describe`.
@@ -86,13 +88,16 @@ class GriddedForcing:
         zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
         coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
         sea_level_gaps: bool = False,
-        start: datetime | None = None, source: str = "",
+        start: datetime | date | str | np.datetime64 | None = None, source: str = "",
     ) -> None:  # fmt: skip
         self.grid: Grid | None = grid
         self._grid = grid
-        self.start, self.source = start, source
+        self.start, self.source = None if start is None else moment(start, where="start"), source
         self.notices: tuple[str, ...] = ()
-        self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
+        self.coastal_drift, self.tidal_drift = (
+            number(value, "m s-1", where=name, kind=ForcingError)
+            for name, value in (("coastal_drift", coastal_drift), ("tidal_drift", tidal_drift))
+        )
         self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
         self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
         self.sea_level_gaps = bool(sea_level_gaps)
