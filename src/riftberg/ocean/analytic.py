@@ -46,7 +46,7 @@ class Steady(ShownForcing):
     Raises
     ------
     ForcingError
-        If one of them is not possible, or has a wrong unit; so for a temperature that is not one of the sea in degrees Celsius.
+        If one of them is not possible, or has a wrong unit.
 
     Examples
     --------
@@ -69,14 +69,14 @@ class Steady(ShownForcing):
         salinity: float | None = None,
         ice_fraction: float = 0.0,
     ) -> None:
+        self._water = _checked_water(temperature, salinity, ice_fraction)
+        said = (("sst", temperature), ("sss", salinity))
+        self.provides = frozenset(name for name, value in said if value is not None)
         self.current: tuple[float, float] = steady("current", current)
         self.wind: tuple[float, float] = steady("wind", wind)
         self.slope: tuple[float, float] = steady("slope", slope)
         self.sea_ice: tuple[float, float, float] = steady("sea_ice", sea_ice)
         self.water: float = 0.0 if native(depth) == 0.0 else steady("depth", depth)
-        self._water = _checked_water(temperature, salinity, ice_fraction)
-        water = (("sst", temperature), ("sss", salinity))
-        self.provides = frozenset(name for name, value in water if value is not None)
 
     @classmethod
     def balanced(cls, current: tuple[float, float], latitude: float, **others: Any) -> Self:
