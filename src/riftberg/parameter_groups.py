@@ -14,6 +14,7 @@ from riftberg import constants, values
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 GroundingLaw = Literal["linear", "quadratic"]
+Criterion = Literal["bond", "averaged", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
 BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
@@ -29,7 +30,7 @@ def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) 
 class Group(BaseModel):
     """Base of all parameter groups: immutable, unknown keys refused, numbers finite.
 
-    Values may be texts with units (``"18 kPa"``) and numbers of NumPy; what is wrong is told as in an experiment file.
+    Values may be texts with units (``"18 kPa"``) and numbers of NumPy; mistakes get the words of an experiment file.
 
     Raises
     ------
@@ -183,6 +184,23 @@ class Fracture(Group):
     enabled: bool = quantity(True, "", "bonds can break", "equations 7, KID's fracture_criterion")
     normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; equations 10.5")
     shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "equations 10.5")
+    criterion: Criterion = quantity(
+        "bond",
+        "",
+        "what is held against the strength: the stress of each bond, or (with quasi_static) the stress averaged over a "
+        "distance that is set or that follows from the toughness",
+        "paper; averaged: Taylor 2007, The Theory of Critical Distances",
+    )
+    distance: float = quantity(
+        0.0, "m", "with 'averaged': length ahead of a crack over which the mean stress counts", "Taylor 2007", ge=0
+    )
+    toughness: float = quantity(
+        0.0,
+        "Pa m1/2",
+        "with 'toughness': fracture toughness K_Ic of the ice, 1e5 to 4e5 in laboratories",
+        "Petrovic 2003",
+        ge=0,
+    )
     on_substeps: bool = quantity(True, "", "test in every sub-step instead of after the long step", "equations 7.2")
     broken_as_contact: bool = quantity(
         True,

@@ -171,6 +171,7 @@ class Parameters(Group):
                 "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
                 "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
+        self._check_criterion()
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
             raise ValueError(
@@ -184,6 +185,23 @@ class Parameters(Group):
             )
         self._check_life()
         return self
+
+    def _check_criterion(self) -> None:
+        """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
+        f = self.fracture
+        if f.criterion == "bond" or not f.enabled:
+            return
+        if self.stepping.scheme != "quasi_static":
+            raise ValueError(
+                f"fracture.criterion = {f.criterion!r} needs the stress in equilibrium: set stepping.scheme = "
+                "'quasi_static', or fracture.criterion = 'bond'"
+            )
+        if f.criterion == "averaged" and f.distance <= 0.0:
+            raise ValueError("fracture.criterion = 'averaged' needs fracture.distance in m, above 0")
+        if f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
+            raise ValueError(
+                "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"
+            )
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose
