@@ -64,10 +64,9 @@ class TrackSea(Steady):
         How much colder the mean over the draft is than the surface, degrees.
     """
 
-    provides = frozenset(("sst", "sss"))
-
     def __init__(self, warmest: float = 3.3, swing: float = 1.8, poleward: float = 0.6, deep: float = 1.0) -> None:
         super().__init__()
+        self.provides = frozenset(("sst", "sss"))
         self.warmest, self.swing, self.poleward, self.deep = warmest, swing, poleward, deep
         self.latitudes, self.longitudes = np.array(TRACK).T
 
