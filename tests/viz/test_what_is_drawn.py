@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -340,6 +341,14 @@ def test_the_replay_page_has_the_colours_of_the_pictures() -> None:
         assert to_hex(scale(0.0)) in page
         assert to_hex(scale(1.0)) in page
     assert colours.GROUND.lower() in page
+
+
+def test_colours_stand_in_one_place() -> None:
+    """Two pictures had two reds for the sea floor as soon as one of them was written anew."""
+    folder = Path(colours.__file__).parent
+    for path in sorted(folder.glob("*.py")):
+        if path.name != "colours.py":
+            assert not re.findall(r"#[0-9A-Fa-f]{6}", path.read_text(encoding="utf-8")), path.name
 
 
 # Machado, Oliveira and Fernandes (2009), full severity, on linear RGB.

@@ -374,7 +374,7 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
         ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 3.2 - 0.7 * rank),
                 label=fragment_name(scene, number))  # fmt: skip
         if scene.birth(number) is not None and there.any():
-            ax.axvline(times[there][0], color="#999999", lw=0.8, ls=":")
+            ax.axvline(times[there][0], color=colours.PAIRING, lw=0.8, ls=":")
             ax.plot(times[there][0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
     ax.margins(y=0.12)
     ax.set_ylim(bottom=0.0)
