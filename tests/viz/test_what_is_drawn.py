@@ -224,6 +224,21 @@ def test_dates_of_a_berg_that_stays_do_not_pile_up(tmp_path: Path) -> None:
     assert [text.get_text() for text in ax.texts if text.get_text().endswith(" s")] == ["0 s"]
 
 
+def test_a_break_on_impact_is_drawn_at_the_record_that_saw_it(run: xr.Dataset) -> None:
+    """The record before showed a scale up to 0.0015 kPa: nothing had touched the ice yet."""
+    scene = Scene(run)
+    birth = scene.birth(2)
+    assert birth is not None
+    before = int(np.searchsorted(scene.times, birth[0])) - 1
+    assert plots._before_breakups(scene) == [before]
+    struck = run.copy(deep=True)
+    peak = struck["peak_stress"].transpose("time", "bond").values.copy()
+    peak[: before + 1], peak[before + 1] = 0.5, 18_000.0
+    struck["peak_stress"] = (("time", "bond"), peak)
+    assert plots._before_breakups(Scene(struck)) == [before + 1]
+    assert [plots.stress_unit(top)[0] for top in (1.5, 1.8e4, 5e7)] == ["Pa", "kPa", "MPa"]
+
+
 # ---- sea floor -------------------------------------------------------------------------------------------------------
 
 
