@@ -30,7 +30,7 @@ def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) 
 class Group(BaseModel):
     """Base of all parameter groups: immutable, unknown keys refused, numbers finite.
 
-    Values may be texts with units (``"18 kPa"``) and numbers of NumPy; what is wrong is told as in an experiment file.
+    Values may be texts with units (``"18 kPa"``) and numbers of NumPy; mistakes get the words of an experiment file.
 
     Raises
     ------

@@ -209,11 +209,11 @@ def _near(x: np.ndarray[Any, Any], first: float, latlon: bool) -> np.ndarray[Any
 
 
 def _box(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any], latlon: bool) -> Box:
-    """Return the extent of all tracks with a margin, not flatter or narrower than 1 to 2."""
+    """Return the extent of all tracks with a margin, of a shape that fills its panel."""
     west, east, south, north = np.nanmin(x), np.nanmax(x), np.nanmin(y), np.nanmax(y)
     stretch = np.cos(np.radians(0.5 * (south + north))) if latlon else 1.0
     wide, high = max((east - west) * stretch, 1e-9), max(north - south, 1e-9)
-    wide, high = max(wide, 0.6 * high), max(high, 0.6 * wide)
+    wide, high = max(wide, 0.85 * high), max(high, 0.95 * wide)
     half_x, half_y = 0.56 * wide / stretch, 0.56 * high
     x0, y0 = 0.5 * (west + east), 0.5 * (south + north)
     return Box(x0 - half_x, x0 + half_x, y0 - half_y, y0 + half_y)
