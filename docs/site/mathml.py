@@ -8,15 +8,25 @@ from docutils import nodes
 from latex2mathml.converter import convert
 
 
+def drawn(text: str, display: str = "inline") -> str:
+    """Return an equation in LaTeX as MathML; bold letters by style, because browsers no longer read ``mathvariant``."""
+    for name in ("aligned", "split"):
+        text = text.replace(f"\\begin{{{name}}}", "\\begin{align*}").replace(f"\\end{{{name}}}", "\\end{align*}")
+    page = str(convert(text, display=display))
+    return page.replace('mathvariant="bold"', 'style="font-weight:bold;font-style:normal"').replace(
+        'mathvariant="bold-italic"', 'style="font-weight:bold"'
+    )
+
+
 def inline(self: Any, node: nodes.math) -> None:
     """Write an equation in a line."""
-    self.body.append(f'<span class="math">{convert(node.astext())}</span>')
+    self.body.append(f'<span class="equation">{drawn(node.astext())}</span>')
     raise nodes.SkipNode
 
 
 def block(self: Any, node: nodes.math_block) -> None:
     """Write an equation on lines of its own."""
-    self.body.append(f'<div class="math" style="overflow-x:auto">{convert(node.astext(), display="block")}</div>')
+    self.body.append(f'<div class="equation" style="overflow-x:auto;padding:0.3em">{drawn(node.astext(), "block")}</div>')
     raise nodes.SkipNode
 
 
