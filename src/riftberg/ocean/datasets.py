@@ -154,8 +154,8 @@ class DatasetForcing:
         >>> forcing = DatasetForcing.from_xarray([currents, sea_level], start)          # doctest: +SKIP
         >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
         """
-        given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        return cls([part_of(ds, start) for ds in in_memory(given)], **options)
+        several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        return cls([part_of(ds, start) for ds in in_memory(several)], **options)
 
     @property
     def title(self) -> str:
@@ -283,8 +283,8 @@ class DatasetForcing:
         if part is None:
             return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
         places = part.mesh.locate(_flat(lon), _flat(lat))
-        found = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
-        return np.where(found > 0.0, found, np.nan).reshape(np.shape(lon))
+        depth = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
+        return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
 
     def describe(self) -> str:
         """Return what each product gives, on which points and at which times."""

@@ -21,7 +21,14 @@ from riftberg.stepping.groups import meeting_groups
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
-from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
+from riftberg.stepping.multiple import (
+    POLAR_LATITUDE,
+    StepPlan,
+    StepReport,
+    kick_slowly,
+    take_long_step,
+    take_substeps,
+)
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.quasi_static import QuasiStaticStepper
 from riftberg.stepping.run_state import RunState
@@ -133,25 +140,41 @@ class MultipleStepper(Forgetful):
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:
             self._around = allocate_surroundings(el.size)
-        report = kick_slowly(el, bonds, slow, sizes, self._around, plan, c)
-        self._check_settled(report, run)
-        broken = report.broken
-        for batch, fast in zip(batches, inner, strict=True):
-            batch.take(run)
-            some, room, around = batch.elements, batch.room, batch.surroundings(self._around)
-            own_sizes = sizes if batch.rows is None else interaction_sizes(some, c)
-            report = take_substeps(
-                some, batch.bonds, room.rows, room.pairs, fast, room.scratch, own_sizes, around,
-                batch.of_all(earlier), plan._replace(substeps=int(some.body.substeps[0])), c,
+        if batches[0].rows is None:
+            plan = plan._replace(substeps=int(el.body.substeps[0]))
+            report = take_long_step(
+                el, bonds, batches[0].room, slow, inner[0], sizes, self._around, earlier, plan, c
             )  # fmt: skip
-            batch.give(run, around, self._around)
             self._check_settled(report, run)
-            broken += report.broken
+            broken = report.broken
+        else:
+            broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, plan)
         settle(run)
         run.time += run.parameters.stepping.time_step
         self.surround(run)
         if broken > 0:
             _update_fragments(run)
+
+    def _step_in_batches(
+        self, run: RunState, batches: list[Batch], slow: Partners, inner: list[Partners], sizes: Sizes, earlier: Ints,
+        plan: StepPlan,
+    ) -> int:  # fmt: skip
+        """Take the sub-steps of each batch for itself; returns the number of bonds broken."""
+        c = run.constants
+        report = kick_slowly(run.elements, run.bonds, slow, sizes, self._around, plan, c)
+        self._check_settled(report, run)
+        broken = report.broken
+        for batch, fast in zip(batches, inner, strict=True):
+            batch.take(run)
+            some, around = batch.elements, batch.surroundings(self._around)
+            report = take_substeps(
+                some, batch.bonds, batch.room, fast, interaction_sizes(some, c), around, batch.of_all(earlier),
+                plan._replace(substeps=int(some.body.substeps[0])), c,
+            )  # fmt: skip
+            batch.give(run, around, self._around)
+            self._check_settled(report, run)
+            broken += report.broken
+        return broken
 
     @staticmethod
     def _check_settled(report: StepReport, run: RunState) -> None:
@@ -185,11 +208,11 @@ class MultipleStepper(Forgetful):
     def _collisions(self, run: RunState, sizes: Sizes) -> Partners:
         """Partners of the slow kicks: elements of other bergs."""
         near, c = self._near, run.constants
-        found = near.collisions(run.elements, sizes, c)
+        near_by = near.collisions(run.elements, sizes, c)
         one_group = run.parameters.compatibility.bergs_coupled
-        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, found, sizes.radius, c)
+        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
         none = no_pairs(run.elements.size)
-        return Partners(none, none, found, np.zeros(0), group)
+        return Partners(none, none, near_by, np.zeros(0), group)
 
     def _batches(self, run: RunState) -> list[Batch]:
         """Split the elements by number of sub-steps, and those near the pole from the others."""
@@ -247,12 +270,12 @@ class MultipleStepper(Forgetful):
             pairs.bond[: waiting.size] = -1
             pairs.count[0] = waiting.size
             return
-        found = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c)
-        if found.partner.size > pairs.first.size:
-            pairs = allocate_pairs(2 * found.partner.size)
+        candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c)
+        if candidates.partner.size > pairs.first.size:
+            pairs = allocate_pairs(2 * candidates.partner.size)
             batch.room = batch.room._replace(pairs=pairs)
         bonded, bond = batch.near.bonded(el, bonds)
-        pairs_from_list(pairs, found, bonded, bond)
+        pairs_from_list(pairs, candidates, bonded, bond)
 
 
 def _has_berg_north_of(el: Elements, latitude: float) -> Ints:

@@ -14,8 +14,8 @@ from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.bond_law import bond_forces, gather_ends, keep_peaks, sum_over_bonds, unwrap_ends
-from riftberg.stepping.bond_rows import BondRows
-from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, break_overloaded
+from riftberg.stepping.bond_rows import BondRows, allocate_rows
+from riftberg.stepping.breaking import ContactPairs, add_contacts, allocate_pairs, any_exceeds, break_overloaded
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.wear import damage_rows
@@ -46,6 +46,23 @@ class Scratch(NamedTuple):
 def allocate_scratch(count: int) -> Scratch:
     """Return zeroed scratch rows for ``count`` elements."""
     return Scratch(*(np.zeros(count) for _ in Scratch._fields))
+
+
+class Room(NamedTuple):
+    """Room for the sub-steps of some bergs.
+
+    ``pairs`` holds the pairs of broken bonds or the candidates of a search.
+    """
+
+    rows: BondRows
+    pairs: ContactPairs
+    scratch: Scratch
+
+
+def allocate_room(elements: Elements, bonds: Bonds) -> Room:
+    """Return room for the sub-steps of these elements and bonds."""
+    pairs = allocate_pairs(max(bonds.first.size, 1))
+    return Room(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
 
 
 @kernel
@@ -238,12 +255,12 @@ def show_velocities(el: Elements, active: Floats) -> None:
 
 
 @kernel
-def pairs_from_list(pairs: ContactPairs, found: PairList, bonded: PairList, bond_of: Ints) -> None:
+def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList, bond_of: Ints) -> None:
     """Fill ``pairs`` with the candidates of a search, each once, with the bond that still joins them or -1."""
     k = 0
-    for e in range(found.start.size - 1):
-        for n in range(found.start[e], found.start[e + 1]):
-            c = found.partner[n]
+    for e in range(candidates.start.size - 1):
+        for n in range(candidates.start[e], candidates.start[e + 1]):
+            c = candidates.partner[n]
             if c <= e:
                 continue
             pairs.first[k], pairs.second[k], pairs.bond[k] = e, c, -1
