@@ -45,11 +45,13 @@ MODULES: Final = {
 """Old module to new one, below ``riftberg``; what stood in an old package stands in the new one under the same name."""
 
 NAMES: Final = {
+    "bergs.bonding.separation": "bergs.bonding.separations",
     "bergs.assembly.radius_of": "bergs.assembly.inscribed_radius",
     "bergs.iceberg.Body": "bergs.options.Material",
     "bergs.placement.Plane": "bergs.placement.FillingPlane",
     "bergs.placement.TangentPlane": "plane.EqualAreaPlane",
     "bergs.regions.Ice": "bergs.regions.IceMask",
+    "cli.pictures.beside": "cli.pictures.picture_path",
     "cli.run.COMPILE_TIME": "cli.compilation.COMPILE_TIME",
     "diagnostics.compare.Day": "diagnostics.compare.RunDay",
     "diagnostics.compare.Told": "diagnostics.compare.ComparedRun",
@@ -91,6 +93,12 @@ GONE_MODULES: Final = {
 
 GONE_NAMES: Final = {
     "diagnostics.overlap.shapely_module": "shapely belongs to the package: import shapely",
+    "kid.checks.check_bits": "bergy bits melt now: see riftberg.state.Life",
+    "kid.checks.check_rolling": "bergs roll now: see riftberg.physics.rolling",
+    "kid.checks.tips_over": "bergs roll now: see riftberg.physics.rolling",
+    "kid.entry_table.FOOTLOOSE": "footloose calving runs now",
+    "kid.entry_table.MELT": "melt laws run now",
+    "kid.restart.Origin": "what it held belongs to the state: see riftberg.state.Life",
     "products.axes.name_axes": "riftberg.products.place.positioned puts each field on its own axes",
     "runs.track.from_plane": "use the method inverse of riftberg.plane.OrthographicPlane",
     "runs.track.to_plane": "use the method forward of riftberg.plane.OrthographicPlane",

@@ -41,7 +41,7 @@ def folder_beside(run: Path, wished: Path | None) -> Path:
     return wished if wished is not None else run if is_folder(run) else run.parent
 
 
-def beside(run: Path, wished: Path | None, name: str, *, observed: Path | None = None) -> Path:
+def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | None = None) -> Path:
     """Return where a picture goes: where it was asked for, else beside the run; refused where it cannot be written."""
     path = wished if wished is not None else folder_beside(run, None) / name
     check_output(path, inputs=[run, run / "run.nc", observed])

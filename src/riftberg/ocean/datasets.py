@@ -65,7 +65,7 @@ class Part(NamedTuple):
         return str(attributes.get("product") or attributes.get("source", "data"))
 
 
-def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
+def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
     """Return a canonical dataset on its own points and at its own times.
 
     Parameters
@@ -155,7 +155,7 @@ class DatasetForcing:
         >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
         """
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        return cls([part_of(ds, start) for ds in in_memory(several)], **options)
+        return cls([product_part(ds, start) for ds in in_memory(several)], **options)
 
     @property
     def title(self) -> str:

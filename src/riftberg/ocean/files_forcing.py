@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, part_of, served
+from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.mesh import AxesMesh
@@ -92,7 +92,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     _check_pairs(datasets)
     datasets = [_not_too_fine(surface_of_others(ds, currents=settings.currents == "draft")) for ds in datasets]
     if settings.spacing is None:
-        parts, grid = [part_of(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
+        parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
     else:
         model_grid = ModelGrid.of(settings, datasets, run)
         parts, grid = [model_grid.part(ds, run) for ds in datasets], model_grid.grid

@@ -192,7 +192,7 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
         _check_finite(run, name, file, _LARGEST, positive=name in _POSITIVE)
     if not (run["berg"].min() >= 1):
         raise _error("numbers of fragments begin with 1", file, "variable berg")
-    check_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
+    check_bond_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
     check_status(run["status"].values, file, "variable status")
     _check_fragments(run, file)
 
@@ -225,7 +225,7 @@ def _absent(run: xr.Dataset, name: str, shape: tuple[int, ...]) -> Any:
     return np.isnan(berg.transpose(*run[name].dims).values)
 
 
-def check_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
+def check_bond_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
     """Refuse bonds that join no two elements of the run."""
     bad = (first < 0) | (second < 0) | (first >= elements) | (second >= elements) | (first == second)
     if bad.any():
@@ -322,7 +322,7 @@ def check_restart(state: State, path: Path) -> None:
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
         raise _error("no elements", path, remedy=remedy)
     bonds, count = state.bonds, state.elements.mass.size
-    check_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
+    check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
     check_status(bonds.status, path, "variable bond_status")
     _check_tables(state, path, remedy)
     ids = state.elements.id

@@ -34,11 +34,11 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 @kernel
 def any_exceeds(rows, count):
-    """Number of unbroken rows whose stress is above their strength; a loop that vectorises."""
-    overloaded = 0.0
+    """Number of unbroken rows whose stress is above their strength; a whole number, so that the loop vectorises."""
+    overloaded = 0
     for r in range(count):
         over = (rows.normal_stress[r] > rows.normal_limit[r]) | (rows.shear_stress[r] > rows.shear_limit[r])
-        overloaded += rows.alive[r] if over else 0.0
+        overloaded += 1 if over & (rows.alive[r] > 0.0) else 0
     return overloaded
 
 

@@ -89,7 +89,8 @@ def settle(run: RunState) -> None:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
     moving = el.static < 0.5
-    el.lon_pair[moving], el.lat_pair[moving] = el.lon[moving], el.lat[moving]
+    np.copyto(el.lon_pair, el.lon, where=moving)
+    np.copyto(el.lat_pair, el.lat, where=moving)
 
 
 def _processing_rank(run: RunState) -> Ints:

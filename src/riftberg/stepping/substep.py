@@ -76,15 +76,20 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
     per_unit = DEGREE * radius if latlon else 1.0
     to_degrees = 1.0 if latlon else 0.0
     for e in range(place.lon.size):
-        wu = motion.u[e] + half * (kicks.ax_fast[e] + kicks.bx_fast[e])
-        wv = motion.v[e] + half * (kicks.ay_fast[e] + kicks.by_fast[e])
-        step = active[e] * dt
-        place.lon[e] += step * (wu / (per_unit * fast_cos_latitude(to_degrees * place.lat[e])))
-        place.lat[e] += step * (wv / per_unit)
-        shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
-        seen = motion.v[e] + half * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
-        shown.u_pair[e] = wu if active[e] > 0.0 else shown.u_pair[e]
-        shown.v_pair[e] = seen if active[e] > 0.0 else shown.v_pair[e]
+        # All loads stand before all stores, so that the loop vectorises (see `kick`).
+        u, v, ax, ay = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
+        bx, by, lon, lat = kicks.bx_fast[e], kicks.by_fast[e], place.lon[e], place.lat[e]
+        u_shown, v_shown, moves = shown.u_pair[e], shown.v_pair[e], active[e]
+        wu = u + half * (ax + bx)
+        wv = v + half * (ay + by)
+        step = moves * dt
+        lon += step * (wu / (per_unit * fast_cos_latitude(to_degrees * lat)))
+        lat += step * (wv / per_unit)
+        seen = v + half * (ay + (bx if q1 else by))
+        place.lon[e], place.lat[e] = lon, lat
+        shown.lon_pair[e], shown.lat_pair[e] = lon, lat
+        shown.u_pair[e] = wu if moves > 0.0 else u_shown
+        shown.v_pair[e] = seen if moves > 0.0 else v_shown
 
 
 @stage
@@ -250,8 +255,9 @@ def show_velocities(el: Elements, active: Floats) -> None:
     """Let the others see the new velocities."""
     shown, motion = el.shown, el.motion
     for e in range(motion.u.size):
-        shown.u_pair[e] = motion.u[e] if active[e] > 0.0 else shown.u_pair[e]
-        shown.v_pair[e] = motion.v[e] if active[e] > 0.0 else shown.v_pair[e]
+        u, v, u_shown, v_shown, moves = motion.u[e], motion.v[e], shown.u_pair[e], shown.v_pair[e], active[e] > 0.0
+        shown.u_pair[e] = u if moves else u_shown
+        shown.v_pair[e] = v if moves else v_shown
 
 
 @kernel
