@@ -27,7 +27,6 @@ class Batch:
 
     def take(self, run: RunState) -> None:
         """Take the state of a run."""
-        self.population_version = run.population.version
         if self.rows is None:
             self.elements, self.bonds = run.elements, run.bonds
         else:

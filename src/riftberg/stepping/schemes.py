@@ -122,7 +122,8 @@ class MultipleStepper(Forgetful):
         c = run.constants
         self._near = Neighbourhood()
         self._around = allocate_surroundings(run.elements.size)
-        self._all: Batch | None = None
+        self._kept: list[Batch] = []
+        self._standing: tuple[int, bytes] | None = None
         self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
 
@@ -220,11 +221,18 @@ class MultipleStepper(Forgetful):
         kind = run.elements.body.substeps
         if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
             kind = 2 * kind + _has_berg_north_of(run.elements, POLAR_LATITUDE)
-        if (kind == kind[0]).all() or run.parameters.compatibility.bergs_coupled:
-            if self._all is None or self._all.population_version != run.population.version:
-                self._all = Batch(run, None)
-            return [self._all]
-        return [Batch(run, np.flatnonzero(kind == k)) for k in np.unique(kind)]
+        together = bool((kind == kind[0]).all()) or run.parameters.compatibility.bergs_coupled
+        # As long as no row comes or goes and the kinds stay, so do the batches, with their room and their lists.
+        standing = run.population.version, b"" if together else kind.tobytes()
+        if self._standing == standing:
+            for batch in self._kept:
+                batch.take(run)
+            return self._kept
+        self._standing = standing
+        self._kept = (
+            [Batch(run, None)] if together else [Batch(run, np.flatnonzero(kind == k)) for k in np.unique(kind)]
+        )
+        return self._kept
 
     def _plan(self, run: RunState) -> StepPlan:
         p, first = run.parameters, run.step_number == 0
