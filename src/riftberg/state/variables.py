@@ -274,7 +274,7 @@ class Bonds(NamedTuple):
 
     def copy(self) -> Bonds:
         """Return bonds that share no memory with these."""
-        return Bonds(*(array.copy() for array in self))
+        return Bonds._make(array.copy() for array in self)
 
     def taken(self, rows: Any) -> Bonds:
         """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
