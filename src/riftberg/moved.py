@@ -61,6 +61,9 @@ NAMES: Final = {
     "diagnostics.overlap.overlap": "diagnostics.overlap.intersection_over_union",
     "diagnostics.score.Day": "diagnostics.score.ScoredDay",
     "experiments.Builder": "experiments.options.Builder",
+    "cli.progress.ProgressRecorder": "runs.progress.ProgressRecorder",
+    "experiments.changes.kinds_of": "values.kinds_of",
+    "experiments.changes.unit_of": "values.unit_of",
     "experiments.Entry": "experiments.registry.BuiltIn",
     "experiments.a68a_observed.Observed": "experiments.a68a_observed.ObservedDay",
     "model.Model": "runs.model.Model",
@@ -79,6 +82,17 @@ NAMES: Final = {
     "plane.Plane": "plane.ConformalPlane",
     "runs.background.bilinear": "runs.background.on_even_grid",
     "stepping.schemes.without": "stepping.partners.without",
+    "viz.panels.NO_WATER": "viz.colours.NO_WATER",
+    "viz.panels.damage_map": "viz.colours.damage_map",
+    "viz.panels.day_text": "viz.moments.day_text",
+    "viz.panels.stress_map": "viz.colours.stress_map",
+    "viz.plots.OBSERVED_COLOURS": "viz.colours.OBSERVED_DAYS",
+    "viz.score.MODEL": "viz.colours.MODEL",
+    "viz.score.OBSERVED": "viz.colours.OBSERVED",
+    "viz.style.FRAGMENT_COLOURS": "viz.colours.FRAGMENTS",
+    "viz.style.GROUND_COLOUR": "viz.colours.GROUND",
+    "viz.style.SMALL_COLOUR": "viz.colours.SMALL",
+    "viz.style.speed_map": "viz.colours.speed_map",
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""
 

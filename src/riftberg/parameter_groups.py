@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from riftberg import constants
+from riftberg import constants, values
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
@@ -27,9 +27,25 @@ def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) 
 
 
 class Group(BaseModel):
-    """Base of all parameter groups: immutable, unknown keys refused, numbers finite."""
+    """Base of all parameter groups: immutable, unknown keys refused, numbers finite.
+
+    Values may be texts with units (``"18 kPa"``) and numbers of NumPy; what is wrong is told as in an experiment file.
+
+    Raises
+    ------
+    InputError
+        Naming the parameter, the value and what is allowed.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **given: Any) -> None:
+        section = type(self)
+        plain = values.checked(section, given)
+        try:
+            super().__init__(**plain)
+        except ValidationError as error:
+            raise values.explained(error, section) from error
 
     def describe(self) -> str:
         """Return one line per parameter: name, value, unit and meaning."""
@@ -230,11 +246,28 @@ class Earth(Group):
 
     latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "spec 2")
     radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "spec 10.5", gt=0)
-    period: float = quantity(360.0, "degree or m", "zonal period, 0 or less if there is none", "spec 2.4 Lx")
+    period: float = quantity(
+        360.0,
+        "degree or m",
+        "zonal period, 0 or less if there is none; the default of 360 means none where positions are metres",
+        "spec 2.4 Lx",
+    )
     f_plane: bool = quantity(False, "", "constant Coriolis parameter", "spec 2.6")
     reference_latitude: float = quantity(
         0.0, "degree", "latitude of the f-plane and of Cartesian runs", "spec 2.6", ge=-90, le=90
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _degrees_are_no_metres(cls, given: Any) -> Any:
+        """Take the default of 360 as no period where positions are metres: nothing comes round after 360 m."""
+        if (
+            isinstance(given, dict)
+            and given.get("latlon") in (False, 0, "false")
+            and given.get("period", 360.0) == 360.0
+        ):
+            return {**given, "period": 0.0}
+        return given
 
 
 class Melt(Group):

@@ -7,6 +7,7 @@ import numpy as np
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.physics.floating import draft_of
+from riftberg.places import latitude, longitude
 from riftberg.state import Floats
 
 
@@ -38,6 +39,18 @@ def describe(berg: BondedBerg) -> str:
     lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{drawn_text}")
     lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
     return "\n".join(lines)
+
+
+def one_line(berg: BondedBerg) -> str:
+    """Return elements, size, bonds, pieces and place of a berg in one line."""
+    e = berg.elements
+    lon, lat = berg.centroid
+    place = f"{latitude(lat, 3)}, {longitude(lon, 3)}" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
+    bonds, pieces = int((berg.bonds.status == 0).sum()), int(e.berg.max())
+    return (
+        f"{len(e.id)} {berg.packing} elements of radius {berg.radius:g} m, {berg.area / 1e6:.6g} km2, "
+        f"{berg.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}"
+    )
 
 
 def _plan_area(berg: BondedBerg) -> str:

@@ -141,6 +141,7 @@ class Breakup:
     peak: float | None
     history: list[Load]
     floor_recorded: bool = False
+    latlon: bool = True
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)
 

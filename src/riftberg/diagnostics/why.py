@@ -15,6 +15,7 @@ import xarray as xr
 from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
+from riftberg.places import area_text, place_text
 from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
@@ -132,10 +133,11 @@ def _paragraph(b: Breakup) -> str:
     where = (
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
+    size, place = area_text(1e6 * b.area_km2), _place_text(first.lat, first.lon, latlon=b.latlon)
     text = [
-        f"{minute_text(b.time)}: fragment {b.fragment} ({b.area_km2:.0f} km2, {b.elements} elements) broke off berg {b.parent}, "
+        f"{minute_text(b.time)}: fragment {b.fragment} ({size}, {b.elements} elements) broke off berg {b.parent}, "
         f"{where}.",
-        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
+        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
         f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
@@ -212,8 +214,8 @@ def _share_words(causes: Sequence[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {value / 1e3:+.1f} kPa" for name, value in causes if abs(value) >= 0.02 * large)
 
 
-def _place_text(lat: float, lon: float) -> str:
-    if abs(lat) > 90.0 or abs(lon) > 360.0:
-        return f"x {lon / 1e3:.1f} km, y {lat / 1e3:.1f} km"
+def _place_text(lat: float, lon: float, *, latlon: bool) -> str:
+    if not latlon:
+        return place_text(lon, lat, latlon=False)
     lon = (lon + 180.0) % 360.0 - 180.0
     return f"{abs(lat):.2f}{'N' if lat >= 0 else 'S'} {abs(lon):.2f}{'E' if lon >= 0 else 'W'}"

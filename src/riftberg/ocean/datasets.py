@@ -6,7 +6,8 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import datetime
+from datetime import date, datetime
+from pathlib import PurePath
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -25,9 +26,12 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
+from riftberg.ocean.shown import ShownForcing
+from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
+from riftberg.values import given, moment, number
 
 FILLS: Final = {
     "uo": ("uo", "vo", "vorticity"),
@@ -51,6 +55,10 @@ MUST_BE_KNOWN: Final = ("uo", "ua", "ssh")
 """Fields without which an element cannot start: where they are unknown there is no water, or no data."""
 
 
+NO_NAMES: Final = ("cf", "")
+"""Products that are known by their conventions alone, which tell nobody whose fields they are."""
+
+
 class Part(NamedTuple):
     """One product: its points, its records, and the fields (keys of `FILLS`) that it serves."""
 
@@ -63,6 +71,14 @@ class Part(NamedTuple):
         """Name of the product."""
         attributes = self.records.ds.attrs
         return str(attributes.get("product") or attributes.get("source", "data"))
+
+    @property
+    def shown(self) -> str:
+        """Name for titles: the product, or the files where nothing but their conventions is known."""
+        if self.source not in NO_NAMES:
+            return self.source
+        given = str(self.records.ds.attrs.get("source", "")) or self.source
+        return ", ".join(dict.fromkeys(PurePath(name).name for name in given.split(", ")))
 
 
 def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
@@ -85,7 +101,7 @@ def served(records: ProductRecords) -> tuple[str, ...]:
     return tuple(name for name in FILLS if name in records.names)
 
 
-class DatasetForcing:
+class DatasetForcing(ShownForcing):
     """Several products as one forcing; implements `riftberg.ocean.forcing.Forcing`.
 
     Parameters
@@ -120,7 +136,9 @@ class DatasetForcing:
         notices: Sequence[str] = (),
     ) -> None:
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
-        self.coastal_drift, self.draft, self._density = float(coastal_drift), float(draft), float(ice_density)
+        self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
+        self.draft = number(draft, "m", where="draft", kind=ForcingError)
+        self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
         served = [name for part in self.parts for name in part.serves]
         for name in served:
             if served.count(name) > 1:
@@ -130,7 +148,7 @@ class DatasetForcing:
 
     @classmethod
     def from_xarray(
-        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime, **options: Any
+        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | date | str | np.datetime64, **options: Any
     ) -> DatasetForcing:
         """Return the forcing that datasets in memory, or opened by xarray, give.
 
@@ -139,8 +157,8 @@ class DatasetForcing:
         datasets : xarray.Dataset or sequence of them
             Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
             its own grid and at its own times.
-        start : datetime.datetime
-            Date of the model's time 0 (UTC); give the same to `riftberg.Model`.
+        start : date
+            Date of the model's time 0 (UTC), as `riftberg.Model` takes it; give the same to `riftberg.Model`.
         **options
             As for the class.
 
@@ -151,16 +169,25 @@ class DatasetForcing:
 
         Examples
         --------
-        >>> forcing = DatasetForcing.from_xarray([currents, sea_level], start)          # doctest: +SKIP
-        >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
+        >>> import numpy as np, xarray as xr
+        >>> axes = {"lat": [-58.0, -56.0, -54.0], "lon": [-40.0, -37.0, -34.0]}
+        >>> current = xr.Dataset(coords={name: (name, values, {"units": f"degrees_{way}"}) for (name, values), way
+        ...                              in zip(axes.items(), ("north", "east"))})
+        >>> for name, way in (("uo", "eastward"), ("vo", "northward")):
+        ...     attributes = {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"}
+        ...     current[name] = ("lat", "lon"), np.full((3, 3), 0.1), attributes
+        >>> forcing = DatasetForcing.from_xarray(current, "2020-12-09 13:00")
+        >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
+        (array([0.1]), array([0.1]))
         """
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        return cls([product_part(ds, start) for ds in in_memory(several)], **options)
+        begin = moment(start, where="start")
+        return cls([product_part(ds, begin) for ds in in_memory(several)], **options)
 
     @property
     def title(self) -> str:
         """Return the products, for titles."""
-        return ", ".join(dict.fromkeys(part.source for part in self.parts))
+        return ", ".join(dict.fromkeys(part.shown for part in self.parts))
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""

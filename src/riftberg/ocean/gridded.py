@@ -6,7 +6,7 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from typing import Any, Literal
 
 import numpy as np
@@ -26,9 +26,11 @@ from riftberg.ocean.interpolation import (
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
 from riftberg.ocean.search import locate_points
+from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
+from riftberg.values import moment, number
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
@@ -85,6 +87,8 @@ class FieldRules:
     sea_level_gaps: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("coastal_drift", "tidal_drift"):
+            object.__setattr__(self, name, number(getattr(self, name), "m s-1", where=name, kind=ForcingError))
         if self.depth_rule not in DEPTH_RULES:
             raise ForcingError(f"depth_rule = {self.depth_rule!r}", remedy=f"Use one of {', '.join(DEPTH_RULES)}")
         if self.depth_rule == "zone" and self.zone is None:
@@ -98,7 +102,7 @@ class FieldRules:
             raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
 
 
-class GriddedForcing:
+class GriddedForcing(ShownForcing):
     """Ocean, air, sea ice and sea floor from fields on a grid, constant or in records over time.
 
     Implements `riftberg.ocean.forcing.Forcing`.
@@ -116,7 +120,7 @@ class GriddedForcing:
         holds for ever.
     rules : FieldRules, optional
         How the fields reach the elements.
-    start : datetime, optional
+    start : date, optional
         Date of time 0, named in messages.
     source : str
         Where the fields come from, for `describe`.
@@ -124,12 +128,13 @@ class GriddedForcing:
 
     def __init__(
         self, grid: Grid, records: Records, times: ArrayLike | None = None, rules: FieldRules | None = None, *,
-        start: datetime | None = None, source: str = "", **earlier: Any,
+        start: datetime | date | str | np.datetime64 | None = None, source: str = "", **earlier: Any,
     ) -> None:  # fmt: skip
         rules = _with_earlier(FieldRules() if rules is None else rules, earlier)
         self.grid: Grid | None = grid
         self._grid = grid
-        self.rules, self.start, self.source = rules, start, source
+        self.rules, self.source = rules, source
+        self.start = None if start is None else moment(start, where="start")
         self.notices: tuple[str, ...] = ()
         self._rule = DEPTH_RULES[rules.depth_rule]
         self._zone_lon, self._zone_lat = (float(z) for z in rules.zone) if rules.zone else (0.0, 0.0)
@@ -219,10 +224,10 @@ class GriddedForcing:
         rules = self.rules
         sample_gridded(
             elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
-            float(rules.coastal_drift), bool(rules.mirrored), bool(rules.even_parity),
+            rules.coastal_drift, bool(rules.mirrored), bool(rules.even_parity),
         )  # fmt: skip
         if rules.tidal_drift > 0.0:
-            add_tidal_drift(elements, grid, fields.ssh, float(rules.tidal_drift), bool(rules.mirrored))
+            add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored))
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).

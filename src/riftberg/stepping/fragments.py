@@ -63,6 +63,9 @@ class FragmentTree:
     def __init__(self, rows: list[Fragment] | None = None) -> None:
         self.rows: list[Fragment] = list(rows or [])
 
+    def __repr__(self) -> str:
+        return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
+
     @property
     def breakups(self) -> list[Fragment]:
         """Fragments that split from a parent."""
