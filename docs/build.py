@@ -77,8 +77,9 @@ def parameters_page() -> str:
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
         "the default. `Model(berg, ocean)`, the built-in experiments and YAML files take `A68A_2022`;",
-        "`Parameters()` and `preset: default` start from the defaults. Sources named *spec* are sections of the written specification of KID/iKID's dynamics from which",
-        "Riftberg was made; Q numbers are explained in",
+        "`Parameters()` and `preset: default` start from the defaults. Sources are sections of [the equations](../explanation/equations.md)",
+        "and of those of [melt, calving and files](../explanation/equations-of-life.md), or names in KID's namelist;",
+        "Q numbers stand in",
         "[differences from the reference](../explanation/differences-from-the-reference.md).\n",
     ]
     for group in Parameters.model_fields:
@@ -181,7 +182,7 @@ def namelist_page() -> str:
     words = {
         "honoured": "acts as in KID",
         "refused": "the run is refused unless it has the value named",
-        "reported": "without effect here; the reason is told at the end of the run if a file sets it",
+        "reported": "without effect here; the reason is printed at the end of the run if a file sets it",
     }
     text = [
         "# Entries of KID's namelists\n",
@@ -244,7 +245,7 @@ def commands_page() -> str:
     text = [
         "# Commands\n",
         f"{app.info.help}\n",
-        "Exit codes: 0 done; 1 `doctor` found something lacking; 2 an error, told in one message; 130 interrupted.\n",
+        "Exit codes: 0 done; 1 `doctor` found something lacking; 2 an error, with one message; 130 interrupted.\n",
     ]
     for command in app.registered_commands:
         assert command.callback is not None
@@ -355,7 +356,8 @@ def write_replay_page(path: Path, days: float | None) -> None:
 
     model, info = build("a68a", Options(days=days))
     with tempfile.TemporaryDirectory() as folder:
-        model.advance(days or info.days, recorders=[RunWriter(Path(folder) / "run.nc", every_hours=2.0, experiment="a68a")])
+        writer = RunWriter(Path(folder) / "run.nc", every_hours=2.0, experiment="a68a")
+        model.advance(days or info.days, recorders=[writer])
         with open_run(folder) as run:
             write_replay(run, path, title=info.title)
 
@@ -364,11 +366,13 @@ REDIRECT = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" cont
 """First page of the site's folder: leads to that of the documentation."""
 
 
-def build_site(*, quick: bool) -> int:
+def build_site(made: Path, *, quick: bool) -> int:
     """Build the site strictly: a warning, or a link that leads nowhere, is an error.
 
     Parameters
     ----------
+    made : Path
+        Folder for the site and what is made on the way.
     quick : bool
         Do not run the examples of the gallery.
     """
@@ -377,30 +381,32 @@ def build_site(*, quick: bool) -> int:
 
     from sphinx.cmd.build import build_main
 
-    made = DOCS.parent / "build"
     extra = made / "site-extra"
     extra.mkdir(parents=True, exist_ok=True)
     (extra / "index.html").write_text(REDIRECT, "utf-8")
     replay = extra / "replay.html"
     if not quick or not replay.exists():
         write_replay_page(replay, 0.1 if quick else None)
-    shutil.rmtree(made / "site-gallery", ignore_errors=True)
+    shutil.rmtree(DOCS / "made-gallery", ignore_errors=True)
+    os.environ["RIFTBERG_SITE_EXTRA"] = str(extra)
     os.environ["RIFTBERG_GALLERY"] = "0" if quick else "1"
-    arguments = ["-W", "--keep-going", "-q", "-E", "-b", "html", "-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]
+    places = ["-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]
+    arguments = ["-W", "--keep-going", "-q", "-E", "-b", "html", *places]
     return int(build_main([*arguments, str(DOCS.parent), str(made / "site")]))
 
 
 def main() -> int:
     """Write the pages and the figures, or check the pages."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--check", action="store_true", help="tell which pages are out of date and write nothing")
+    parser.add_argument("--check", action="store_true", help="name the pages that are out of date and write nothing")
     parser.add_argument("--pages", action="store_true", help="write the pages only, no figures")
     parser.add_argument("--trust", type=Path, help="file with the output of the parity and verification tests")
     parser.add_argument("--site", action="store_true", help="build the site in build/site")
     parser.add_argument("--quick", action="store_true", help="with --site: do not run the gallery")
+    parser.add_argument("--into", type=Path, default=DOCS.parent / "build", help="with --site: folder for it")
     options = parser.parse_args()
     if options.site:
-        return build_site(quick=options.quick)
+        return build_site(options.into, quick=options.quick)
     if options.trust:
         take_tables(options.trust.read_text("utf-8"))
         return 0

@@ -139,6 +139,16 @@ def test_substep_too_long() -> None:
         Model(berg(), Steady(), A68A_2022.changed(stepping={"substeps": 3}))
 
 
+@pytest.mark.parametrize(
+    ("earth", "period"),
+    [({}, 360.0), ({"latlon": False}, 0.0), ({"latlon": False, "period": 2e4}, 2e4), ({"period": 0.0}, 0.0)],
+)
+def test_a_run_in_metres_does_not_keep_the_period_of_degrees(earth: dict[str, Any], period: float) -> None:
+    """Without a word, positions of a run in metres came round again after 360 m."""
+    p = A68A_2022.changed(earth=earth)
+    assert p.earth.period == p.kernel_values().period == period
+
+
 def test_degrees_and_metres_do_not_mix() -> None:
     metres = Iceberg.rectangle(12e3, 6e3, thickness=200.0, latlon=False)
     with pytest.raises(InputError, match="positions of the berg are metres, those of the parameters degrees"):

@@ -93,6 +93,59 @@ for _ in range(steps):
     save_figure(figure, out / "map.png")
 """,
 }
+SHOWN = """
+from riftberg.runs.run_file import RunWriter, open_run
+model = FakeModel(4, 2)
+model.advance(1, recorders=[RunWriter(out / "run.nc", every_hours=6)])
+run = open_run(out / "run.nc")
+"""
+WRITERS |= {
+    "forces": """
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import A68A_2022
+from riftberg.runs.model import Model
+from riftberg.runs.run_file import RunWriter
+berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
+model = Model(berg, Steady(current=(0.3, 0.0), depth=500.0), A68A_2022.changed(stepping={"substeps": 10}))
+writer = RunWriter(out / "run.nc", every_hours=0.5, flush_seconds=0, forces=True)
+writer.start(model)
+model.step()
+writer.record(model)
+tell()
+for _ in range(steps):
+    model.step()
+    writer.record(model)
+""",
+    "film": SHOWN
+    + """
+from riftberg.viz.animate import write_film
+write_film(run, out / "film.gif", hours=6, dpi=30)
+tell()
+for _ in range(steps):
+    write_film(run, out / "film.gif", hours=6, dpi=30)
+""",
+    "replay": SHOWN
+    + """
+from riftberg.viz.replay import write_replay
+write_replay(run, out / "replay.html")
+tell()
+for _ in range(steps):
+    write_replay(run, out / "replay.html")
+""",
+    "score": SHOWN
+    + """
+from riftberg.diagnostics.observed import read_observed
+from riftberg.diagnostics.score import score_run
+(out / "seen.csv").write_text("date,lat,lon\\n2020-12-10,-55.0,-39.0\\n")
+score = score_run(run, read_observed(out / "seen.csv"))
+score.write(out / "score.json")
+tell()
+for _ in range(steps):
+    score.write(out / "score.json")
+""",
+}
+"""What each writes, again and again, from when it says that it is ready."""
 
 
 def _run_is_whole(folder: Path, steps: int) -> None:
@@ -133,6 +186,32 @@ def _picture_is_whole(folder: Path, steps: int) -> None:
     assert content.endswith(b"IEND\xaeB`\x82")
 
 
+def _forces_are_whole(folder: Path, steps: int) -> None:
+    with open_run(folder / "run.nc") as run:
+        names = [name for name in run.data_vars if str(name).startswith("force")]
+        assert names
+        assert all(np.isfinite(run[name].values[..., 1:]).all() for name in names)
+        hours = (run.time.values - run.time.values[0]) / np.timedelta64(30, "m")
+        assert hours.tolist() == list(range(run.sizes["time"]))
+
+
+def _film_is_whole(folder: Path, steps: int) -> None:
+    from PIL import Image
+
+    with Image.open(folder / "film.gif") as film:
+        frames = [film.seek(k) or film.copy() for k in range(film.n_frames)]
+    assert len(frames) == 5
+    assert (folder / "film.gif").read_bytes().endswith(b";")
+
+
+def _replay_is_whole(folder: Path, steps: int) -> None:
+    assert (folder / "replay.html").read_text().rstrip().endswith("</html>")
+
+
+def _score_is_whole(folder: Path, steps: int) -> None:
+    assert json.loads((folder / "score.json").read_text())["days"]
+
+
 CHECKS: dict[str, Callable[[Path, int], None]] = dict(
     zip(
         WRITERS,
@@ -143,6 +222,10 @@ CHECKS: dict[str, Callable[[Path, int], None]] = dict(
             _kid_restart_is_whole,
             _summary_is_whole,
             _picture_is_whole,
+            _forces_are_whole,
+            _film_is_whole,
+            _replay_is_whole,
+            _score_is_whole,
         ),
         strict=True,
     )
@@ -153,13 +236,14 @@ def program(name: str) -> str:
     return COMMON.format(here=str(HERE)) + WRITERS[name]
 
 
-def killed(name: str, folder: Path, after: float) -> None:
+def killed(name: str, folder: Path, after: float, number: int = signal.SIGKILL) -> None:
     command = [sys.executable, "-c", program(name), str(folder), str(10**9)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         time.sleep(after)
-        process.send_signal(signal.SIGKILL)
+        process.send_signal(number)
+        process.wait(60)
 
 
 TIMES = (0.0, 0.037, 0.11)
@@ -174,10 +258,19 @@ def test_records_are_whole_wherever_the_run_was_killed(tmp_path: Path, name: str
 
 
 @pytest.mark.parametrize("after", [TIMES[1], *(pytest.param(t, marks=pytest.mark.slow) for t in MANY)])
-@pytest.mark.parametrize("name", ["restart", "kid restart", "summary", "picture"])
+@pytest.mark.parametrize("name", ["restart", "kid restart", "summary", "picture", "forces", "film", "replay", "score"])
 def test_files_are_whole_whenever_their_writer_was_killed(tmp_path: Path, name: str, after: float) -> None:
     killed(name, tmp_path, after)
     CHECKS[name](tmp_path, 0)
+
+
+@pytest.mark.parametrize("after", [TIMES[2], *(pytest.param(5 * t, marks=pytest.mark.slow) for t in MANY[1:20])])
+@pytest.mark.parametrize("name", ["film", "replay", "score", "picture"])
+def test_an_interrupt_leaves_no_half_of_a_picture(tmp_path: Path, name: str, after: float) -> None:
+    """With Ctrl-C the file is the whole one from before, and nothing hidden stays beside it."""
+    killed(name, tmp_path, after, signal.SIGINT)
+    CHECKS[name](tmp_path, 0)
+    assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(".") and path.name.endswith(".part")]
 
 
 @pytest.mark.parametrize("name", ["run.nc", "summary"])

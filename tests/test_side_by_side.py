@@ -11,7 +11,9 @@ import subprocess
 import sys
 import textwrap
 import threading
+import warnings
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -136,8 +138,7 @@ def field_file(path: Path) -> Path:
             "longitude": ("longitude", lon, {"units": "degrees_east", "standard_name": "longitude"}),
         },
     )
-    with NETCDF:
-        ds.to_netcdf(path, encoding={name: {"zlib": True, "chunksizes": (1, 20, 30)} for name in names})
+    ds.to_netcdf(path, encoding={name: {"zlib": True, "chunksizes": (1, 20, 30)} for name in names})
     return path
 
 
@@ -174,11 +175,47 @@ def test_forcing_files_are_read_from_several_threads(tmp_path: Path) -> None:
         assert set(pool.map(from_files, range(1, 5), [str(tmp_path)] * 4)) == {alone}
 
 
+def test_one_forcing_is_shared_by_models_in_threads(tmp_path: Path) -> None:
+    """Each model reads records of its own times from the one forcing, whose blocks of records all of them use."""
+    from riftberg.experiments import Options, build
+
+    field_file(tmp_path / "currents.nc")
+    (tmp_path / "case.yaml").write_text(EXPERIMENT.replace("FIELDS", "currents.nc"))
+    shared = build(str(tmp_path / "case.yaml"), Options(data=tmp_path))[0].forcing
+
+    def run(lon: float, name: str) -> str:
+        berg = Iceberg.rectangle(18e3, 9e3, thickness=200.0, placement=(lon, -56.0))
+        path = tmp_path / name
+        Model(berg, shared, WEAK, datetime(2020, 12, 9, 13)).run(steps=STEPS, output=path).close()
+        return digest(path)
+
+    places = [-37.3, -37.0, -36.7, -36.4]
+    alone = [run(lon, f"alone{lon}.nc") for lon in places]
+    assert len(set(alone)) == 4
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(run, places, [f"shared{lon}.nc" for lon in places])) == alone
+
+
+def test_filters_of_warnings_are_what_they_were_after_threads(tmp_path: Path) -> None:
+    """Where the blocks of two threads overlapped, the second put back for ever what the first had set."""
+    from riftberg.products import open_product
+
+    path = field_file(tmp_path / "currents.nc")
+    before = list(warnings.filters)
+
+    def read(number: int) -> float:
+        return float(open_product(path)["uo"].isel(time=number).sum())
+
+    with ThreadPoolExecutor(6) as pool:
+        found = list(pool.map(read, [number % 6 for number in range(36)]))
+    assert found[:6] == found[6:12] == found[30:]
+    assert warnings.filters == before
+
+
 def test_lazy_data_of_the_program_itself_stay_apart_from_runs(tmp_path: Path) -> None:
     """Datasets that were opened by xarray as they are, with and without dask, are read while runs write."""
     own = field_file(tmp_path / "currents.nc")
-    with NETCDF:
-        plain, chunked = xr.open_dataset(own), xr.open_dataset(own, chunks={"time": 1})
+    plain, chunked = xr.open_dataset(own), xr.open_dataset(own, chunks={"time": 1})
     alone = in_turn(tmp_path, 2)
     with ThreadPoolExecutor(4) as pool:
         sums = [pool.submit(lambda ds=ds: float(ds["uo"].isel(time=slice(0, 40)).sum())) for ds in (plain, chunked)]
@@ -197,7 +234,7 @@ def kid_digest(case: Path, output: str) -> str:
 def test_kid_runs_in_threads(tmp_path: Path) -> None:
     from kid.conftest import write_case
 
-    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0})
+    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0, "mts_sub_steps": 40})
     alone = kid_digest(case, str(tmp_path / "alone.nc"))
     with ThreadPoolExecutor(3) as pool:
         together = set(pool.map(kid_digest, [case] * 3, [str(tmp_path / f"{n}.nc") for n in range(3)]))

@@ -54,6 +54,18 @@ def test_a_file_is_read_with_its_units(slab: Path) -> None:
     assert parameters.drag.ocean_scale == 17.8  # the preset that a file starts from
 
 
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("my berg.yaml", "my-berg"), ("_2.yaml", "2"), ("A68a (2020).yml", "A68a-2020-"), ("---.yaml", "experiment")],
+)
+def test_a_file_of_any_name_names_its_experiment(slab: Path, file: str, name: str) -> None:
+    """A file with a space in its name was refused for a key ``name`` that it does not have."""
+    text = "\n".join(line for line in slab.read_text().splitlines() if not line.startswith("name:"))
+    path = slab.with_name(file)
+    path.write_text(text)
+    assert read_file(path)[0].name == name
+
+
 def test_the_model_is_what_the_file_says(slab: Path) -> None:
     model, info = build(str(slab), Options(changes={"ice": {"density": 900.0}}, numerics="reference"))
     assert (info.name, info.days, info.output_every_hours) == ("slab", 2.0, 0.5)

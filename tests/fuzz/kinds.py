@@ -249,19 +249,23 @@ def yaml_texts() -> Iterator[Kind]:
 KID = ["kid", "case", "-o", "out", "-q"]
 
 
+NO_LIMIT = (("Lx", "-1e30"), ("h_to_init_grounding", "-1e30"))
+
+
 def namelist_values() -> Iterator[Kind]:
     """Give impossible values of entries of a namelist."""
     wrongs = ("'text'", "1.5.2", "", "nan", "1e999", "1,2,3", "(1,2)", ".maybe.", "1000000*1", "-1e30", "\x01")
     for group, entries in (("icebergs_driver_nml", DRIVER), ("icebergs_nml", ICEBERGS)):
         for entry in entries:
             for wrong in wrongs:
-                # No value means the default; a logical takes any text that begins like one.
+                # No value means the default; a logical takes any text that begins like one. Lx <= 0 is no
+                # period, and no clearance below 0 is one of 0.
                 yield Kind(
                     "namelist",
                     f"{entry} = {wrong!r}",
                     _namelist(group, entry, wrong),
                     ("input.nml",),
-                    wrong not in ("", "'text'"),
+                    wrong not in ("", "'text'") and (entry, wrong) not in NO_LIMIT,
                 )
     for entry, values in {
         "nmax": ("0", "-1"), "ibhrs": ("0", "-5", "2000000000"), "ibdt": ("0", "-1", "1e-30", "1e30"), "ni": ("0", "1", "-3", "1000000000"),

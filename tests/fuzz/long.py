@@ -1,6 +1,7 @@
 """The long form of the fuzzer: ``python tests/fuzz/long.py --kinds 2000`` prints how many kinds had which verdict.
 
-``--only TEXT`` takes the families whose names hold TEXT; ``--show`` prints the message of every kind.
+``--only TEXT`` takes the families whose names hold TEXT; ``--show`` prints the message of every kind. The process may
+not take more than `MEMORY`; if it is killed all the same, ``now.txt`` in its folder names the kind that it was at.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import resource
 import shutil
 import sys
 from collections import Counter
@@ -20,6 +22,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from fuzz.base_files import store
 from fuzz.judging import BAD, HARMLESS, REFUSED, Verdict, judge
 from fuzz.kinds import kinds
+from fuzz.more_kinds import more
+
+MEMORY = 8 * 2**30
+"""Address space of the process, bytes: a kind that asks for more is found out, and the machine lives on."""
 
 
 def main() -> int:
@@ -30,16 +36,18 @@ def main() -> int:
     parser.add_argument("--part", default="1/1", help="k/n: every n-th kind, for several processes")
     parser.add_argument("--show", action="store_true", help="print the message of every kind")
     given = parser.parse_args()
-    fixed = sum(1 for _ in kinds(0))
-    seeds = max(20, -(-(given.kinds - fixed) // 10))
+    fixed = sum(1 for _ in (*kinds(0), *more(0)))
+    seeds = max(20, -(-(given.kinds - fixed) // 17))
     part, parts = (int(number) for number in given.part.split("/"))
-    chosen = [kind for kind in kinds(seeds) if given.only in kind.family]
+    chosen = [kind for kind in (*kinds(seeds), *more(seeds)) if given.only in kind.family]
     random.Random(1).shuffle(chosen)
     chosen = chosen[part - 1 :: parts]
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     store()
     folder = Path(mkdtemp(prefix="riftberg-kinds-"))
     counts: Counter[str] = Counter()
     for number, kind in enumerate(chosen):
+        (folder / "now.txt").write_text(f"{kind.family}: {kind.name}\n")
         verdict = judge(kind, folder / str(number))
         counts[verdict.what] += 1
         if verdict.what in BAD or given.show:

@@ -10,6 +10,7 @@ import pytest
 
 from fuzz.judging import BAD, Kind, judge, vague
 from fuzz.kinds import kinds
+from fuzz.more_kinds import more
 
 EACH = 2
 """Kinds of a class in the short form."""
@@ -21,9 +22,9 @@ SLOW = ("bench", "plot", "animate")
 def sample(each: int, seed: int) -> list[Kind]:
     """Return some kinds of every class."""
     families: dict[str, list[Kind]] = defaultdict(list)
-    for kind in kinds(each):
+    for kind in (*kinds(each), *more(each)):
         if not any(word in f"{kind.family} {kind.name}" for word in SLOW):
-            families[kind.family].append(kind)
+            families[kind.family.split(" of ")[0]].append(kind)  # all keys, parameters and options are one class here
     rng = random.Random(seed)
     return [kind for one in families.values() for kind in rng.sample(one, min(each, len(one)))]
 

@@ -63,7 +63,7 @@ def test_levels_are_turned_into_metres(units: str | None, factor: float) -> None
 
 
 def test_levels_in_unknown_units_are_refused() -> None:
-    with pytest.raises(ForcingError, match=r"file.nc, axis depth: units 'dbar' are not known .* units of m "):
+    with pytest.raises(ForcingError, match=r"file.nc, axis depth: units 'dbar' are not known .* Convert it to m "):
         tidy_axes(levelled("dbar"), where="file.nc")
 
 

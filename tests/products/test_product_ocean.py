@@ -230,8 +230,8 @@ def test_unknown_units_are_an_error_with_the_variable_named(tmp_path: Path) -> N
         {
             "lat": ("f8", ("lat",), [-56.0, -55.0], {"units": "degrees_north"}),
             "lon": ("f8", ("lon",), [-38.0, -37.0], {"units": "degrees_east"}),
-            "uo": ("f8", ("lat", "lon"), np.ones((2, 2)), {"units": "knots"}),
+            "uo": ("f8", ("lat", "lon"), np.ones((2, 2)), {"units": "furlongs"}),
         },
     )
-    with pytest.raises(ForcingError, match=r"variable uo: units 'knots' are not known"):
+    with pytest.raises(ForcingError, match=r"variable uo: units 'furlongs' are not known"):
         open_product(path)

@@ -62,7 +62,7 @@ def test_product_by_name_or_a_list_of_names() -> None:
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n", "Git LFS pointer"),
         (b"GRIB\x00\x00\x00\x01", "a GRIB file"),
         (b"nothing known", "not a netCDF file"),
-        (b"", "not a netCDF file"),
+        (b"", "the file is empty"),
     ],
 )
 def test_file_that_is_no_netcdf_says_what_it_is(content: bytes, words: str, tmp_path: Path) -> None:

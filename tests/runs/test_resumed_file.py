@@ -33,8 +33,8 @@ def fresh(p: Parameters) -> Model:
     return model
 
 
-def writer(path: Path, every_hours: float) -> RunWriter:
-    return RunWriter(path, every_hours=every_hours)
+def writer(path: Path, every_hours: float, forces: bool = False) -> RunWriter:
+    return RunWriter(path, every_hours=every_hours, forces=forces)
 
 
 def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]], dict[str, object]]:
@@ -79,6 +79,20 @@ def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(tmp_path: Path
         part.advance(steps=stop, recorders=[writer(tmp_path / "part.nc", every)])
         resumed = Model.resume(part.save(tmp_path / "part.restart.nc"), forcing())
         resumed.advance(steps=STEPS - stop, recorders=[writer(tmp_path / "resumed.nc", every)])
+        assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=stop * DT)
+
+
+@pytest.mark.parametrize("every", [0.0, 1.0, 3.0 * DT / 3600.0], ids=["every step", "1 h", "3 steps"])
+def test_forces_of_a_resumed_run_are_those_of_the_whole_run(tmp_path: Path, every: float) -> None:
+    """A mean between two records counts what acted before a stop between them."""
+    whole = fresh(LAWS["breaking"])
+    whole.advance(steps=8, recorders=[writer(tmp_path / "whole.nc", every, forces=True)])
+    assert any(name.startswith("force") for name in contents(tmp_path / "whole.nc")[0])
+    for stop in (1, 4, 5):
+        part = fresh(LAWS["breaking"])
+        part.advance(steps=stop, recorders=[writer(tmp_path / "part.nc", every, forces=True)])
+        resumed = Model.resume(part.save(tmp_path / "part.restart.nc"), forcing())
+        resumed.advance(steps=8 - stop, recorders=[writer(tmp_path / "resumed.nc", every, forces=True)])
         assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=stop * DT)
 
 

@@ -22,7 +22,7 @@ from riftberg.values import number
 class BondedBerg:
     """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
 
-    `riftberg.bergs.iceberg.Iceberg` adds the ways to make one, and tells the attributes.
+    `riftberg.bergs.iceberg.Iceberg` adds the ways to make one, and lists the attributes.
     """
 
     elements: Elements

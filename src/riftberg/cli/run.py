@@ -18,7 +18,7 @@ from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.input_files import check_file, is_folder
 from riftberg.interrupts import held
-from riftberg.limits import allow_large
+from riftberg.limits import allow_large, large_allowed
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -126,7 +126,8 @@ class Wishes(NamedTuple):
 
     def shown(self) -> str:
         """Return the options of what is shown, for going on with a run."""
-        return ("" if self.draw else " --no-map") + (" --quiet" if self.quiet else "")
+        large = " --allow-large" if large_allowed() else ""
+        return ("" if self.draw else " --no-map") + (" --quiet" if self.quiet else "") + large
 
 
 def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None, *, both: bool) -> None:
@@ -214,8 +215,8 @@ def make_options(
     """Check what was given on the command line."""
     if numerics not in (None, "own", "reference", "both"):
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
-    if grid is not None and not 0.0 < grid <= 5.0:
-        raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number above 0, at most 5")
+    if grid is not None and not 1e-4 <= grid <= 5.0:
+        raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
     positive(days, "--days", "days")
     if data is not None and not is_folder(data) and not fetch:
         raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")

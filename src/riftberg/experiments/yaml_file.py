@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
@@ -50,6 +51,12 @@ _KINDS: dict[str, type[BaseModel]] = {
 }  # fmt: skip
 
 
+def _name_of(path: str | Path) -> str:
+    """Return the name of an experiment that gives itself none: that of its file, in letters that a folder may have."""
+    plain = re.sub(r"[^\w.-]+", "-", Path(path).stem)
+    return re.sub(r"^[^A-Za-z0-9]+", "", plain) or "experiment"
+
+
 def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     """Read and check an experiment file.
 
@@ -74,7 +81,7 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     """
     document = Document(Path(path), _keys(Experiment))
     values = dict(document.values)
-    values.setdefault("name", Path(path).stem)
+    values.setdefault("name", _name_of(path))
     values = _prepared(values, Experiment, (), document)
     try:
         experiment = Experiment(**values)

@@ -1,6 +1,6 @@
 """KID's stand-alone driver: grid, forcing, length and calendar of its runs.
 
-Source: specification of the dynamics, sections 3.1 and 10.1 to 10.5; of the files, sections 7.2 and 8.9.
+Source: equations 3.1 and 10.1 to 10.5; files 7.2 and 8.9.
 """
 
 from __future__ import annotations
@@ -35,6 +35,15 @@ SEAMOUNT_LAND: Final = (-5000.0, 220_000.0)
 
 MOST_CELLS: Final = 10_000_000
 """Cells of the driver's grid."""
+
+FASTEST: Final = 1000.0
+"""Largest velocity (m s-1) or stress (Pa) of the driver's water, ice and air that is taken."""
+
+WIDEST_CELL: Final = 1e7
+"""Widest cell of the driver's grid, m."""
+
+LONGEST: Final = 2.5e11
+"""Longest run, s: some 8000 years, within the calendar."""
 
 COLLISION_CENTRE: Final = 10_000.0
 """Line towards which the currents of the collision test converge, m (10.2)."""
@@ -76,6 +85,8 @@ def build_clock(namelist: KidNamelist) -> Clock:
         raise driver.error(
             f"ibhrs = {driver.whole('ibhrs')} and nmax = {driver.whole('nmax')} give no step", "Give positive numbers"
         )
+    if steps * dt > LONGEST:
+        raise driver.error(f"nmax and ibhrs ask for {steps * dt / 86400.0:.3g} days", "Run at most some 8000 years")
     index = driver.whole("transient_a68_data_start_ind") if driver.flag("a68_test") else 0
     return Clock(dt, steps, float(LATE_START.get(index, 0)))
 
@@ -105,8 +116,11 @@ def build_grid(namelist: KidNamelist, case: Path) -> Grid:
 
 def _cartesian(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     ni, nj, spacing = driver.whole("ni"), driver.whole("nj"), driver.number("gridres")
-    if ni < 2 or nj < 2 or spacing <= 0:
-        raise driver.error(f"ni = {ni}, nj = {nj}, gridres = {spacing} make no grid", "Give at least 2 x 2 cells")
+    if ni < 2 or nj < 2 or not 0 < spacing <= WIDEST_CELL:
+        raise driver.error(
+            f"ni = {ni}, nj = {nj}, gridres = {spacing:g} make no grid",
+            "Give at least 2 x 2 cells, at most 10000 km wide",
+        )
     refuse_large(
         ni * nj, MOST_CELLS, "grid cells", size=1000.0, where=driver.where, remedy="Give smaller ni and nj",
         kind=NamelistError,
@@ -186,6 +200,7 @@ def _field_rules(icebergs: NamelistGroup) -> FieldRules:
 def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:
     """Return the constant fields of the Cartesian cases."""
     g = grid.arrays
+    _check_speeds(driver)
     x, y = _ring_corners(g.ni, g.nj, driver.number("gridres"), _offset(driver))
     vo = _meridional_current(driver, x, y)
     tau = np.array([[driver.number("ibua")]]), np.array([[driver.number("ibuy")]])
@@ -201,6 +216,15 @@ def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -
         depth=_depth(driver, x, y),
     )
     return fields._replace(sst=celsius(fields.sst, g.mask))
+
+
+def _check_speeds(driver: NamelistGroup) -> None:
+    for name in ("ibuo", "ibvo", "ibui", "ibvi", "ibua", "ibuy"):
+        if abs(driver.number(name)) > FASTEST:
+            raise driver.error(
+                f"{name} = {driver.number(name):g} cannot be: nothing moves faster than {FASTEST:g} m/s",
+                "Give velocities in m/s, stresses in Pa",
+            )
 
 
 def _meridional_current(driver: NamelistGroup, x: Floats, y: Floats) -> Floats:

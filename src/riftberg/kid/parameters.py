@@ -1,6 +1,6 @@
 """From KID's namelists to Riftberg's parameters, with KID's derived rules.
 
-Source: specification of the dynamics, sections 0.2, 5.1, 6.4, 7 and the catalogue of quirks (11).
+Source: equations 0.2, 5.1, 6.4, 7 and the catalogue of quirks (11).
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ from riftberg.errors import InputError
 from riftberg.kid.life_groups import life_groups
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
 from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
+
+LONGEST_STEP: Final = 864_000.0
+"""Longest long step that is taken, s (10 days)."""
 
 NEVER: Final = sys.float_info.max
 """Threshold of a stress that never breaks a bond, Pa."""
@@ -46,6 +49,8 @@ def time_step(namelist: KidNamelist) -> float:
     dt = namelist.driver.number("ibdt")
     if dt <= 0:
         raise namelist.driver.error(f"ibdt = {dt} is no time step", "Give a positive number of seconds")
+    if dt > LONGEST_STEP:
+        raise namelist.driver.error(f"ibdt = {dt:g} s is longer than {LONGEST_STEP:g} s", "Give minutes or hours, in s")
     return dt
 
 

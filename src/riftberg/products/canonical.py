@@ -100,12 +100,40 @@ _UNITS: dict[str, dict[str, tuple[float, float]]] = {
             ),
             _SAME,
         ),
-        **dict.fromkeys(("cm/s", "cm s-1", "cm s**-1", "cm/sec"), (0.01, 0.0)),
+        **dict.fromkeys(("meters per second", "metres per second", "m per s", "m second-1"), _SAME),
+        **dict.fromkeys(
+            (
+                "cm/s",
+                "cm s-1",
+                "cm s**-1",
+                "cm/sec",
+                "cm.s-1",
+                "cm s^-1",
+                "cm sec-1",
+                "cm second-1",
+                "centimeters/second",
+                "centimeters per second",
+                "centimeter/sec",
+                "centimeter second-1",
+            ),
+            (0.01, 0.0),
+        ),
+        **dict.fromkeys(("mm/s", "mm s-1", "mm.s-1"), (0.001, 0.0)),
+        **dict.fromkeys(("knots", "knot", "kt", "kts", "kn"), (1852.0 / 3600.0, 0.0)),
+        **dict.fromkeys(("km/h", "km h-1", "km.h-1", "km hr-1", "km/hr", "kph"), (1.0 / 3.6, 0.0)),
+        **dict.fromkeys(("km/day", "km day-1", "km/d", "km d-1", "km.day-1"), (1.0 / 86.4, 0.0)),
+        **dict.fromkeys(("m/day", "m day-1", "m/d", "m d-1"), (1.0 / 86400.0, 0.0)),
+        **dict.fromkeys(("ft/s", "ft s-1", "feet/second"), (0.3048, 0.0)),
+        **dict.fromkeys(("mph", "miles/hour"), (0.44704, 0.0)),
     },
     "m": {
         **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), _SAME),
-        **dict.fromkeys(("cm", "centimeter", "centimeters"), (0.01, 0.0)),
-        **dict.fromkeys(("km", "kilometer", "kilometers"), (1000.0, 0.0)),
+        **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), (0.01, 0.0)),
+        **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres"), (1000.0, 0.0)),
+        **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), (0.001, 0.0)),
+        **dict.fromkeys(("dm", "decimeter", "decimeters"), (0.1, 0.0)),
+        **dict.fromkeys(("ft", "feet", "foot"), (0.3048, 0.0)),
+        **dict.fromkeys(("fathom", "fathoms"), (1.8288, 0.0)),
     },
     "degree_Celsius": {
         **dict.fromkeys(
@@ -120,21 +148,78 @@ _UNITS: dict[str, dict[str, tuple[float, float]]] = {
                 "deg c",
                 "deg_c",
                 "degree_c.",
+                "degrees_celsius",
+                "deg celsius",
+                "degree celsius",
+                "degree c",
+                "degrees c",
+                "\N{DEGREE SIGN}c",
             ),
             _SAME,
         ),
-        **dict.fromkeys(("k", "kelvin", "degk", "deg_k"), (1.0, -273.15)),
+        **dict.fromkeys(("k", "kelvin", "degk", "deg_k", "deg k", "kelvins", "degree_k", "degrees_k"), (1.0, -273.15)),
+        **dict.fromkeys(
+            (
+                "degf",
+                "fahrenheit",
+                "deg_f",
+                "deg f",
+                "degree_f",
+                "degrees_f",
+                "degree_fahrenheit",
+                "degrees fahrenheit",
+                "f",
+                "\N{DEGREE SIGN}f",
+            ),
+            (5.0 / 9.0, -160.0 / 9.0),
+        ),
     },
-    "1e-3": dict.fromkeys(
-        ("1e-3", "psu", "practical salinity units", "pss", "0.001", "g/kg", "g kg-1", "1", "pss-78"), _SAME
-    ),
-    "Pa": dict.fromkeys(("pa", "n m-2", "n/m2", "n m**-2", "n/m^2", "n m^-2", "n.m-2", "pascal"), _SAME),
+    "1e-3": {
+        **dict.fromkeys(
+            (
+                "1e-3",
+                "psu",
+                "practical salinity units",
+                "pss",
+                "0.001",
+                "g/kg",
+                "g kg-1",
+                "1",
+                "pss-78",
+                "pss78",
+                "ppt",
+                "practical salinity",
+                "practical salinity unit",
+                "practical_salinity_unit",
+                "practical_salinity_units",
+                "permil",
+                "per mille",
+                "\N{PER MILLE SIGN}",
+            ),
+            _SAME,
+        ),
+        **dict.fromkeys(("kg/kg", "kg kg-1"), (1000.0, 0.0)),
+    },
+    "Pa": {
+        **dict.fromkeys(("pa", "n m-2", "n/m2", "n m**-2", "n/m^2", "n m^-2", "n.m-2", "pascal"), _SAME),
+        **dict.fromkeys(("dyn/cm2", "dyne/cm2", "dyn cm-2", "dyne cm-2", "dyne/cm^2", "dyn/cm^2"), (0.1, 0.0)),
+    },
     "1": {
-        **dict.fromkeys(("1", "", "1.0", "(0 - 1)", "0-1", "fraction", "none", "dimensionless"), _SAME),
-        **dict.fromkeys(("%", "percent"), (0.01, 0.0)),
+        **dict.fromkeys(
+            ("1", "", "1.0", "(0 - 1)", "0-1", "fraction", "none", "dimensionless", "unitless", "m2 m-2", "m2/m2"),
+            _SAME,
+        ),
+        **dict.fromkeys(("%", "percent", "percentage", "1e-2", "0.01", "1.e-2"), (0.01, 0.0)),
+        **dict.fromkeys(("tenths", "tenth", "0.1", "1e-1"), (0.1, 0.0)),
     },
-    "s": dict.fromkeys(("s", "second", "seconds", "sec"), _SAME),
-    "degree": dict.fromkeys(("degree", "degrees", "degree true", "degree_true", "degrees true", "deg"), _SAME),
+    "s": {
+        **dict.fromkeys(("s", "second", "seconds", "sec"), _SAME),
+        **dict.fromkeys(("min", "minute", "minutes"), (60.0, 0.0)),
+    },
+    "degree": {
+        **dict.fromkeys(("degree", "degrees", "degree true", "degree_true", "degrees true", "deg", "degree_t"), _SAME),
+        **dict.fromkeys(("rad", "radian", "radians"), (57.29577951308232, 0.0)),
+    },
 }
 
 
@@ -152,9 +237,15 @@ def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, fl
         raise ForcingError(
             f"units {units!r} are not known for {quantity.name} ({quantity.long_name})",
             where=where,
-            remedy=f"Give it units of {quantity.units} (or one of: {', '.join(sorted(table))})",
+            remedy=f"Convert it to {quantity.units} and write that into the file (read too: {', '.join(_ways(table))})",
         )
     return table[key]
+
+
+def _ways(table: dict[str, tuple[float, float]]) -> list[str]:
+    """Return one name of each unit that is read, without the many ways to write it."""
+    seen = {_SAME}
+    return [name for name, way in table.items() if not (way in seen or seen.add(way))]  # type: ignore[func-returns-value]
 
 
 def canonicalise(data: xr.DataArray, quantity: Quantity, units: str, *, where: str) -> xr.DataArray:

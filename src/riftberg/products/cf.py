@@ -53,6 +53,9 @@ _USUAL: dict[str, tuple[str, ...]] = {
 }
 
 
+USUAL_NAMES = frozenset(name for names in _USUAL.values() for name in names)
+"""All names that fields usually have."""
+
 _ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
     "uo": ("sea_water_x_velocity", "surface_sea_water_x_velocity"),
     "vo": ("sea_water_y_velocity", "surface_sea_water_y_velocity"),
@@ -74,6 +77,13 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
     usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
+
+
+def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
+    """Return the one variable whose standard name is that of a quantity; empty if there is none, or several."""
+    names = _STANDARD.get(quantity, ())
+    held = [n for n in map(str, ds.data_vars) if ds[n].ndim > 1 and standard_name(ds.variables[n]) in names]
+    return held[0] if len(held) == 1 else ""
 
 
 def _near_enough(ds: xr.Dataset, name: str) -> bool:

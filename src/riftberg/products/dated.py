@@ -62,6 +62,11 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
         )
     if dims:
         chosen = _best(ds, [c for c in stamped if ds[c].dims == (dims[0],)], dims[0])
+        if chosen is None and (text := dict(ds.encoding.get("texts", {})).get(dims[0])):
+            raise ForcingError(
+                f"the dates of {name} are text that is not understood: {text}", where=where,
+                remedy=f"Write them like 2020-12-16T06:00, or as dates in Python: ds.assign_coords({dims[0]}=dates)",
+            )  # fmt: skip
         if chosen is None:
             raise ForcingError(
                 f"the dimension {dims[0]} of {name} ({field.sizes[dims[0]]} records) has no variable with dates",
@@ -93,6 +98,12 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
         elif (dates := _counted(variable)) is not None:
             ds[other] = (variable.dims, dates, variable.attrs)
             stamps.append(other)
+        elif variable.ndim == 1 and declared and variable.dims == (other,) and " since " in units_of(variable):
+            raise ForcingError(
+                f"{other} counts {units_of(variable)!r}, which is no length of time that can be added to a date",
+                where=where,
+                remedy=f"Write {other} in days or hours since a date, or as dates in Python: ds.assign_coords({other}=dates)",
+            )
         elif variable.ndim == 1 and declared and variable.dims == (other,):
             raise ForcingError(
                 f"time has no units that say since when it counts ({other} reads {units_of(variable)!r})",

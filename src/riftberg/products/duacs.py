@@ -27,6 +27,7 @@ PRODUCT = Product(
     matches=_matches,
     sources=(Source("ssh", ("adt",), "m"),),
     variants=_VARIANTS,
+    left_out=("ugos", "vgos"),
     notes=(
         "ssh is the absolute dynamic topography adt (height above the geoid), not the anomaly sla",
         "one map a day, stamped 00:00 UTC",

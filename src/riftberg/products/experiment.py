@@ -17,6 +17,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.netcdf_lock import open_lazily
+from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
 from riftberg.products.roles import role_of
 
@@ -32,7 +33,15 @@ def _matches(ds: xr.Dataset) -> bool:
     """Tell the bare style: fields named as in the model, no units, 1/8 degree, and no coordinate metadata."""
     held = _FIELDS & set(map(str, ds.data_vars))
     bare = held and all("units" not in ds[name].attrs and "Unit" not in ds[name].attrs for name in held)
-    return bool(bare) and {"lat", "lon"} <= set(ds.dims) and not str(ds.attrs.get("title", "")).startswith("The GEBCO")
+    alone = not (USUAL_NAMES - _FIELDS) & set(
+        map(str, ds.data_vars)
+    )  # a file of others has fields that these never have
+    return (
+        bool(bare)
+        and alone
+        and {"lat", "lon"} <= set(ds.dims)
+        and not str(ds.attrs.get("title", "")).startswith("The GEBCO")
+    )
 
 
 def _grid_beside(path: str) -> xr.Dataset | None:
@@ -57,7 +66,7 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
         return ds
     where = str(ds.encoding.get("source", ""))
     if not re.search("a68|hourly", Path(where).name.lower()) and _grid_beside(where) is None:
-        return ds  # not a file of the experiment: what it lacks is told in general words
+        return ds  # not a file of the experiment: what it lacks is said in general words
     grid = _grid_beside(where)
     if grid is None or not {"longitude", "latitude"} <= set(grid.variables):
         raise ForcingError(

@@ -10,6 +10,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, canonicalise
+from riftberg.products.cf import by_standard_name
 from riftberg.products.dated import dated
 from riftberg.products.levels import judged
 from riftberg.products.place import positioned
@@ -71,6 +72,7 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
                 others = ", ".join(held[1:])
                 remark = f"{source.quantity} is taken from {held[0]}; {others} could be it too" if others else ""
                 choice.append((source.quantity, held[0], remark))
+    choice += _beyond(ds, product, {quantity for quantity, _, _ in choice})
     if not choice:
         held = sorted(map(str, ds.data_vars))
         raise ForcingError(
@@ -79,6 +81,16 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
             remedy="Give the file with the wanted variables, or name the right product",
         )
     return choice
+
+
+def _beyond(ds: xr.Dataset, product: Product, found: set[str]) -> list[tuple[str, str, str]]:
+    """Return fields that the product does not know and the file holds all the same, by standard name and with units."""
+    if product.select is not None:
+        return []
+    lacking = [quantity for quantity in QUANTITIES if quantity not in found]
+    held = [(quantity, name) for quantity in lacking if (name := by_standard_name(ds, quantity))]
+    taken = [(quantity, name) for quantity, name in held if units_of(ds[name]) and name not in product.left_out]
+    return [(quantity, name, f"{quantity} is taken from {name} by its standard name") for quantity, name in taken]
 
 
 def _canonical(

@@ -1,6 +1,6 @@
 """Where a field holds in the vertical, by whatever coordinate says it: read and judged, never dropped unseen.
 
-Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is told by its units, its
+Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is known from its units, its
 standard name and its name, in this order.
 """
 
@@ -180,7 +180,7 @@ def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> l
             return [f"{name} is of level {value:g}: taken as the uppermost"]
         raise ForcingError(
             f"{name} holds at {place}, and nothing says that this is the surface", where=where,
-            remedy="Give the levels in metres of depth (units m), or take the surface: ncks -d / ds.sel",
+            remedy=f"If it is, write so into the file: {axis.name} = 0 with units m and positive down",
         )  # fmt: skip
     return []
 

@@ -86,6 +86,8 @@ class Product:
     longest_step : float
         Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
         Without it months, or a week where there are only two records.
+    left_out : tuple of str
+        Variables that are not taken on purpose, whatever their metadata say.
     notes : tuple of str
         Signs, stamps and quirks that a user should know, in plain words.
     """
@@ -101,6 +103,7 @@ class Product:
     finish: Step = unchanged
     settle: Step = unchanged
     averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
+    left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     kind_matters: bool = True
     select: Callable[[xr.Dataset], dict[str, tuple[str, str]]] | None = None

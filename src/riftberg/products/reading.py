@@ -11,12 +11,14 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.input_files import check_file, is_folder
 from riftberg.netcdf_lock import open_lazily
 from riftberg.products.axes import tidy_axes
 from riftberg.products.fields import gathered
 from riftberg.products.product import Product
 from riftberg.products.sizes import whole_size
 from riftberg.products.stated import stated_interval, told_kind
+from riftberg.products.text_dates import with_plain_time_units, with_text_dates
 from riftberg.shared_settings import SETTINGS, own_filters
 
 CHUNK = "16MiB"
@@ -52,10 +54,9 @@ def is_zarr(path: str) -> bool:
 def check_readable(path: str) -> None:
     """Raise `ForcingError` with a remedy unless ``path`` is a file that looks like netCDF."""
     file = Path(path)
-    if not file.exists():
-        raise ForcingError("the file does not exist", where=path, remedy="Check the name and the folder")
-    if file.is_dir():
+    if is_folder(file):
         raise ForcingError("this is a folder", where=path, remedy="Give its files, for example FOLDER/*.nc")
+    check_file(path, remedy="Check the name and the folder", kind=ForcingError, missing="the file does not exist")
     with file.open("rb") as stream:
         head = stream.read(64)
     for opening, what, remedy in _OPENINGS:
@@ -88,13 +89,17 @@ def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     xarray.Dataset
     """
     ds = _open(path)
+    ds = with_text_dates(ds)
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
     if chunked and find_spec("dask") is not None:
         import dask
 
         with SETTINGS, dask.config.set({"array.chunk-size": CHUNK}):
+            written = {name: ds.variables[name] for name in ds.encoding.get("written", ())}
+            noted = ds.encoding.get("texts", {})
             ds.close()
-            ds = _open(path, chunks="auto", drop_variables=text)
+            ds = _open(path, chunks="auto", drop_variables=[*text, *written]).assign(written)
+            ds.encoding["texts"] = noted
     else:
         ds = ds.drop_vars(text)
     ds.encoding["source"] = path
@@ -155,7 +160,7 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
         return _read_as(path, product)
     except ForcingError:
         raise
-    except Exception as error:  # whatever libraries make of a damaged or strange file, it is told in words
+    except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
         message = " ".join(str(error).split())[:200] or type(error).__name__
         raise ForcingError(
             f"cannot be read as {product.name} ({message})",
@@ -180,7 +185,7 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     path : str
         Where it comes from, for messages.
     """
-    raw = _without_false_fill(product.mend(raw))
+    raw = _without_false_fill(product.mend(with_plain_time_units(with_text_dates(raw))))
     ds = product.reshape(_decoded_dataset(raw))
     ds.encoding["source"] = path
     stated = stated_interval(raw, path)
@@ -207,7 +212,7 @@ def _decoded_dataset(raw: xr.Dataset) -> xr.Dataset:
         try:
             return _decoded_by_xarray(raw)
         except (ValueError, OverflowError):
-            # Dates that cannot be decoded are told in words later; the rest of the file is read.
+            # Dates that cannot be decoded are reported later; the rest of the file is read.
             return _decoded_by_xarray(raw, decode_times=False)
 
 

@@ -178,7 +178,7 @@ def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
             continue
         finite = np.isfinite(values_of(surface.isel(time=k)))
         empty[k] = not finite.any()
-        if known is None and not empty[k]:
+        if known is None and not empty[k] and surface.ndim > 2:  # scattered points have no rows
             row = int(finite.sum(axis=-1).argmax())
             known = np.isfinite(values_of(surface.isel({surface.dims[1]: row}))).any(axis=-1)
     return empty

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_netcdf
 from riftberg.products import (
     cf,
     duacs,
@@ -85,12 +86,28 @@ def recognise(path: str | Path) -> Product:
         for product in PRODUCTS:
             if _belongs(ds, product):
                 return product
-        held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items()) or "nothing"
+        held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
+    if not held and (group := _group_with_fields(str(path))):
+        raise ForcingError(
+            f"its variables stand in the group {group}, which is not looked into", where=str(path),
+            remedy=f"Take them out first: ncks -G : -g {group} FILE OUT",
+        )  # fmt: skip
     raise ForcingError(
-        f"the product was not recognised; the file holds {held}",
+        f"the product was not recognised; the file holds {held or 'nothing'}",
         where=str(path),
         remedy="Name the product (--product), or give the variables CF standard names",
     )
+
+
+def _group_with_fields(path: str) -> str:
+    """Return the first group of a netCDF-4 file that holds variables; empty if there is none."""
+    if is_zarr(path) or "://" in path:
+        return ""
+    try:
+        with open_netcdf(path) as file:
+            return next((name for name, group in file.groups.items() if group.variables), "")
+    except (OSError, RuntimeError):
+        return ""
 
 
 def _belongs(ds: xr.Dataset, product: Product) -> bool:

@@ -15,14 +15,20 @@ Role = Literal["lat", "lon", "x", "y", "time", "level", "member", ""]
 _CRITERIA = cf.coordinate_criteria
 _MEMBERS = {"realization", "realization_weights"}
 _NAMES: tuple[tuple[Role, re.Pattern[str]], ...] = (
-    ("lat", re.compile(r"^(nav_?)?lat(itude|cell|c)?s?([_.].*|\d*)$|^gphi|^geolat|^[tuvq]?lat[tuvq]?$|^xlat|^y_?lat|_lat$")),
-    ("lon", re.compile(r"^(nav_?)?lon(gitude|cell|c)?s?([_.].*|\d*)$|^glam|^geolon|^[tuvq]?lon[tuvq]?$|^xlong|^x_?lon|_lon$")),
+    ("lat", re.compile(r"^(nav_?)?lat(itude|cell|c)?s?([_.].*|\d*)$|^gphi|^geolat|^[tuvqce]?lat[tuvq]?$|^xlat|^y_?lat|_lat$")),
+    ("lon", re.compile(r"^(nav_?)?lon(gitude|cell|c)?s?([_.].*|\d*)$|^glam|^geolon|^[tuvqce]?lon[tuvq]?$|^xlong|^x_?lon|_lon$")),
     ("time", re.compile(r"^(valid_|ocean_|initial_|model_)?time(s|_counter|_centered|\d+.*|_hours)?$|^(t|date|dates|mt|xtime)$")),
     ("level", re.compile(
         r"^(nav_)?(dept|lev|plev|height|altitude|sigma|isobaric|pressure|hybrid|bottom_top|lv_|siglay|siglev|s_rho|s_w|nz)"
         r"|^(z|zl|zi|z_l|z_i|z_t|zt|zt_ocean|st_ocean|zlev|zlevel|zax|olevel|kdep|model_level|k|lay)$")),
     ("member", re.compile(r"^(number|member|member_id|members|ens|ensemble|ensemble_member|realization|realisation)$")),
 )  # fmt: skip
+
+
+_OF_FIELDS = re.compile(
+    r"^sea_floor_depth|^sea_surface|velocity|wind|temperature|salinity|thickness|area_fraction|stress"
+)
+"""Standard names of fields, whose variables may be called like a coordinate (deptho)."""
 
 
 def standard_name(variable: xr.Variable | xr.DataArray) -> str:
@@ -69,7 +75,7 @@ def _by_metadata(variable: xr.Variable | xr.DataArray) -> Role:
 
 def role_of(name: Hashable, variable: xr.Variable | xr.DataArray) -> Role:
     """Return what a variable is as a coordinate; empty if it is none."""
-    if variable.dtype.kind in "SU":
+    if variable.dtype.kind in "SU" or _OF_FIELDS.search(standard_name(variable)):
         return ""
     if holds_dates(variable):
         return "time"
@@ -89,6 +95,30 @@ def _says_where(name: str, variable: xr.Variable) -> bool:
     return "_" not in name and role_of(name, variable) in ("time", "level", "member")
 
 
+_LENGTHS = {"m", "meter", "meters", "metre", "metres", "km", "ft", "feet", "cm"}
+_PRESSURES = {"pa", "hpa", "mb", "mbar", "millibar", "millibars", "dbar", "decibar", "decibars"}
+_NO_HEIGHTS = re.compile(
+    r"^(surface|mean_?sea(_?level)?|x|y|xc|yc|xt|yt|easting|northing|.*(mapping|crs|projection).*)$"
+)
+
+
+def _height_of_any_name(name: str, variable: xr.Variable, declared: bool) -> Role:
+    """Return ``"level"`` for a single number in metres or hPa that a file declares as a coordinate, whatever it is called."""
+    if not declared or variable.size != 1 or variable.ndim > 1 or variable.dtype.kind not in "iuf":
+        return ""
+    metres = units_of(variable).strip().lower() in (_LENGTHS | _PRESSURES)
+    on_map = str(variable.attrs.get("axis", "")).upper() in ("X", "Y")
+    return "level" if metres and not on_map and not _NO_HEIGHTS.match(name.lower()) else ""
+
+
+def _on_points(ds: xr.Dataset, variable: xr.Variable) -> bool:
+    """Tell whether latitudes stand on the dimension of a variable with one dimension, other than along an axis of them."""
+    return variable.ndim == 1 and any(
+        other.dims == variable.dims and str(name) not in other.dims and role_of(name, other) == "lat"
+        for name, other in ds.variables.items()
+    )
+
+
 def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, bool]]:
     """Yield the coordinates of a field: name, role, and whether the file declares them as such.
 
@@ -104,6 +134,8 @@ def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, 
         declared = other in listed or other in field.dims
         if variable.ndim == 0 and not declared and other in ds.data_vars and not _says_where(other, variable):
             continue
-        role = role_of(other, variable)
+        role: Role = role_of(other, variable) or _height_of_any_name(other, variable, declared)
+        if role == "level" and other not in field.dims and _on_points(ds, variable):
+            continue  # the depth of the water at scattered points
         if role and not (variable.ndim > 1 and role in ("level", "member", "x", "y")):
             yield other, role, declared

@@ -1,6 +1,6 @@
 """The one place that holds the colours: the same thing has the same colour in every picture.
 
-Fragments and forces take colours of Okabe and Ito (2008), which are told apart with any colour vision; scales go from
+Fragments and forces take colours of Okabe and Ito (2008), which any colour vision can tell apart; scales go from
 light to dark, so that they read in grey too. ``replay_template.html`` uses the same values.
 """
 

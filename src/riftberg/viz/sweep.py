@@ -73,7 +73,10 @@ class _SweepFigure:
         self._dates(top)
         self._sizes(bottom)
         for letter, ax in zip("abc", (left, top, bottom), strict=True):
-            ax.text(0.0, 1.02, letter, transform=ax.transAxes, fontsize=12, fontweight="bold", va="bottom")
+            ax.annotate(
+                letter, (0.0, 1.0), (-34, 8), xycoords="axes fraction", textcoords="offset points", fontsize=12,
+                fontweight="bold", ha="left", va="bottom",
+            )  # fmt: skip
         self._key()
         count = self.done.sizes["member"]
         note = f"{count} runs" + (f", {missing} more failed or not yet run" if missing else "")
@@ -191,11 +194,11 @@ def _scale(done: xr.Dataset, name: str) -> tuple[np.ndarray[Any, Any], str, list
 
 
 def _box(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any], latlon: bool) -> Box:
-    """Return the extent of all tracks with a margin, not flatter or narrower than 1 to 2."""
+    """Return the extent of all tracks with a margin, of a shape that fills its panel."""
     west, east, south, north = np.nanmin(x), np.nanmax(x), np.nanmin(y), np.nanmax(y)
     stretch = np.cos(np.radians(0.5 * (south + north))) if latlon else 1.0
     wide, high = max((east - west) * stretch, 1e-9), max(north - south, 1e-9)
-    wide, high = max(wide, 0.6 * high), max(high, 0.6 * wide)
+    wide, high = max(wide, 0.85 * high), max(high, 0.95 * wide)
     half_x, half_y = 0.56 * wide / stretch, 0.56 * high
     x0, y0 = 0.5 * (west + east), 0.5 * (south + north)
     return Box(x0 - half_x, x0 + half_x, y0 - half_y, y0 + half_y)

@@ -1,0 +1,546 @@
+"""Odd files of all kinds: every field that is found reaches the berg with its value, or the file is refused in a true sentence.
+
+Each file holds all fields of a run, linear in longitude and latitude, so that what an element must feel is known. The
+same file goes through a run (`forcing_from_files`), the doctor and Python (`DatasetForcing.from_xarray`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.ocean.datasets import DatasetForcing
+from riftberg.ocean.files_forcing import Run, forcing_from_files
+from riftberg.ocean.files_schema import FileForcing
+from riftberg.products.doctor import doctor
+from riftberg.state import Elements, new_elements
+
+START = datetime(2020, 12, 16, 6)
+FIELDS: dict[str, tuple[str, str, tuple[float, float, float]]] = {
+    "uo": ("eastward_sea_water_velocity", "m s-1", (0.3, 0.05, 0.02)),
+    "vo": ("northward_sea_water_velocity", "m s-1", (-0.2, 0.03, -0.04)),
+    "ua": ("eastward_wind", "m s-1", (3.0, 0.5, 0.2)),
+    "va": ("northward_wind", "m s-1", (-2.0, 0.3, -0.4)),
+    "ssh": ("sea_surface_height_above_geoid", "m", (0.1, 0.02, 0.03)),
+    "sst": ("sea_surface_temperature", "degC", (1.0, 0.1, 0.2)),
+    "sss": ("sea_surface_salinity", "1e-3", (34.0, 0.1, 0.05)),
+    "ice_fraction": ("sea_ice_area_fraction", "1", (0.4, 0.05, 0.03)),
+    "ice_thickness": ("sea_ice_thickness", "m", (0.8, 0.1, 0.05)),
+    "ui": ("eastward_sea_ice_velocity", "m s-1", (0.1, 0.02, 0.01)),
+    "vi": ("northward_sea_ice_velocity", "m s-1", (-0.1, 0.01, 0.02)),
+    "deptho": ("sea_floor_depth_below_geoid", "m", (2000.0, 100.0, 50.0)),
+}
+VELOCITIES = ("uo", "vo", "ua", "va", "ui", "vi")
+WATER, AIR, ICE = ("uo", "vo", "ssh", "sst", "sss"), ("ua", "va"), ("ice_fraction", "ice_thickness", "ui", "vi")
+CENTRE = -39.0
+
+
+def truth(name: str, lon: Any, lat: Any, centre: float = CENTRE) -> Any:
+    mean, east, north = FIELDS[name][2]
+    return mean + east * ((np.asarray(lon) - centre + 180.0) % 360.0 - 180.0) + north * (np.asarray(lat) + 55.5)
+
+
+def plain(centre: float = CENTRE, names: tuple[str, ...] = tuple(FIELDS)) -> xr.Dataset:
+    """A file as it should be: axes with units, dates, standard names."""
+    lon, lat = centre + np.linspace(-4.0, 4.0, 17), -55.5 + np.linspace(-3.0, 3.0, 13)
+    x, y = np.meshgrid(lon, lat)
+    dates = np.datetime64("2020-12-16", "ns") + np.arange(4) * np.timedelta64(12, "h")
+    axes = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    ds = xr.Dataset(coords={"time": dates, **axes})
+    for name in names:
+        told = {"standard_name": FIELDS[name][0], "units": FIELDS[name][1]}
+        values = truth(name, x, y, centre)
+        still = name == "deptho"
+        ds[name] = (("lat", "lon"), values, told) if still else (("time", "lat", "lon"), np.stack([values] * 4), told)
+    return ds
+
+
+def elements(centre: float = CENTRE) -> Elements:
+    x, y = (q.ravel() for q in np.meshgrid(np.linspace(-0.5, 0.5, 3), np.linspace(-0.5, 0.5, 3)))
+    found = new_elements(x.size)
+    found.lon[:], found.lat[:], found.thickness[:] = centre + x, -55.5 + y, 200.0
+    return found
+
+
+def by_run(path: Path, centre: float = CENTRE) -> Elements:
+    box = (centre - 2.0, centre + 2.0)
+    asked = FileForcing(kind="files", files=[path.name], longitude=box, latitude=(-57.5, -53.5), hold=24.0)
+    e = elements(centre)
+    forcing = forcing_from_files(asked, path.parent, Run.of(START, 0.1, e.thickness, 850.0))
+    forcing.check(e, 0.0, 8640.0)
+    forcing.sample(e, 3600.0)
+    return e
+
+
+def by_python(path: Path, centre: float = CENTRE) -> Elements:
+    with xr.open_dataset(path) as file:
+        ds = file.load()
+    ds.encoding.pop("source", None)
+    e = elements(centre)
+    DatasetForcing.from_xarray(ds, START).sample(e, 3600.0)
+    return e
+
+
+WAYS: dict[str, Callable[..., Elements]] = {"run": by_run, "python": by_python}
+
+
+def arrives(path: Path, names: tuple[str, ...] = tuple(FIELDS), centre: float = CENTRE, near: float = 2e-3) -> None:
+    """Check that all fields arrive through a run and through Python, and that the doctor names each."""
+    report = doctor([path]).text()
+    for way, forced in WAYS.items():
+        e = forced(path, centre)
+        metres = 111_194.9 * np.cos(np.deg2rad(e.lat))
+        for name in names:
+            mean = abs(FIELDS[name][2][0])
+            if name == "ssh":
+                np.testing.assert_allclose(e.slope_x, FIELDS[name][2][1] / metres, rtol=0.05, err_msg=f"{way} slope_x")
+                np.testing.assert_allclose(
+                    e.slope_y, FIELDS[name][2][2] / 111_194.9, rtol=0.05, err_msg=f"{way} slope_y"
+                )
+                continue
+            expected = truth(name, e.lon, e.lat, centre) + (
+                truth("ssh", e.lon, e.lat, centre) if name == "deptho" and "ssh" in names else 0.0
+            )
+            got = getattr(e, "depth" if name == "deptho" else name)
+            np.testing.assert_allclose(got, expected, atol=near * max(1.0, mean), err_msg=f"{way} {name}")
+    for name in names:
+        shown = "depth_below_surface" if name == "deptho" else name
+        assert f"gives   {shown} " in report, report
+
+
+def refused(path: Path, *words: str, remedy: str = "") -> None:
+    """Check that a run and Python refuse a file in one sentence with these words, and that the doctor tells it too."""
+    for forced in WAYS.values():
+        with pytest.raises(ForcingError) as told:
+            forced(path)
+        for word in (*words, remedy):
+            assert word in str(told.value), str(told.value)
+    report = doctor([path], needed=()).text()
+    assert all(word in report for word in words), report
+
+
+def written(folder: Path, ds: xr.Dataset, **options: Any) -> Path:
+    path = folder / "odd.nc"
+    path.unlink(missing_ok=True)
+    ds.to_netcdf(path, **options)
+    return path
+
+
+def on_level(ds: xr.Dataset, names: tuple[str, ...], dim: str, value: float, **attributes: str) -> xr.Dataset:
+    for name in names:
+        told = ds[name].attrs
+        ds[name] = ds[name].expand_dims({dim: 1}, axis=-3).assign_attrs(told)
+    return ds.assign_coords({dim: (dim, [value], attributes)})
+
+
+def test_one_level_of_its_own_for_each_kind_of_field(tmp_path: Path) -> None:
+    ds = on_level(plain(), WATER, "depth", 0.494, units="m", positive="down", axis="Z")
+    ds = on_level(ds, AIR, "height", 10.0, units="m", positive="up", axis="Z")
+    arrives(written(tmp_path, on_level(ds, ICE, "sfc", 0.0, units="m")))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "attributes", "water", "wind"),
+    [
+        ("lev", 1.0, {}, True, False),
+        ("surface", 0.0, {"units": "1"}, True, True),
+        ("meanSea", 0.0, {"units": "m"}, True, True),
+        ("olevel", 0.5, {"units": "m"}, True, False),
+        ("lev", -0.5, {"units": "m", "positive": "up"}, True, False),
+        ("z", -100.0, {"units": "m", "positive": "up"}, False, False),
+        ("heightAboveGround", 10.0, {"units": "m"}, True, True),
+        ("heightAboveGround", 80.0, {"units": "m"}, False, False),
+        ("isobaricInhPa", 925.0, {"units": "hPa"}, False, False),
+        ("model_level", 60.0, {}, False, False),
+        ("elevation_of_level", 100.0, {"units": "m"}, False, False),
+        ("flight_level", 7e4, {"units": "Pa"}, False, False),
+        ("number", 0.0, {}, True, True),
+        ("band", 1.0, {}, True, True),
+    ],
+)
+def test_a_single_number_that_says_where_a_field_holds(
+    tmp_path: Path, name: str, value: float, attributes: dict[str, str], water: bool, wind: bool
+) -> None:
+    """A number in metres or pascals counts whatever its name is; it was dropped where the name was not known."""
+    scalar = {name: ((), value, attributes)}
+    currents = written(tmp_path, plain(names=("uo", "vo")).assign_coords(scalar))
+    if water:
+        arrives(currents, ("uo", "vo"))
+    else:
+        refused(currents, name)
+    winds = xr.merge([plain(names=("uo", "vo")), plain(names=AIR)])
+    alone = plain(names=AIR).assign_coords(scalar)
+    alone.to_netcdf(tmp_path / "wind.nc")
+    winds.drop_vars(AIR).to_netcdf(tmp_path / "odd.nc", mode="w")
+    box = {"longitude": (CENTRE - 2.0, CENTRE + 2.0), "latitude": (-57.5, -53.5), "hold": 24.0}
+    asked = FileForcing(kind="files", files=["odd.nc", "wind.nc"], **box)
+    e = elements()
+    run = Run.of(START, 0.1, e.thickness, 850.0)
+    if wind:
+        forcing_from_files(asked, tmp_path, run).sample(e, 3600.0)
+        np.testing.assert_allclose(e.ua, truth("ua", e.lon, e.lat), atol=1e-3)
+    else:
+        with pytest.raises(ForcingError, match=f"(?s){name}.*not that at 10 m"):
+            forcing_from_files(asked, tmp_path, run)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("latitude", "longitude"),
+        ("nav_lat", "nav_lon"),
+        ("y", "x"),
+        ("nj", "ni"),
+        ("rlat", "rlon"),
+        ("ncells",),
+        ("nod2",),
+    ],
+)
+def test_rows_without_coordinates_are_no_positions(tmp_path: Path, names: tuple[str, ...]) -> None:
+    bare = plain(names=("uo", "vo")).drop_vars(["lat", "lon"])
+    if len(names) == 2:
+        bare = bare.rename_dims(lat=names[0], lon=names[1])
+    else:
+        bare = bare.stack({names[0]: ("lat", "lon")}).drop_vars([names[0], "lat", "lon"], errors="ignore")
+    refused(written(tmp_path, bare), "no latitudes and longitudes are given for uo", names[0])
+
+
+KNOTS = 3600.0 / 1852.0
+UNITS: tuple[dict[str, tuple[str, float, float]], ...] = (
+    {
+        "uo": ("cm.s-1", 100.0, 0.0),
+        "vo": ("knots", KNOTS, 0.0),
+        "ua": ("kt", KNOTS, 0.0),
+        "va": ("km h-1", 3.6, 0.0),
+        "ui": ("mm/s", 1000.0, 0.0),
+        "vi": ("km/day", 86.4, 0.0),
+        "sst": ("degF", 1.8, 32.0),
+        "ice_fraction": ("tenths", 10.0, 0.0),
+        "sss": ("kg kg-1", 0.001, 0.0),
+        "ssh": ("mm", 1000.0, 0.0),
+        "ice_thickness": ("feet", 1.0 / 0.3048, 0.0),
+        "deptho": ("fathoms", 1.0 / 1.8288, 0.0),
+    },
+    {
+        "uo": ("meters per second", 1.0, 0.0),
+        "vo": ("m/day", 86400.0, 0.0),
+        "ua": ("mph", 1.0 / 0.44704, 0.0),
+        "va": ("ft/s", 1.0 / 0.3048, 0.0),
+        "sst": ("kelvins", 1.0, 273.15),
+        "ice_fraction": ("1e-2", 100.0, 0.0),
+        "sss": ("ppt", 1.0, 0.0),
+        "ssh": ("dm", 10.0, 0.0),
+        "ice_thickness": ("centimetres", 100.0, 0.0),
+        "deptho": ("km", 0.001, 0.0),
+    },
+)
+
+
+@pytest.mark.parametrize("units", UNITS)
+def test_units_that_users_have(tmp_path: Path, units: dict[str, tuple[str, float, float]]) -> None:
+    ds = plain()
+    for name, (told, factor, offset) in units.items():
+        ds[name] = (factor * ds[name] + offset).assign_attrs({**ds[name].attrs, "units": told})
+    arrives(written(tmp_path, ds))
+
+
+@pytest.mark.parametrize(("name", "units"), [("uo", "m"), ("ua", "bananas"), ("sst", "m"), ("ssh", "degC"), ("uo", "")])
+def test_units_that_cannot_be_are_refused_by_name(tmp_path: Path, name: str, units: str) -> None:
+    ds = plain()
+    ds[name].attrs["units"] = units
+    refused(written(tmp_path, ds), name, f"units {units!r} are not known")
+
+
+def test_fields_without_units_are_not_taken_for_those_of_another_product(tmp_path: Path) -> None:
+    """Bare fields beside others were read as the A68a experiment's, and what that does not know was left out unseen."""
+    ds = plain()
+    for name in ds.data_vars:
+        ds[name].attrs = {}
+    refused(written(tmp_path, ds), "units '' are not known")
+
+
+STYLES = {
+    "iso": "%Y-%m-%dT%H:%M:%S",
+    "space": "%Y-%m-%d %H:%M:%S",
+    "wrf": "%Y-%m-%d_%H:%M:%S",
+    "zulu": "%Y-%m-%dT%H:%M:%SZ",
+    "plain": "%Y%m%d%H",
+    "named": "%d-%b-%Y %H:%M:%S",
+}
+
+
+def texts(ds: xr.Dataset, style: str) -> list[str]:
+    return [str(text) for text in ds["time"].dt.strftime(STYLES[style]).values]
+
+
+@pytest.mark.parametrize(
+    ("style", "kind"), [(style, ("text", "characters", "beside")[k % 3]) for k, style in enumerate(STYLES)]
+)
+def test_dates_written_as_text_are_read(tmp_path: Path, style: str, kind: str) -> None:
+    ds = plain()
+    found = texts(ds, style)
+    if kind == "text":
+        ds = ds.assign_coords(time=("time", found))
+    else:
+        letters = np.array([list(text) for text in found], dtype="S1")
+        ds = ds.drop_vars("time").assign({"time" if kind == "characters" else "Times": (("time", "letters"), letters)})
+    arrives(written(tmp_path, ds))
+
+
+def test_text_that_is_no_date_is_refused(tmp_path: Path) -> None:
+    ds = plain().assign_coords(time=("time", ["monday", "tuesday", "wednesday", "thursday"]))
+    refused(written(tmp_path, ds), "text that is not understood", "monday")
+
+
+@pytest.mark.parametrize("text", ["1950-12-16", "16-Dec-1950", "1950-12-16 06:00:00"])
+def test_a_single_date_in_words_keeps_a_run_of_another_year_off(tmp_path: Path, text: str) -> None:
+    """A date in a scalar coordinate of text was ignored, so that a run in 2020 went on data of 1950."""
+    still = plain(names=("uo", "vo")).isel(time=0, drop=True)
+    path = written(tmp_path, still.assign_coords(day=((), text)))
+    for forced in (by_run,):
+        with pytest.raises(ForcingError, match="1950-12-16"):
+            forced(path)
+    with pytest.raises(ForcingError, match="1950-12-16"), xr.open_dataset(path) as ds:
+        DatasetForcing.from_xarray(ds.load(), START).check(elements(), 0.0, 8640.0)
+
+
+@pytest.mark.parametrize("name", ["forecast_reference_time", "reftime", "validity_date", "valid_time", "date"])
+def test_a_single_date_of_any_name_counts(tmp_path: Path, name: str) -> None:
+    still = plain(names=("uo", "vo")).isel(time=0, drop=True)
+    e = by_run(written(tmp_path, still.assign_coords({name: ((), np.datetime64(START, "ns"))})))
+    np.testing.assert_allclose(e.uo, truth("uo", e.lon, e.lat), atol=1e-6)
+    old = written(tmp_path, still.assign_coords({name: ((), np.datetime64("1950-01-01", "ns"))}))
+    with pytest.raises(ForcingError, match="1950-01-01"):
+        by_run(old)
+
+
+@pytest.mark.parametrize(
+    "units", ["Hours Since 2020-12-16", "HOURS since 2020-12-16 00:00", "hours  since 2020-12-16T00:00:00Z"]
+)
+def test_units_of_time_in_other_letters(tmp_path: Path, units: str) -> None:
+    arrives(
+        written(tmp_path, plain().drop_vars("time").assign_coords(time=("time", np.arange(4) * 12.0, {"units": units})))
+    )
+
+
+@pytest.mark.parametrize("units", ["months since 2020-11-01", "fortnights since 2020-12-01", "days", "julian days"])
+def test_units_of_time_that_say_too_little(tmp_path: Path, units: str) -> None:
+    ds = plain(names=("uo", "vo")).drop_vars("time").assign_coords(time=("time", np.arange(4), {"units": units}))
+    path = written(tmp_path, ds)
+    with pytest.raises(ForcingError, match="no length of time" if "since" in units else "no units that say since when"):
+        by_run(path)
+    assert units.split()[0] in doctor([path]).text()
+
+
+@pytest.mark.parametrize(
+    "days", [("2020-01-15", "2020-02-15", "2021-02-15", "2021-03-15"), ("2020-02-15", "2021-02-15")]
+)
+def test_months_with_a_gap_of_a_year(tmp_path: Path, days: tuple[str, ...]) -> None:
+    ds = plain(names=("uo", "vo")).isel(time=slice(0, len(days)))
+    path = written(tmp_path, ds.assign_coords(time=np.array(days, "datetime64[ns]")))
+    with pytest.raises(ForcingError, match="gap of 366 days"):
+        by_run(path)
+
+
+def packed(ds: xr.Dataset) -> dict[str, Any]:
+    middle = {name: round(FIELDS[name][2][0]) for name in ds.data_vars}
+    return {
+        name: {
+            "dtype": "int16",
+            "scale_factor": 0.1 if name == "deptho" else 0.001,
+            "add_offset": float(middle[name]),
+            "_FillValue": -32768,
+        }
+        for name in ds.data_vars
+    }
+
+
+def shaken(ds: xr.Dataset, how: str) -> xr.Dataset:
+    """The same file, written in another way."""
+    north, east = ds["lat"].attrs, ds["lon"].attrs
+    if how == "descending":
+        return ds.isel(lat=slice(None, None, -1), lon=slice(None, None, -1))
+    if how == "lon time lat":
+        return ds.transpose("lon", "time", "lat")
+    if how == "0 to 360":
+        return ds.assign_coords(lon=("lon", ds["lon"].values % 360.0, east))
+    if how == "radians":
+        told = [{"standard_name": name, "units": "radian"} for name in ("latitude", "longitude")]
+        return ds.assign_coords(
+            lat=("lat", np.deg2rad(ds["lat"].values), told[0]), lon=("lon", np.deg2rad(ds["lon"].values), told[1])
+        )
+    if how == "without units on the axes":
+        return ds.assign_coords(lat=("lat", ds["lat"].values), lon=("lon", ds["lon"].values))
+    if how == "scattered":
+        flat = ds.stack(cell=("lat", "lon"))
+        lat, lon = flat["lat"].values, flat["lon"].values
+        return flat.drop_vars(["cell", "lat", "lon"]).assign_coords(clat=("cell", lat, north), clon=("cell", lon, east))
+    if how == "capital letters":
+        return ds.rename({name: name.upper() for name in ds.data_vars}).rename(
+            lat="Latitude", lon="Longitude", time="Time"
+        )
+    if how == "one member":
+        return ds.expand_dims(number=[7])
+    if how == "records in disorder":
+        return ds.isel(time=[2, 0, 3, 1])
+    return ds
+
+
+HOW = (
+    "descending",
+    "lon time lat",
+    "0 to 360",
+    "radians",
+    "without units on the axes",
+    "capital letters",
+    "one member",
+    "records in disorder",
+    "packed",
+    "fill values on the axes",
+)
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_the_same_file_in_other_ways(tmp_path: Path, how: str) -> None:
+    ds = shaken(plain(), how)
+    encoding = packed(ds) if how == "packed" else {}
+    if how == "fill values on the axes":
+        encoding = {"lat": {"_FillValue": -999.0}, "lon": {"_FillValue": 1e20}}
+    arrives(written(tmp_path, ds, encoding=encoding))
+
+
+def test_scattered_points_reach_the_berg_of_a_run(tmp_path: Path) -> None:
+    """Records on scattered points ended in a traceback in a run, while Python read them."""
+    path = written(tmp_path, shaken(plain(), "scattered"))
+    arrives(path, tuple(name for name in FIELDS if name not in ("ssh", "deptho")), near=0.02)
+
+
+def test_longitudes_that_jump_at_the_date_line(tmp_path: Path) -> None:
+    ds = plain(179.75)
+    jumping = ds.assign_coords(lon=("lon", (ds["lon"].values + 180.0) % 360.0 - 180.0, ds["lon"].attrs))
+    arrives(written(tmp_path, jumping), centre=179.75)
+
+
+def test_an_axis_with_a_hole_is_refused(tmp_path: Path) -> None:
+    ds = plain(names=("uo", "vo"))
+    lat = ds["lat"].values.copy()
+    lat[3] = np.nan
+    refused(written(tmp_path, ds.assign_coords(lat=("lat", lat, ds["lat"].attrs))), "lat is not a number everywhere")
+
+
+@pytest.mark.parametrize(("dim", "count"), [("number", 3), ("expver", 2), ("quantile", 5)])
+def test_a_dimension_too_many_is_refused_with_a_command(tmp_path: Path, dim: str, count: int) -> None:
+    ds = plain(names=("uo", "vo")).expand_dims({dim: np.arange(count)})
+    refused(written(tmp_path, ds), dim, remedy=f"ds.isel({dim}=0)")
+
+
+def test_a_field_that_a_product_does_not_offer_is_read_all_the_same(tmp_path: Path) -> None:
+    """An ERA5 file with currents beside its winds: they were left out unseen."""
+    ds = plain().rename(ua="u10", va="v10")
+    arrives(written(tmp_path, ds.assign_attrs(title="ERA5 with others", history="grib_to_netcdf")))
+
+
+def test_fields_in_a_group_are_told_as_such(tmp_path: Path) -> None:
+    """The doctor said that such a file holds nothing."""
+    path = tmp_path / "grouped.nc"
+    plain(names=("uo", "vo")).to_netcdf(path, group="ocean")
+    with pytest.raises(ForcingError, match="in the group ocean"):
+        by_run(path)
+    assert "ncks -G : -g ocean" in doctor([path]).text()
+
+
+def unstructured(names: tuple[str, str], told: bool) -> xr.Dataset:
+    """Output of FESOM with the positions of its nodes in the file."""
+    rng = np.random.default_rng(3)
+    lon, lat = CENTRE + rng.uniform(-4.0, 4.0, 4000), -55.5 + rng.uniform(-3.0, 3.0, 4000)
+    dates = np.datetime64("2020-12-16", "ns") + np.arange(4) * np.timedelta64(12, "h")
+    where = {"lat": ("nod2", lat, {"units": "degrees_north"}), "lon": ("nod2", lon, {"units": "degrees_east"})}
+    ds = xr.Dataset(coords={"time": dates, **where}, attrs={"source": "FESOM2"})
+    for name, field in (*zip(names, ("uo", "vo")), ("ssh", "ssh"), ("a_ice", "ice_fraction")):
+        attributes = {"units": FIELDS[field][1], "description": "velocity"}
+        if told:
+            attributes["standard_name"] = FIELDS[field][0]
+        ds[name] = (("time", "nod2"), np.stack([truth(field, lon, lat)] * 4), attributes)
+    return ds
+
+
+@pytest.mark.parametrize("names", [("unod", "vnod"), ("u", "v")])
+def test_fesom_reaches_the_berg_of_a_run(tmp_path: Path, names: tuple[str, str]) -> None:
+    path = written(tmp_path, unstructured(names, told=True))
+    assert "FESOM" in doctor([path]).text()
+    arrives(path, ("uo", "vo", "ssh", "ice_fraction"), near=0.02)
+
+
+def test_fesom_that_does_not_say_where_its_velocities_point_is_refused(tmp_path: Path) -> None:
+    refused(written(tmp_path, unstructured(("unod", "vnod"), told=False)), "does not say that it points east or north")
+
+
+def test_fesom_without_positions_is_refused(tmp_path: Path) -> None:
+    bare = unstructured(("unod", "vnod"), told=True).drop_vars(["lat", "lon"])
+    refused(written(tmp_path, bare), "no latitudes and longitudes are given for unod")
+
+
+MAPS = {
+    "polar stereographic": "EPSG:3031",
+    "Lambert": "+proj=lcc +lat_1=-50 +lat_2=-60 +lat_0=-55 +lon_0=-60 +R=6371229",
+    "equal area": "EPSG:6932",
+    "Mercator": "+proj=merc +lon_0=-20",
+    "transverse Mercator": "+proj=tmerc +lon_0=-30 +lat_0=-50",
+}
+
+
+def on_map(name: str, *, mapping: bool, positions: bool, flipped: bool) -> xr.Dataset:
+    """Currents along the axes of a map."""
+    import pyproj
+
+    crs = pyproj.CRS(MAPS[name])
+    there = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    back = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    middle, far = there.transform(CENTRE, -55.5), (np.arange(41) - 20) * 10e3
+    x, y = middle[0] + far, (middle[1] + far)[:: -1 if flipped else 1]
+    lon, lat = back.transform(*np.meshgrid(x, y))
+    lon2, lat2 = back.transform(*np.meshgrid(x + 10.0, y))
+    angle = np.arctan2(lat2 - lat, ((lon2 - lon + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat)))
+    east, north = truth("uo", lon, lat), truth("vo", lon, lat)
+    dates = np.datetime64("2020-12-16", "ns") + np.arange(4) * np.timedelta64(12, "h")
+    told = [{"units": "m", "standard_name": f"projection_{axis}_coordinate"} for axis in "xy"]
+    ds = xr.Dataset(coords={"time": dates, "x": ("x", x, told[0]), "y": ("y", y, told[1])})
+    along = (east * np.cos(angle) + north * np.sin(angle), north * np.cos(angle) - east * np.sin(angle))
+    for axis, values in zip("xy", along):
+        attributes = {
+            "units": "m s-1",
+            "standard_name": f"sea_water_{axis}_velocity",
+            **({"grid_mapping": "crs"} if mapping else {}),
+        }
+        ds[f"along_{axis}"] = (("time", "y", "x"), np.stack([values] * 4), attributes)
+    if mapping:
+        ds["crs"] = ((), 0, crs.to_cf())
+    if positions:
+        ds = ds.assign_coords(
+            lat=(("y", "x"), lat, {"units": "degrees_north"}), lon=(("y", "x"), lon, {"units": "degrees_east"})
+        )
+    return ds
+
+
+@pytest.mark.parametrize(
+    ("name", "mapping", "positions"),
+    [(name, True, False) for name in MAPS]
+    + [(name, k == 0, True) for k in (0, 1) for name in ("Lambert", "polar stereographic")],
+)
+def test_currents_along_the_axes_of_a_map_are_turned(tmp_path: Path, name: str, mapping: bool, positions: bool) -> None:
+    for flipped in (False, True) if mapping else (False,):
+        arrives(written(tmp_path, on_map(name, mapping=mapping, positions=positions, flipped=flipped)), ("uo", "vo"))
+
+
+def test_currents_along_a_map_that_is_not_described_are_refused(tmp_path: Path) -> None:
+    bare = on_map("Lambert", mapping=False, positions=False, flipped=False)
+    refused(written(tmp_path, bare), "no latitudes and longitudes are given for along_x")
+    mirrored = on_map("Lambert", mapping=False, positions=True, flipped=True)
+    refused(written(tmp_path, mirrored), "its direction cannot be told")
