@@ -18,7 +18,9 @@ from riftberg.ocean.loading import without_gaps
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.state import Environment
 
-ENVIRONMENT = tuple(name for name in Environment._fields if not name.startswith("keel_"))  # from forcing with levels alone
+ENVIRONMENT = tuple(
+    name for name in Environment._fields if not name.startswith("keel_")
+)  # from forcing with levels alone
 
 
 def environment(e):
