@@ -452,7 +452,8 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     lines += [_breakup_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary["breakups"][:10]]
     if len(summary["breakups"]) > 10:
         lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")
-    return [*lines, *(told or [_areas_line(summary)])]
+    melt = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
+    return [*lines, *(told or [_areas_line(summary)]), *melt]
 
 
 def _speed(summary: dict[str, Any]) -> str:

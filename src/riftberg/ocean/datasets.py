@@ -185,6 +185,11 @@ class DatasetForcing(ShownForcing):
         return cls([product_part(ds, begin) for ds in in_memory(several)], **options)
 
     @property
+    def provides(self) -> frozenset[str]:
+        """Variables of the elements that come from a product."""
+        return frozenset(VARIABLES) - frozenset(self._missing)
+
+    @property
     def title(self) -> str:
         """Return the products, for titles."""
         return ", ".join(dict.fromkeys(part.shown for part in self.parts))
