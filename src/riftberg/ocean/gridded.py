@@ -30,7 +30,7 @@ from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import moment, number
+from riftberg.values import moment, number, required
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
@@ -130,6 +130,7 @@ class GriddedForcing(ShownForcing):
         self, grid: Grid, records: Records, times: ArrayLike | None = None, rules: FieldRules | None = None, *,
         start: datetime | date | str | np.datetime64 | None = None, source: str = "", **earlier: Any,
     ) -> None:  # fmt: skip
+        required(grid, Grid, "a Grid, for example Grid.cartesian(20, 20, 1000.0)", where="grid", kind=ForcingError)
         rules = _with_earlier(FieldRules() if rules is None else rules, earlier)
         self.grid: Grid | None = grid
         self._grid = grid
