@@ -30,7 +30,7 @@ _GRID: Final = ("west", "east", "south", "north", "columns", "rows")
 _STRESS: Final = ("surface_downward_eastward_stress", "surface_downward_northward_stress")
 
 
-class BmiRiftberg(Bmi):  # type: ignore[misc]
+class BmiRiftberg(Bmi):
     """Bergs beside an ocean, behind the Basic Model Interface.
 
     Input variables are those of `riftberg.coupling.names.TAKEN` (wind, not its stress), output variables those of
@@ -124,11 +124,11 @@ class BmiRiftberg(Bmi):  # type: ignore[misc]
         """Return the number of output variables."""
         return len(GIVEN)
 
-    def get_input_var_names(self) -> tuple[str, ...]:
+    def get_input_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Return the names of the input variables."""
         return tuple(name for name in TAKEN if name not in _STRESS)
 
-    def get_output_var_names(self) -> tuple[str, ...]:
+    def get_output_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Return the names of the output variables."""
         return tuple(GIVEN)
 
