@@ -182,7 +182,7 @@ def namelist_page() -> str:
     words = {
         "honoured": "acts as in KID",
         "refused": "the run is refused unless it has the value named",
-        "reported": "without effect here; the reason is told at the end of the run if a file sets it",
+        "reported": "without effect here; the reason is printed at the end of the run if a file sets it",
     }
     text = [
         "# Entries of KID's namelists\n",
@@ -245,7 +245,7 @@ def commands_page() -> str:
     text = [
         "# Commands\n",
         f"{app.info.help}\n",
-        "Exit codes: 0 done; 1 `doctor` found something lacking; 2 an error, told in one message; 130 interrupted.\n",
+        "Exit codes: 0 done; 1 `doctor` found something lacking; 2 an error, with one message; 130 interrupted.\n",
     ]
     for command in app.registered_commands:
         assert command.callback is not None
@@ -356,7 +356,8 @@ def write_replay_page(path: Path, days: float | None) -> None:
 
     model, info = build("a68a", Options(days=days))
     with tempfile.TemporaryDirectory() as folder:
-        model.advance(days or info.days, recorders=[RunWriter(Path(folder) / "run.nc", every_hours=2.0, experiment="a68a")])
+        writer = RunWriter(Path(folder) / "run.nc", every_hours=2.0, experiment="a68a")
+        model.advance(days or info.days, recorders=[writer])
         with open_run(folder) as run:
             write_replay(run, path, title=info.title)
 
@@ -397,7 +398,7 @@ def build_site(made: Path, *, quick: bool) -> int:
 def main() -> int:
     """Write the pages and the figures, or check the pages."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--check", action="store_true", help="tell which pages are out of date and write nothing")
+    parser.add_argument("--check", action="store_true", help="name the pages that are out of date and write nothing")
     parser.add_argument("--pages", action="store_true", help="write the pages only, no figures")
     parser.add_argument("--trust", type=Path, help="file with the output of the parity and verification tests")
     parser.add_argument("--site", action="store_true", help="build the site in build/site")

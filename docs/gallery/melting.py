@@ -18,8 +18,8 @@ model = Model(berg, Steady.balanced(current=(0.1, 0.0), latitude=-56.0))
 def melt(now):
     """Take a layer from the base of every element."""
     body, layer = now.elements.body, RATE * now.parameters.stepping.time_step
-    body.mass *= 1 - layer / body.thickness
-    body.thickness -= layer
+    body.mass[:] *= 1 - layer / body.thickness
+    body.thickness[:] -= layer
 
 
 model.after_step.append(melt)

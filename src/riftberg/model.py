@@ -20,6 +20,7 @@ from riftberg.bergs.portrait import card, portrait
 from riftberg.errors import InputError, RunError
 from riftberg.input_files import shortened, value_shown
 from riftberg.interrupts import Hold, held
+from riftberg.life.needs import check_water
 from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
@@ -31,7 +32,7 @@ from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
-from riftberg.stepping.substep_choice import assign_substeps
+from riftberg.stepping.substep_choice import assign_substeps, coarse_sizes
 from riftberg.values import moment, native, number
 
 _LOG = logging.getLogger(__name__)
@@ -99,17 +100,17 @@ class BareModel(RunState):
         parameters: Parameters | None = None,
         start: datetime | date | str | np.datetime64 = DEFAULT_START,
     ) -> None:
-        given = A68A_2022 if parameters is None else parameters
-        check_arguments(berg, forcing, given)
+        asked = A68A_2022 if parameters is None else parameters
+        check_arguments(berg, forcing, asked)
         start = moment(start, where="start")
-        check_coordinates(berg, forcing, given)
+        check_coordinates(berg, forcing, asked)
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
-        packed = given.changed(bonds={"packing": berg.packing}) if berg.packing != given.bonds.packing else given
+        packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         self._begin(Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), start)
-        if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
-            earth = given.earth
-            refuse_overlap(self.elements, given.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+        if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
+            earth = asked.earth
+            refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
     @classmethod
     def going_on(
@@ -136,6 +137,7 @@ class BareModel(RunState):
         self._visited = step_number > 0
         check_state(self.elements, self.bonds)
         check_strengths(self.bonds, parameters)
+        check_water(forcing, parameters)
         complete_state(self)
         assign_substeps(self, self.elements.body.substeps == 0)
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
@@ -252,7 +254,8 @@ class BareModel(RunState):
                 self.life.act(self)
             for process in self.after_step:
                 process(self)
-            self._follow_changes()
+            if self.after_step:  # a scheme changes neither rows nor sizes
+                self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
             raise
@@ -278,26 +281,33 @@ class BareModel(RunState):
         """Note what must be followed up when it changes: which rows there are, mass and sizes."""
         body, population = self.elements.body, self.population
         self._seen_rows = population.version, population.next_bond
-        self._seen_sizes = body.id.copy(), tuple(a.copy() for a in _sizes_of(self.elements))
+        self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
+        self._seen_coarse = coarse_sizes(self.elements)
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
         version, next_bond = self._seen_rows
-        ids, sizes = self._seen_sizes
-        # Most steps change nothing: then the rows are the same, and comparing them as they stand is enough.
-        if self.population.version == version and all(map(np.array_equal, _sizes_of(self.elements), sizes)):
+        ids = self._seen_ids
+        # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
+        if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
             return
-        changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), ids, sizes)
+        coarse = coarse_sizes(self.elements)
+        changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
+        if self.population.version != version:
+            self._follow_rows(ids)
+        new_bonds = self.bonds.id >= next_bond
+        changed[self.bonds.first[new_bonds]] = True
+        assign_substeps(self, changed)
+        self._look()
+
+    def _follow_rows(self, ids: Ints) -> None:
+        """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
         surround_newborn(self, ~np.isin(self.elements.body.id, ids), self._visited)
         complete_state(self)
         if self._visited:
             count_bonds(self.elements, self.bonds)
             self.fragments.update(self.elements, self.bonds, self.time, self.constants)
-        new_bonds = self.bonds.id >= next_bond
-        changed[self.bonds.first[new_bonds]] = True
-        assign_substeps(self, changed)
-        self._look()
 
     def _first_visit(self) -> None:
         """Place the elements on the grid, number the bergs and take the first environment."""
@@ -417,6 +427,10 @@ def _sizes_of(elements: Elements) -> tuple[Floats, ...]:
     """Mass and sizes of the elements: what melt and calving change."""
     body = elements.body
     return body.mass, body.thickness, body.length, body.width
+
+
+def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
+    return [a.tobytes() for a in arrays]
 
 
 def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:

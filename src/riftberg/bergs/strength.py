@@ -18,7 +18,7 @@ Distribution = Literal["weibull", "normal", "uniform"]
 DISTRIBUTIONS = get_args(Distribution)
 
 LEAST_MODULUS = 0.05
-"""Weibull modulus below which the mean of the distribution can no longer be told in floating point."""
+"""Weibull modulus below which the mean of the distribution is lost in floating point."""
 
 
 def listed(values: Any, size: int) -> Floats:

@@ -1,4 +1,4 @@
-"""What is told of a break-up: loads, budgets, bonds and reasons, as plain records."""
+"""What is known of a break-up: loads, budgets, bonds and reasons, as plain records."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class Breakup:
 
 @dataclass
 class Reasons:
-    """All break-ups of a run that are large enough to be told."""
+    """All break-ups of a run that are large enough to be shown."""
 
     experiment: str
     forcing: str

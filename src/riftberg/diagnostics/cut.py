@@ -12,7 +12,7 @@ and, about the centre of the cut, the couple ``C_k`` likewise. Their sums over k
 C_k is the share of one force, which is what "this force broke it" can mean. The load is also found without assuming a
 rigid body, from the recorded acceleration of A. A cut of length L in ice of thickness H carries the nominal stress
 ``sigma = tension / (H L) + 6 |couple| / (H L^2)`` of a beam at its outer fibre; it is a guide, not the stress of a bond.
-It is told for the whole cut, as it was before its first bond failed.
+It is given for the whole cut, as it was before its first bond failed.
 
 The sea floor is stiff: it stops an element within a minute, and the velocity of one moment says little about the force
 over an hour. Where the run recorded the forces as they were applied, the force of the floor is its mean until the next
@@ -49,7 +49,7 @@ SUDDEN: Final = 0.7
 """A break is sudden where no bond of the berg had this part of the strength at the record before."""
 
 FIRST_BONDS: Final = 5
-"""Bonds whose history is told."""
+"""Bonds whose history is shown."""
 
 
 def members_at_birth(scene: Scene, row: int) -> tuple[Ints, int] | None:

@@ -23,7 +23,7 @@ WORST: Final = 3.0
 """Cost of a pair at all three limits, and of an event without a partner."""
 
 MOST_NAMED: Final = 3
-"""Parameters named; of more only the number is told."""
+"""Parameters named; of more only the number is given."""
 
 
 def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:

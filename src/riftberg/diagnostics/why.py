@@ -1,6 +1,6 @@
 """Why a berg broke: the break-ups of a run with their reasons, what controls make of them, and all of it in plain words.
 
-How the load of a cut is found and shared among the forces is told in `riftberg.diagnostics.cut`.
+How the load of a cut is found and shared among the forces stands in `riftberg.diagnostics.cut`.
 """
 
 from __future__ import annotations

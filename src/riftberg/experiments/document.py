@@ -1,7 +1,7 @@
 """A YAML file with the lines of its keys, read so that nothing in it can hang, explode or pass for something else.
 
 Before anything is built from the text its characters, depth, tags and aliases are looked at; each value is built by
-itself, so that a date such as the 31st of February is told with its line.
+itself, so that a date such as the 31st of February is reported with its line.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ class Document:
         self._mark(value, inner, above)
 
     def _check_scalars(self, node: yaml.Node, loader: yaml.SafeLoader, seen: set[int]) -> None:
-        """Build every plain value by itself, so that what cannot be built is told with its line."""
+        """Build every plain value by itself, so that what cannot be built is reported with its line."""
         if id(node) in seen:
             return
         seen.add(id(node))

@@ -41,7 +41,7 @@ TOO_CLOSE: Final = 0.01
 
 
 def check_distances(elements: Elements, packing: Packing, metric: Metric) -> None:
-    """Refuse elements that lie on top of each other: no direction of contact or bond can be told between them."""
+    """Refuse elements that lie on top of each other: contact and bonds have no direction between them."""
     near = form_bonds(elements, BondRule(packing=packing, radii_factor=TOO_CLOSE), metric)
     if len(near.first):
         pair = [split_id(elements.id[rows[:1]]) for rows in (near.first, near.second)]

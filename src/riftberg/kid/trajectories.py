@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.kid.blocks import BlockWriter
 from riftberg.kid.bond_restart import DEM_COLUMNS, GONE, directed
 from riftberg.kid.calendar import Date, is_sampled
@@ -143,7 +143,9 @@ def trajectory_columns(group: NamelistGroup, parameters: Parameters) -> list[Col
     columns += _MASS if group.flag("save_fl_traj") else ()
     columns += _FOOTLOOSE if group.flag("save_fl_traj") and group.flag("footloose") else ()
     if not group.flag("save_short_traj"):
-        columns += _LONG
+        # KID describes the velocities of its long step only where it takes such steps (quirk T35).
+        plain = parameters.stepping.scheme != "mts"
+        columns += [c._replace(long_name="", units="") if plain and c.name.endswith("_prev") else c for c in _LONG]
         columns += _FAST if parameters.stepping.scheme == "mts" else ()
         columns += _COUNT if parameters.bonds.law != "none" else ()
         columns += _SPIN if group.flag("dem") else ()
@@ -278,7 +280,7 @@ _BOND: Final = (
 class BondRecorder(_Sampler):
     """Writes KID's bond trajectory file during a run: every listed bond in both directions.
 
-    ``n1``, ``n2`` are the separation divided by the length of the element, as in KID, so no unit vector in general
+    ``n1``, ``n2`` are the separations divided by the length of the element, as in KID, so no unit vector in general
     (quirk T36). ``length`` is the present length with DEM bonds; else the initial one, in units of the coordinates.
     """
 
@@ -303,7 +305,7 @@ class BondRecorder(_Sampler):
         columns = {name: values[keep] for name, values in columns.items()}
         a, b = columns["first"], columns["other"]
         metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
-        dx, dy = separation(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
+        dx, dy = separations(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
         columns["n1"], columns["n2"] = dx / e.length[a], dy / e.length[a]
         columns["lon"], columns["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
         for k, rows in ((1, a), (2, b)):

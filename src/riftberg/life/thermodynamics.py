@@ -1,4 +1,4 @@
-"""One step of melt applied to the population: bergs become smaller, roll, or are gone; what the ocean gets is told.
+"""One step of melt applied to the population: bergs become smaller, roll, or are gone; what the ocean gets is reported.
 
 Source: files 1.
 """

@@ -424,7 +424,7 @@ def _conclude(report: Report, needed: Sequence[str]) -> None:
     for name in report.missing:
         source = WHERE_FROM.get(name, "any CF file with standard name " + QUANTITIES[name].standard_name)
         report.advice.append(f"No file gives {name} ({QUANTITIES[name].long_name}). Get {source}")
-    # A stray file beside a complete set is told about, but does not stop the run.
+    # A stray file beside a complete set is mentioned, but does not stop the run.
     if report.missing:
         report.advice += [f"{Path(name).name}: {reason}" for name, reason in report.unreadable.items()]
     report.advice += report.clashes

@@ -66,7 +66,7 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
         return ds
     where = str(ds.encoding.get("source", ""))
     if not re.search("a68|hourly", Path(where).name.lower()) and _grid_beside(where) is None:
-        return ds  # not a file of the experiment: what it lacks is told in general words
+        return ds  # not a file of the experiment: what it lacks is said in general words
     grid = _grid_beside(where)
     if grid is None or not {"longitude", "latitude"} <= set(grid.variables):
         raise ForcingError(

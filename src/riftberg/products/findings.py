@@ -1,4 +1,4 @@
-"""What was found out about forcing files, and how it is told: the report of `riftberg.products.doctor`."""
+"""What was found out about forcing files, and its words: the report of `riftberg.products.doctor`."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Report:
 
 
 def _data_lines(finding: DataFinding, shown: set[str]) -> list[str]:
-    """Return the lines of a dataset, without the notes that were told before."""
+    """Return the lines of a dataset, without the notes that were given before."""
     head = finding.files[0] if len(finding.files) == 1 else f"{finding.files[0]} and {len(finding.files) - 1} more"
     lines = [head, f"  is      {finding.title} ({finding.product}; reader checked against {finding.checked_against})"]
     lines += [f"  space   {finding.space}", f"  time    {finding.time}"]

@@ -47,7 +47,7 @@ def _with_time(ds: xr.Dataset) -> xr.Dataset:
 def _in_the_middle(ds: xr.Dataset) -> xr.Dataset:
     """Stamp daily means at noon and monthly means in the middle of the month, whatever the file wrote.
 
-    Which of them these are is told by the file, or else by the time between the records of all files.
+    Which of them these are stands in the file, or else follows from the time between the records of all files.
     """
     if "time" not in ds.dims:
         return ds

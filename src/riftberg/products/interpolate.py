@@ -2,7 +2,7 @@
 
 In time: linear between records, over gaps up to a stated limit; before the first and after the last record a mean may
 be held for half its averaging time. In space: bilinear over the wet points around (weights renormalised), then the
-nearest wet point within a stated number of source cells, else 0; where a value came from is told in ``<name>_origin``.
+nearest wet point within a stated number of source cells, else 0; where a value came from stands in ``<name>_origin``.
 
 Three quantities need care. Depth: land counts as depth 0, so that shores shoal. Wave direction: its sine and cosine are
 interpolated, since the mean of 350 and 10 degrees is north. Sources finer than half the target step are averaged

@@ -1,6 +1,6 @@
 """Where a field holds in the vertical, by whatever coordinate says it: read and judged, never dropped unseen.
 
-Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is told by its units, its
+Winds must be those at 10 m, currents must begin near the surface. What a coordinate means is known from its units, its
 standard name and its name, in this order.
 """
 

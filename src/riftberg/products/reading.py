@@ -160,7 +160,7 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
         return _read_as(path, product)
     except ForcingError:
         raise
-    except Exception as error:  # whatever libraries make of a damaged or strange file, it is told in words
+    except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
         message = " ".join(str(error).split())[:200] or type(error).__name__
         raise ForcingError(
             f"cannot be read as {product.name} ({message})",
@@ -212,7 +212,7 @@ def _decoded_dataset(raw: xr.Dataset) -> xr.Dataset:
         try:
             return _decoded_by_xarray(raw)
         except (ValueError, OverflowError):
-            # Dates that cannot be decoded are told in words later; the rest of the file is read.
+            # Dates that cannot be decoded are reported later; the rest of the file is read.
             return _decoded_by_xarray(raw, decode_times=False)
 
 

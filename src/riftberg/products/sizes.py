@@ -1,4 +1,4 @@
-"""How large a netCDF file says it is, so that one cut short is told from one that is whole.
+"""How large a netCDF file says it is, so that a file cut short can be found out.
 
 Without this a classic file that was cut reads as zeros beyond its end.
 """

@@ -112,7 +112,7 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
     handed = np.nanmedian((np.cross(along, across) * points).sum(-1))
     if not handed > 0.0 and not any_hand:
         raise ForcingError(
-            f"{name} follows a grid whose rows and columns are mirrored: its direction cannot be told", where=where,
+            f"{name} follows a grid whose rows and columns are mirrored: its direction cannot be known", where=where,
             remedy="Turn the rows round first, or give eastward and northward components",
         )  # fmt: skip
     return _direction(points, along)

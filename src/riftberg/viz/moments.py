@@ -14,10 +14,10 @@ from riftberg.constants import SECONDS_PER_DAY
 Times = NDArray[np.datetime64]
 
 SHORT: Final = 6.0 * 3600.0
-"""Runs up to this length (s) are told by the time since their start: minutes of a date tell nothing of ten seconds."""
+"""Runs up to this length (s) show the time since their start: minutes of a date say nothing of ten seconds."""
 
 UNITS: Final = (("s", 1.0, 180.0), ("min", 60.0, 3.0 * 3600.0), ("h", 3600.0, math.inf))
-"""Name, seconds, and the longest run that is told in it."""
+"""Name, seconds, and the longest run that is shown in it."""
 
 
 def length_of(times: Times) -> float:
@@ -26,7 +26,7 @@ def length_of(times: Times) -> float:
 
 
 def is_short(times: Times) -> bool:
-    """Return whether moments of a run are told by the time since its start."""
+    """Return whether moments of a run are shown as the time since its start."""
     return length_of(times) <= SHORT
 
 
