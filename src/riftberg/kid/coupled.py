@@ -33,6 +33,7 @@ from riftberg.model import Recorder
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.gridded import FieldRules
 from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.parameters import Parameters, element_radius
 from riftberg.runs.model import Model
@@ -214,11 +215,14 @@ def _set_up(folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> _Par
     if elements.size > 1:
         check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     first = ocean_fields(driver, group, grid)
-    forcing = OceanForcing(
-        grid, first, depth_rule="biquadratic" if group.flag("mts") else "cell", source="KID's driver with an ocean",
-        coastal_drift=group.number("coastal_drift"), tidal_drift=group.number("tidal_drift"),
-        mirrored=group.flag("old_bug_bilin"), even_parity=group.flag("rev_mind"),
-    )  # fmt: skip
+    rules = FieldRules(
+        depth_rule="biquadratic" if group.flag("mts") else "cell",
+        coastal_drift=group.number("coastal_drift"),
+        tidal_drift=group.number("tidal_drift"),
+        mirrored=group.flag("old_bug_bilin"),
+        even_parity=group.flag("rev_mind"),
+    )
+    forcing = OceanForcing(grid, first, rules=rules, source="KID's driver with an ocean")
     for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):
         check_flux(*flux, np.ones_like(flux[0]), driver.where)
     model = Model(_iceberg(elements, parameters, restarts), forcing, parameters, datetime(1, 1, 1))

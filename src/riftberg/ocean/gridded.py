@@ -184,7 +184,7 @@ class GriddedForcing(ShownForcing):
 
     def replace(self, fields: Fields) -> None:
         """Put one constant state in the place of all records; for models that go on with another ocean."""
-        self._store = _Records(self._grid, fields, {"ssh"} if self.sea_level_gaps else set())
+        self._store = _Records(self._grid, fields, {"ssh"} if self.rules.sea_level_gaps else set())
         self._times = None
 
     def fields_at(self, time: float, cell_i: Ints | None = None, cell_j: Ints | None = None) -> Fields:
