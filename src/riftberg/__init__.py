@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import GriddedForcing
+    from riftberg.ocean.ready_made import Forcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
@@ -38,6 +39,7 @@ _HOMES = {
     "Steady": "riftberg.ocean.analytic",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
+    "Forcing": "riftberg.ocean.ready_made",
     "open_run": "riftberg.runs.run_file",
     "draw_map": "riftberg.viz.map",
 }
@@ -46,6 +48,7 @@ __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
     "DatasetForcing",
+    "Forcing",
     "GriddedForcing",
     "Iceberg",
     "Model",

@@ -422,14 +422,42 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
         lines[0] += f", {summary['seconds_per_day']:.3g} s per day"
     for event in summary["breakups"][:10]:
         ground = "aground" if event["grounded"] else "afloat"
-        lon = (event["lon"] + 180.0) % 360.0 - 180.0 if summary["numerics"]["earth"]["latlon"] else event["lon"]
+        whom = f" {event['parent_name']}" if event.get("parent_name") else ""
         lines.append(
-            f"  {event['time'].replace('T', ' ')[:16]}  {event['area_km2']:.0f} km2 broke off {ground} "
-            f"({event['bonds']} bond{'s' if event['bonds'] != 1 else ''}) at {event['lat']:.3f}, {lon:.3f}"
+            f"  {event['time'].replace('T', ' ')[:16]}  {area_text(event['area_km2'])} km2 broke off{whom} {ground} "
+            f"({event['bonds']} bond{'s' if event['bonds'] != 1 else ''}) at {_place(event, summary)}"
         )
+    for event in summary.get("collisions", [])[:10]:
+        lines.append(
+            f"  {event['time'].replace('T', ' ')[:16]}  {' and '.join(event['bergs'])} met at {event['speed']:.2g} m/s, "
+            f"at {_place(event, summary)}"
+        )
+    if len(summary.get("collisions", [])) > 10:
+        lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
     if len(summary["breakups"]) > 10:
         lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")
-    areas = ", ".join(f"{area:.0f}" for area in summary["areas_km2"][:6])
+    areas = ", ".join(area_text(area) for area in summary["areas_km2"][:6])
     more = " ..." if summary["fragments"] > 6 else ""
-    count = f"{summary['fragments']} fragment{'s' if summary['fragments'] != 1 else ''}"
-    return [*lines, f"  {count} at the end: {areas}{more} km2"]
+    return [*lines, f"  {_counted(summary)} at the end: {areas}{more} km2"]
+
+
+def _counted(summary: dict[str, Any]) -> str:
+    """Return the number of fragments, and of the bergs that they come from where these are several."""
+    fragments, bergs = summary["fragments"], len(summary.get("bergs", []))
+    broken = len(summary["breakups"]) > 0
+    if bergs > 1 and not broken:
+        return f"{fragments} bergs" if fragments == bergs else f"{fragments} of {bergs} bergs"
+    text = f"{fragments} fragment{'s' if fragments != 1 else ''}"
+    return f"{text} of {bergs} bergs" if bergs > 1 else text
+
+
+def area_text(area: float) -> str:
+    """Return an area in km2: whole ones, or two digits of a small one."""
+    return f"{area:.0f}" if area >= 10.0 or area == 0.0 else f"{area:.2g}"
+
+
+def _place(event: dict[str, Any], summary: dict[str, Any]) -> str:
+    """Return where an event was: latitude and longitude, or x and y."""
+    if not summary["numerics"]["earth"]["latlon"]:
+        return f"x {event['lon'] / 1e3:.3f} km, y {event['lat'] / 1e3:.3f} km"
+    return f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"

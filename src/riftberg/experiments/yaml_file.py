@@ -23,6 +23,7 @@ from riftberg.experiments.changes import (
     reference_numerics,
 )
 from riftberg.experiments.document import Document, Place
+from riftberg.experiments.formula_schema import FormulaForcing, sum_of
 from riftberg.experiments.options import Info, Options
 from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
@@ -31,6 +32,7 @@ from riftberg.experiments.schema import (
     ConstantForcing,
     Experiment,
     ExperimentForcing,
+    FieldOfBergs,
     Rift,
     Strength,
 )
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
 
 _KINDS: dict[str, type[BaseModel]] = {
-    "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing,
+    "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing, "formula": FormulaForcing,
 }  # fmt: skip
 
 
@@ -81,7 +83,8 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     parameters = _parameters(experiment, document)
     check_span(experiment.start, experiment.days, where=document.where(("days",)))
     if parameters.earth.latlon:
-        _check_place(experiment.berg, document)
+        for place, berg in experiment.all_bergs:
+            _check_place(berg, document, tuple(int(p) if p.isdigit() else p for p in place.split(".")))
         if parameters.earth.radius < SMALLEST_SPHERE:
             raise document.error(
                 f"{parameters.earth.radius:g} m is no radius of the Earth", ("parameters", "earth", "radius"),
@@ -111,19 +114,19 @@ SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
 """Latitudes (degrees) between which there is sea, and a berg can be placed."""
 
 
-def _check_place(berg: Berg, document: Document) -> None:
+def _check_place(berg: Berg, document: Document, where: Place) -> None:
     """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
     for name, place in (("placement", berg.placement), ("shift", berg.shift)):
         if place is not None and not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
             raise document.error(
-                f"{list(place)} is no longitude and latitude in degrees", ("berg", name), "Longitude stands first"
+                f"{list(place)} is no longitude and latitude in degrees", (*where, name), "Longitude stands first"
             )
     if berg.placement is None:
         return
     lat = berg.placement[1] + berg.shift[1]
     if not SOUTHERNMOST <= lat <= NORTHERNMOST:
         raise document.error(
-            f"latitude {lat:g} has no sea for a berg: are longitude and latitude swapped?", ("berg", "placement"),
+            f"latitude {lat:g} has no sea for a berg: are longitude and latitude swapped?", (*where, "placement"),
             f"Write [longitude, latitude], with a latitude from {SOUTHERNMOST:g} to {NORTHERNMOST:g}",
         )  # fmt: skip
 
@@ -260,13 +263,13 @@ def _field_at(place: Place) -> FieldInfo | None:
 def _parameters(experiment: Experiment, document: Document) -> Parameters:
     """Return the preset with the changes of the file; packing follows the berg."""
     groups = dict(experiment.parameters)
-    preset = groups.pop("preset", "a68a-2022")
+    preset = groups.pop("preset", "default")
     if not isinstance(preset, str) or preset not in PRESETS:
         raise document.error(f"preset {value_shown(preset)} is not known", ("parameters", "preset"),
                              f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
     base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[preset]
     changes = {group: _group(group, values, document) for group, values in groups.items()}
-    packing = experiment.berg.packing
+    packing = "hexagonal" if any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs) else "square"
     shape: dict[str, Any] = {"packing": packing, "max_bonds": 6 if packing == "hexagonal" else 4}
     changes["bonds"] = {**shape, **changes.get("bonds", {})}
     if "substeps" not in changes.get("stepping", {}):
@@ -318,7 +321,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     berg = build_berg(experiment, parameters, folder)
     days = options.days or experiment.days
     check_span(experiment.start, days, where="--days" if options.days else str(path))
-    forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
+    forcing = build_forcing(experiment, folder, days, options, berg, parameters)
     notices = tuple(getattr(forcing, "notices", ()))
     info = Info(
         experiment.name,
@@ -332,15 +335,26 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
 
 
 def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
-    """Build the berg of an experiment, with its rifts and the strengths of its bonds."""
-    berg = _whole_berg(experiment, parameters, folder)
-    for index, rift in enumerate(experiment.berg.rifts):
-        with _key_named(f"berg.rifts.{index}"):
-            berg = _with_rift(berg, rift, folder)
-    if experiment.berg.strength is not None:
-        with _key_named("berg.strength"):
-            berg = _with_strength(berg, experiment.berg.strength, folder)
-    return berg
+    """Build the berg or bergs of an experiment, with their rifts and the strengths of their bonds."""
+    from riftberg.bergs.iceberg import Iceberg
+
+    built = [_one_berg(place, berg, parameters, folder) for place, berg in experiment.all_bergs]
+    if experiment.berg is not None:
+        return built[0]
+    with _key_named("bergs"):
+        return Iceberg.join(built)
+
+
+def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
+    """Build one berg of an experiment; ``place`` is the name of its section."""
+    made = _whole_berg(berg, parameters, folder)
+    for index, rift in enumerate(berg.rifts):
+        with _key_named(f"{place}.rifts.{index}"):
+            made = _with_rift(made, rift, folder)
+    if berg.strength is not None:
+        with _key_named(f"{place}.strength"):
+            made = _with_strength(made, berg.strength, folder)
+    return made if berg.name is None else made.named(berg.name)
 
 
 @contextmanager
@@ -375,10 +389,11 @@ def _with_strength(berg: Iceberg, strength: Strength, folder: Path) -> Iceberg:
     return berg.with_strength("uniform", spread=strength.uniform, seed=strength.seed)
 
 
-def _whole_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
+def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
-    berg = experiment.berg
+    if berg.field is not None:
+        return _field_of_bergs(berg, berg.field, parameters)
     thickness = berg.thickness if isinstance(berg.thickness, float) else folder / berg.thickness
     common: dict[str, Any] = {
         "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
@@ -406,8 +421,21 @@ def _whole_berg(experiment: Experiment, parameters: Parameters, folder: Path) ->
     return Iceberg.from_table(berg.lattice.rows, table_radius=berg.lattice.cell_radius, **common)
 
 
+def _field_of_bergs(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> Iceberg:
+    from riftberg.bergs.iceberg import Iceberg
+
+    given = berg.thickness if "thickness" in berg.model_fields_set else None
+    if isinstance(given, str):
+        raise BergError("a field of bergs takes no map of thickness", where="berg.thickness", remedy="Give metres")
+    return Iceberg.field(
+        field.number, field.area, sizes=field.sizes, seed=field.seed, thickness=given, gap=field.gap,
+        between=field.between, density=parameters.ice.density, velocity=berg.velocity, latlon=parameters.earth.latlon,
+        earth_radius=parameters.earth.radius,
+    )  # fmt: skip
+
+
 def build_forcing(
-    experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, ice_density: float
+    experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, parameters: Parameters
 ) -> Forcing:
     """Build the forcing of an experiment."""
     forcing = experiment.forcing
@@ -426,8 +454,12 @@ def build_forcing(
 
         if options.grid is not None:
             forcing = forcing.model_copy(update={"spacing": options.grid})
-        run = Run.of(experiment.start, days, berg.elements.thickness, ice_density)
+        run = Run.of(experiment.start, days, berg.elements.thickness, parameters.ice.density)
         return forcing_from_files(forcing, folder, run)
+    if isinstance(forcing, FormulaForcing):
+        earth = parameters.earth
+        plane = earth.f_plane or not earth.latlon
+        return sum_of(forcing, latlon=earth.latlon, latitude=earth.reference_latitude if plane else None)
     if options.grid is not None:
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     without = frozenset(forcing.without) | options.without

@@ -8,11 +8,11 @@ from typing import Any, Self
 import numpy as np
 
 from riftberg.constants import EARTH_ROTATION, GRAVITY
-from riftberg.ocean.grid import Grid
-from riftberg.state import Elements, Floats
+from riftberg.ocean.formulas import SUMMED, Formula
+from riftberg.state import Elements, Floats, new_elements
 
 
-class Steady:
+class Steady(Formula):
     """A uniform, steady environment.
 
     Parameters
@@ -28,8 +28,6 @@ class Steady:
     depth : float, optional
         Depth of water, m.
     """
-
-    grid: Grid | None = None
 
     def __init__(
         self,
@@ -61,7 +59,7 @@ class Steady:
         return cls(current, slope=(f * current[1] / GRAVITY, -f * current[0] / GRAVITY), **others)
 
     def sample(self, elements: Elements, time: float) -> None:
-        """Fill the environment of the elements."""
+        """Fill the environment of the elements: the same as adding to nothing, and quicker."""
         e = elements
         e.uo[:], e.vo[:] = self.current
         e.ua[:], e.va[:] = self.wind
@@ -70,8 +68,15 @@ class Steady:
         e.depth[:] = self.water
         e.vorticity[:] = 0.0
 
-    def check(self, elements: Elements, start: float, end: float) -> None:
-        """Serve any place and time."""
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add what `sample` of this class gives."""
+        own = new_elements(elements.size)
+        own.place.lon[:], own.place.lat[:] = elements.place.lon, elements.place.lat
+        self.sample(own, time)
+        for name in SUMMED:
+            getattr(elements.environment, name)[:] += getattr(own.environment, name)
+        depth = elements.environment.depth
+        depth[:] = np.minimum(depth, own.environment.depth)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""

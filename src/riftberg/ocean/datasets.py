@@ -109,6 +109,9 @@ class DatasetForcing:
         If two parts serve the same field.
     """
 
+    start: datetime | None = None
+    """Date of time 0 (UTC), where it is known; a model takes it over."""
+
     def __init__(
         self,
         parts: Sequence[Part],
@@ -155,7 +158,9 @@ class DatasetForcing:
         >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
         """
         given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        return cls([part_of(ds, start) for ds in in_memory(given)], **options)
+        forcing = cls([part_of(ds, start) for ds in in_memory(given)], **options)
+        forcing.start = start
+        return forcing
 
     @property
     def title(self) -> str:

@@ -29,9 +29,9 @@ class Model(BareModel):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
-        All parameters; the published A68a physics with Riftberg's numerics by default.
+        All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
     start : datetime.datetime, optional
-        Date of time zero (UTC).
+        Date of time zero (UTC); by default that of the forcing, if it counts from a date.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class Model(BareModel):
         state = load_state(path)
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
-            state.fragment_rows(),
+            state.fragment_rows(), state.bergs, state.contact_log(),
         )  # fmt: skip
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
         model._stepper.recall(state.extra)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from riftberg.bergs.bonding import Metric, separation
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
@@ -39,9 +40,56 @@ class Neighbourhood:
         # The largest distance at which two elements can be in contact.
         return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c)
 
+    def meetings(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+        """Pairs of elements of different bergs, each once, that may come into contact during a long step of ``dt`` s.
+
+        That is within twice the distance of contact, or as near as their relative speeds would carry them together in two
+        long steps: a rule for each pair, so that bergs elsewhere have no say in it.
+        """
+        none = np.zeros(0, np.int64)
+        if not c.interactions or el.size < 2 or not (el.berg != el.berg[0]).any():
+            return none, none
+        u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
+        touching = max(2.0 * float(radius.max()), c.contact_distance)
+        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
+        found = self.find(el, touching + max(touching, 2.0 * fastest * dt), OTHER_BERG, c)
+        first = np.repeat(np.arange(el.size), np.diff(found.start))
+        once = first < found.partner
+        return _near_enough(el, first[once], found.partner[once], radius, dt, c)
+
     def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
         return without(self.find(el, reach, SAME_BERG, c), self.bonded(el, bonds)[0])
+
+
+def will_touch(
+    el: Elements, first: Ints, second: Ints, radius: Floats, dt: float, c: KernelParameters
+) -> tuple[Ints, Ints]:
+    """Return those pairs that come into contact within ``dt`` s if they near each other at their relative speeds."""
+    gap, speed = _gaps(el, first, second, radius, c)
+    near = gap < 1.2 * speed * dt
+    return first[near], second[near]
+
+
+def _near_enough(
+    el: Elements, first: Ints, second: Ints, radius: Floats, dt: float, c: KernelParameters
+) -> tuple[Ints, Ints]:
+    """Return those pairs that may come into contact within a long step."""
+    gap, speed = _gaps(el, first, second, radius, c)
+    touching = np.maximum(radius[first] + radius[second], c.contact_distance)
+    near = gap < np.maximum(touching, 2.0 * speed * dt)
+    return first[near], second[near]
+
+
+def _gaps(el: Elements, first: Ints, second: Ints, radius: Floats, c: KernelParameters) -> tuple[Floats, Floats]:
+    """Distance (m) of pairs beyond that of contact, and their relative speed (m s-1)."""
+    shown = el.shown
+    metric = Metric(c.latlon, c.earth_radius, c.period)
+    dx, dy = separation(
+        metric, shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second]
+    )
+    speed = np.hypot(shown.u_pair[first] - shown.u_pair[second], shown.v_pair[first] - shown.v_pair[second])
+    return np.hypot(dx, dy) - np.maximum(radius[first] + radius[second], c.contact_distance), speed
 
 
 def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:

@@ -225,8 +225,8 @@ def fragment_name(scene: Scene, number: int) -> str:
     area, birth = scene.area_of(number) / 1e6, scene.birth(number)
     size = f"{area:,.0f} km²" if area >= 10.0 else f"{area:.2g} km²"
     if birth is None:
-        return f"berg {number}: {size} at the end"
-    return f"fragment {number}: {size}, off on {day_text(birth[0])}" + (", aground" if birth[1] else ", afloat")
+        return f"{scene.name(number)}: {size} at the end"
+    return f"{scene.name(number)}: {size}, off on {day_text(birth[0])}" + (", aground" if birth[1] else ", afloat")
 
 
 def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:

@@ -225,6 +225,7 @@ class ReplayContent:
             rows.append(
                 {
                     "number": int(number),
+                    "name": self.scene.name(int(number)),
                     "parent": int(run["fragment_parent"].values[k]),
                     "birth": float(birth),
                     "grounded": bool(run["fragment_grounded"].values[k] == 1),
