@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -63,6 +64,19 @@ class Part(NamedTuple):
         """Name of the product."""
         attributes = self.records.ds.attrs
         return str(attributes.get("product") or attributes.get("source", "data"))
+
+    @property
+    def known_as(self) -> str:
+        """Name for titles: of the product, or of the files where these are of no product."""
+        if self.source not in UNNAMED:
+            return self.source
+        files = str(self.records.ds.attrs.get("source") or "data").split(", ")
+        names = list(dict.fromkeys(Path(file).name for file in files))
+        return ", ".join(names) if len(names) <= 3 else f"{names[0]} and {len(names) - 1} more"
+
+
+UNNAMED: Final = ("cf",)
+"""Products that say how a file is read and not what it is: titles name its files instead."""
 
 
 def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
@@ -165,7 +179,7 @@ class DatasetForcing:
     @property
     def title(self) -> str:
         """Return the products, for titles."""
-        return ", ".join(dict.fromkeys(part.source for part in self.parts))
+        return ", ".join(dict.fromkeys(part.known_as for part in self.parts))
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""

@@ -101,27 +101,29 @@ class Model(BareModel):
             above. So it is with the SystemExit after a request to terminate.
         """
         before = self.step_number
+        end = self.time + self._number_of_steps(days, steps) * self.parameters.stepping.time_step
         with held(), memory_run(output, every_hours, forces) as writer:
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer])
             except (KeyboardInterrupt, SystemExit):
-                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, 'interrupted')}")
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
                 raise
             except RiftbergError as error:
                 if self.step_number == before and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
                 raise RunError(
-                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}"
+                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output, end)}"
                 ) from error
             return writer.dataset()
 
-    def _rescued(self, output: str | Path | None, why: str = "failed") -> str:
+    def _rescued(self, output: str | Path | None, end: float, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
         path = Path(output)
         saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
-        return f"Go on with Model.resume({str(saved)!r}, forcing)"
+        left = round((end - self.time) / self.parameters.stepping.time_step)
+        return f"Go on with Model.resume({str(saved)!r}, forcing).run(steps={left})"
 
     def save(self, path: str | Path) -> Path:
         """Write a restart file from which `resume` goes on bit for bit."""
