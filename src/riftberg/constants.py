@@ -56,3 +56,6 @@ EARTH_RADIUS_A68: Final = 6_363_827.0
 """Radius of the sphere in the A68a experiment, m (spec 10.5)."""
 
 SECONDS_PER_DAY: Final = 86_400.0
+
+LATENT_HEAT: Final = 3.34e5
+"""Latent heat of fusion, J kg-1 (files, 0.1 HLF)."""

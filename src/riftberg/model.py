@@ -17,6 +17,7 @@ from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.interrupts import Hold, held
+from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
@@ -80,6 +81,8 @@ class BareModel(RunState):
         counted, fragments numbered, newly born placed, sub-steps chosen anew) is done after the last of them. A process
         that fails takes the whole step back. A run that is resumed goes on bit for bit if a process takes what it needs
         from the model (state, ``time``, ``step_number``) and keeps nothing itself.
+    life : LifeProcess or None
+        Melt, rolling and footloose calving, where the parameters ask for them; acts before the processes above.
     remembered : dict of str to array
         What recorders must know again to go on exactly; it is saved with the state.
     """
@@ -126,6 +129,7 @@ class BareModel(RunState):
             population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments), bergs), start,
             time, step_number,
         )  # fmt: skip
+        self.life = LifeProcess(parameters) if lives(parameters) else None
         self.after_step: list[Process] = []
         self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
@@ -165,7 +169,9 @@ class BareModel(RunState):
             return self.elements.u.copy(), self.elements.v.copy()
         return self._stepper.synchronised(self)
 
-    def append(self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0) -> Ints:
+    def append(
+        self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0, ids: Ints | None = None
+    ) -> Ints:
         """Add elements, with bonds between them; for use between two steps or in `after_step`.
 
         Parameters
@@ -177,6 +183,8 @@ class BareModel(RunState):
             Bonds between them; their ends are rows of ``elements``.
         parent : int, optional
             Number of the fragment that they come from.
+        ids : array of int, optional
+            Their identifiers, which must never have been used; the next free ones if left out.
 
         Returns
         -------
@@ -184,7 +192,7 @@ class BareModel(RunState):
             Their identifiers; identifiers are never used again.
         """
         rows = self.elements.size
-        ids = self.population.append(elements, bonds)
+        ids = self.population.append(elements, bonds, ids=ids)
         new = slice(rows, None)
         now = self.elements
         now.body.berg[new] = parent
@@ -230,7 +238,10 @@ class BareModel(RunState):
         if self.step_number == 0 and not self._visited:
             self._first_visit()
         self._follow_changes()
-        before = self.time, self.step_number, list(self.fragments.rows), self.population.saved(), self.contacts.saved()
+        before = (
+            self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered),
+            self.contacts.saved(),
+        )  # fmt: skip
         try:
             if self.elements.size:
                 self._stepper.step(self)
@@ -243,6 +254,8 @@ class BareModel(RunState):
             else:
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1
+            if self.life is not None:
+                self.life.act(self)
             for process in self.after_step:
                 process(self)
             self._follow_changes()
@@ -259,29 +272,31 @@ class BareModel(RunState):
             )
 
     def _go_back(
-        self, time: float, step_number: int, rows: list[Fragment], population: Saved, contacts: ContactLog
-    ) -> None:
+        self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats],
+        contacts: ContactLog,
+    ) -> None:  # fmt: skip
         """Return to the state before a step that failed, so that it can be saved."""
-        self.time, self.step_number, self.fragments.rows, self.contacts = time, step_number, rows, contacts
+        self.remembered, self.contacts = remembered, contacts
+        self.time, self.step_number, self.fragments.rows = time, step_number, rows
         self.population.restore(population)
         self._look()
 
     def _look(self) -> None:
         """Note what must be followed up when it changes: which rows there are, mass and sizes."""
         body, population = self.elements.body, self.population
-        self._seen_rows = population.version, population.next_element, population.next_bond
+        self._seen_rows = population.version, population.next_bond
         self._seen_sizes = body.id.copy(), tuple(a.copy() for a in _sizes_of(self.elements))
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
-        version, next_element, next_bond = self._seen_rows
+        version, next_bond = self._seen_rows
         ids, sizes = self._seen_sizes
         # Most steps change nothing: then the rows are the same, and comparing them as they stand is enough.
         if self.population.version == version and all(map(np.array_equal, _sizes_of(self.elements), sizes)):
             return
         changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), ids, sizes)
         check_state(self.elements, self.bonds)
-        surround_newborn(self, self.elements.body.id >= next_element, self._visited)
+        surround_newborn(self, ~np.isin(self.elements.body.id, ids), self._visited)
         complete_state(self)
         if self._visited:
             count_bonds(self.elements, self.bonds)

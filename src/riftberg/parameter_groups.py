@@ -15,6 +15,10 @@ Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 GroundingLaw = Literal["linear", "quadratic"]
 Packing = Literal["square", "hexagonal"]
+MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
+BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
+RollingScheme = Literal["updated", "weeks_mellor", "legacy"]
+FootlooseStyle = Literal["bits", "bergs"]
 
 
 def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) -> Any:
@@ -256,6 +260,100 @@ class Earth(Group):
     )
 
 
+class Melt(Group):
+    """Melt of sides, base and by waves, and the bergy bits that waves break off."""
+
+    enabled: bool = quantity(False, "", "bergs melt", "files 1")
+    mode: MeltMode = quantity(
+        "exposed",
+        "",
+        "exposed: sides where no bond covers them, base by the law below; berg: all sides of every element; "
+        "shelf: the base alone; mixed: blended by the part of the sides that bonds cover",
+        "files 1.2 to 1.4; exposed: Riftberg",
+    )
+    base: BaseLaw = quantity(
+        "three_equation",
+        "",
+        "law of the base: turbulent (small bergs), two or three equations of the layer under an ice shelf; "
+        "shelf and mixed know the last two only, berg the first",
+        "files 1.2, 1.5",
+    )
+    temperature: float | None = quantity(
+        None, "degree_Celsius", "of the sea, everywhere; none means that of the forcing", "Riftberg", ge=-3, le=40
+    )
+    salinity: float | None = quantity(
+        None, "1e-3", "of the sea, everywhere; none means that of the forcing", "Riftberg", ge=0, le=50
+    )
+    salinity_from_ocean: bool = quantity(
+        True,
+        "",
+        "the law of the base takes the salinity of the ocean; otherwise 35",
+        "files 1.4 use_mixed_layer_salinity_for_thermo",
+    )
+    split: bool = quantity(
+        True, "", "base, sides and waves act one after the other, so that their losses add up", "files 1.6"
+    )
+    sea_ice_shift: float = quantity(
+        0.0, "1", "added to the sea-ice fraction in the law of the waves", "files 1.2 sicn_shift", ge=-1, le=1
+    )
+    bits_fraction: float = quantity(
+        0.0, "1", "part of what waves erode that becomes bergy bits", "files 1.9 bergy_bit_erosion_fraction", ge=0, le=1
+    )
+    zero_rates: bool = quantity(False, "", "all rates are zero, rolling stays", "files 1.4 set_melt_rates_to_zero")
+    keep_shape: bool = quantity(
+        False, "", "the ocean gets the melt, but bergs stay as they are", "files 1.12 Iceberg_melt_without_decay"
+    )
+    const_gamma: bool = quantity(
+        True, "", "constant exchange coefficients in the three equations; otherwise by the boundary layer", "files 1.5"
+    )
+    gamma_t: float = quantity(0.022, "1", "that coefficient for heat; for salt a 35th", "files 1.5 Gamma_T_3EQ", gt=0)
+    friction_drag: float = quantity(1.5e-3, "1", "drag coefficient of water at the base", "files 1.5", ge=0)
+    least_friction: float = quantity(1e-3, "m s-1", "smallest friction velocity", "files 1.5 ustar_icebergs_bg", ge=0)
+    tide: float = quantity(0.0, "m s-1", "speed of tides that the current lacks", "files 1.5 utide_icebergs", ge=0)
+    least_gap: float | None = quantity(
+        None,
+        "m",
+        "water under the keel below which the base does not melt; none means no such limit",
+        "files 1.4",
+        ge=0,
+    )
+
+
+class Rolling(Group):
+    """When bergs of one element roll over; elements with bonds never do."""
+
+    enabled: bool = quantity(False, "", "narrow bergs roll over", "files 1.11 allow_bergs_to_roll")
+    scheme: RollingScheme = quantity(
+        "updated",
+        "",
+        "updated (width against thickness), weeks_mellor, or legacy, which is known to be wrong",
+        "files 1.11",
+    )
+    tip: float = quantity(
+        0.0,
+        "1",
+        "with updated: rolls where this times the thickness exceeds the width; 0 means by density",
+        "files 1.11",
+    )
+
+
+class Footloose(Group):
+    """Pieces that the buoyancy of a submerged foot breaks from the edge; waves make the foot, so melt must be on."""
+
+    enabled: bool = quantity(False, "", "edges calve by the footloose mechanism", "files 2")
+    youngs: float = quantity(1e7, "Pa", "Young's modulus of the bending edge", "files 2.1 fl_youngs", gt=0)
+    strength: float = quantity(250e3, "Pa", "yield stress of the edge", "files 2.1 fl_strength", gt=0)
+    style: FootlooseStyle = quantity(
+        "bits", "", "pieces are kept as bits of the parent, or become bergs at once", "files 2.3 fl_style"
+    )
+    displace: bool = quantity(True, "", "children start on the rim of the parent", "files 2.4 displace_fl_bergs")
+    one_draw: bool = quantity(False, "", "all children start at the same part of the rim", "files 2.2")
+    berg_mass: float = quantity(
+        1e12, "kg", "mass of bits from which a berg is made", "files 2.3 new_berg_from_fl_bits_mass_thres", gt=0
+    )
+    seed: int = quantity(0, "1", "of the random places on the rim", "Riftberg", ge=0)
+
+
 class Compatibility(Group):
     """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
 
@@ -315,6 +413,34 @@ class Compatibility(Group):
     plain_kid_branch: bool = quantity(
         False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B"
     )
+    bits_melt_at_zero_rates: bool = quantity(
+        False, "", "T5: bits melt although melt.zero_rates says that nothing does", "files 1.4"
+    )
+    plain_basal_search: bool = quantity(
+        False,
+        "",
+        "T6, T7: the flux of buoyancy under the base is evaluated once, the salinity at the ice by plain iteration",
+        "files 1.5",
+    )
+    element_length_in_base_law: bool = quantity(
+        False, "", "the turbulent law of the base takes the length of the element, not of its berg", "files 1.2"
+    )
+    half_west_rim: bool = quantity(
+        False, "", "T11: children on the west side start in its middle half only", "files 2.4"
+    )
+    bits_always_roll: bool = quantity(False, "", "T12: footloose bits roll although rolling is off", "files 2.5")
+    unplaced_child_in_metres: bool = quantity(
+        False, "", "T13: where a child finds no cell, corners are tried in metres, on degrees too", "files 2.6"
+    )
+    drop_orphan_bits: bool = quantity(
+        False, "", "T44: bits of footloose bits vanish with these, without melt water", "files 1.9"
+    )
+    footloose_sets_density: bool = quantity(
+        False, "", "T45: a berg that footloose calving cuts gets the density of the parameters", "files 2.3"
+    )
+    stream_of_draws: bool = quantity(
+        False, "", "T10: draws of footloose calving come from one stream that a restart does not keep", "files 2.2"
+    )
 
     @classmethod
     def kid(cls, **overrides: bool) -> Compatibility:
@@ -333,5 +459,14 @@ class Compatibility(Group):
             "frozen_sea_ice_drag": True,
             "rest_length_from_sizes": True,
             "bergs_coupled": True,
+            "bits_melt_at_zero_rates": True,
+            "plain_basal_search": True,
+            "element_length_in_base_law": True,
+            "half_west_rim": True,
+            "bits_always_roll": True,
+            "unplaced_child_in_metres": True,
+            "drop_orphan_bits": True,
+            "footloose_sets_density": True,
+            "stream_of_draws": True,
         }
         return cls(**{**on, **overrides})

@@ -19,11 +19,14 @@ from riftberg.parameter_groups import (
     Damage,
     Drag,
     Earth,
+    Footloose,
     Fracture,
     Grounding,
     Group,
     Ice,
+    Melt,
     Packing,
+    Rolling,
     Scheme,
     Stepping,
     quantity,
@@ -39,13 +42,16 @@ __all__ = [
     "Damage",
     "Drag",
     "Earth",
+    "Footloose",
     "Fracture",
     "Grounding",
     "Group",
     "Ice",
     "KernelParameters",
+    "Melt",
     "Packing",
     "Parameters",
+    "Rolling",
     "Scheme",
     "Stepping",
     "element_radius",
@@ -150,6 +156,9 @@ class Parameters(Group):
     damage: Damage = Field(default_factory=Damage)
     stepping: Stepping = Field(default_factory=Stepping)
     earth: Earth = Field(default_factory=Earth)
+    melt: Melt = Field(default_factory=Melt)
+    rolling: Rolling = Field(default_factory=Rolling)
+    footloose: Footloose = Field(default_factory=Footloose)
     compatibility: Compatibility = Field(default_factory=Compatibility)
 
     @model_validator(mode="after")
@@ -180,7 +189,25 @@ class Parameters(Group):
                 "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
                 "fracture.enabled = true, or damage.enabled = false"
             )
+        self._check_life()
         return self
+
+    def _check_life(self) -> None:
+        melt, footloose = self.melt, self.footloose
+        if footloose.enabled and not (melt.enabled and melt.split):
+            raise ValueError(
+                "footloose calving grows from what waves and convection take from the sides one after the other: set "
+                "melt.enabled = true and melt.split = true, or footloose.enabled = false"
+            )
+        if footloose.enabled and self.stepping.scheme == "runge_kutta" and self.compatibility.zero_start:
+            raise ValueError(
+                "footloose calving needs stepping.scheme = 'verlet' or 'mts' with the reference's numerics (files 2)"
+            )
+        if melt.mode in ("shelf", "mixed") and melt.base == "turbulent":
+            raise ValueError(
+                f"melt.mode = {melt.mode!r} needs melt.base = 'two_equation' or 'three_equation': the base melts as under "
+                "an ice shelf"
+            )
 
     def describe(self) -> str:
         """Return all groups, one line per parameter."""

@@ -26,7 +26,7 @@ GRID = Grid.cartesian(20, 20, 1000.0)
 @pytest.fixture
 def berg(tmp_path: Path) -> tuple[Elements, Bonds]:
     """Five squares in a row, with bonds that carry something."""
-    elements, _ = read_restart(write_nc(tmp_path / "r.nc", restart_variables(5)), GRID)
+    elements = read_restart(write_nc(tmp_path / "r.nc", restart_variables(5)), GRID)
     bonds = form_bonds(elements, BondRule(), PLANE)
     rng = np.random.default_rng(5)
     for name in ("shear_x", "shear_y", "normal_stress", "shear_stress", "relative_rotation"):

@@ -127,33 +127,9 @@ def test_reference_cases_are_accepted(shared: Path, name: str) -> None:
     check_supported(read_namelist(shared / "reference" / name / "input.nml"))
 
 
-@pytest.mark.parametrize(
-    ("name", "entry"),
-    [
-        ("footloose", "footloose = .true."),
-        ("melt_point_bergs", "set_melt_rates_to_zero = .false."),
-        ("melt_bergy_bits", "set_melt_rates_to_zero = .false."),
-        ("melt_tip_parameter", "set_melt_rates_to_zero = .false."),
-        ("iKID_collision_melting", "set_melt_rates_to_zero = .false."),
-    ],
-)
-def test_reference_cases_with_melt_or_footloose_are_refused(shared: Path, name: str, entry: str) -> None:
-    namelist = read_namelist(shared / "reference" / name / "input.nml")
-    with pytest.raises(NamelistError) as error:
-        check_supported(namelist)
-    assert entry in str(error.value)
-    assert "Remedy" in str(error.value)
-
-
 def test_coupling_cases_are_refused(shared: Path) -> None:
     files = sorted((shared / "reference" / "coupling").glob("*/input.nml"))
     assert files
     for path in files:
         with pytest.raises(NamelistError, match="icebergs_driver_nml is missing"):
             read_namelist(path)
-
-
-def test_melt_counts_as_off_when_bergs_keep_their_size_and_nothing_returns(tmp_path: Path) -> None:
-    check_supported(read(tmp_path, "Iceberg_melt_without_decay=T, passive_mode=T"))
-    with pytest.raises(NamelistError, match="set_melt_rates_to_zero"):
-        check_supported(read(tmp_path, "Iceberg_melt_without_decay=T"))

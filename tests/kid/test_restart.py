@@ -23,6 +23,8 @@ ONES = np.ones(3, dtype="i4")
 DEM = A68A_2022_KID
 VERLET = Parameters(bonds={"law": "spring"}, stepping={"scheme": "verlet"}, fracture={"enabled": False})
 
+FOOTLOOSE = VERLET.changed(melt={"enabled": True, "mode": "berg", "base": "turbulent"}, footloose={"enabled": True})
+
 
 @pytest.fixture
 def grid() -> Grid:
@@ -34,18 +36,18 @@ def made(tmp_path: Path, size: int = 3, drop: tuple[str, ...] = (), **changes: A
 
 
 def test_minimal_file(tmp_path: Path, grid: Grid) -> None:
-    elements, origin = read_restart(made(tmp_path, uvel=np.array([0.1, 0.2, 0.3])), grid)
+    elements = read_restart(made(tmp_path, uvel=np.array([0.1, 0.2, 0.3])), grid)
     assert elements.u.tolist() == elements.u_pair.tolist() == elements.u_sync.tolist() == [0.1, 0.2, 0.3]
     assert elements.lon_pair.tolist() == elements.lon.tolist()
     assert not elements.ax_fast.any()
     assert not elements.static.any()
-    assert origin.mass_of_bits.tolist() == [0.0, 0.0, 0.0]
+    assert elements.life.mass_of_bits.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_identifiers_count_within_the_cell_of_creation(tmp_path: Path, grid: Grid) -> None:
     """Section 0.4: counter and i + ni (j - 1), in the order of the file."""
     lon = np.array([5100.0, 7100.0, 5900.0])
-    elements, _ = read_restart(made(tmp_path, lon=lon), grid)
+    elements = read_restart(made(tmp_path, lon=lon), grid)
     counter, cell = split_id(elements.id)
     assert counter.tolist() == [1, 1, 2]
     assert cell.tolist() == [6 + 20 * 5, 8 + 20 * 5, 6 + 20 * 5]
@@ -53,7 +55,7 @@ def test_identifiers_count_within_the_cell_of_creation(tmp_path: Path, grid: Gri
 
 def test_given_identifiers_are_kept(tmp_path: Path, grid: Grid) -> None:
     ids = {"id_cnt": np.array([7, 8, 9], dtype="i4"), "id_ij": np.array([1, 1, -5], dtype="i4")}
-    elements, _ = read_restart(made(tmp_path, drop=("iceberg_num",), **ids), grid)
+    elements = read_restart(made(tmp_path, drop=("iceberg_num",), **ids), grid)
     counter, cell = split_id(elements.id)
     assert counter.tolist() == [7, 8, 9]
     assert cell.tolist() == [1, 1, -5]
@@ -68,38 +70,40 @@ def test_identifier_halves(counter: int, cell: int) -> None:
 
 
 def test_static_and_contact_marks(tmp_path: Path, grid: Grid) -> None:
-    elements, _ = read_restart(made(tmp_path, static_berg=np.array([1.0, CONTACT_FLAG, 0.0])), grid)
+    elements = read_restart(made(tmp_path, static_berg=np.array([1.0, CONTACT_FLAG, 0.0])), grid)
     assert elements.static.tolist() == [1.0, 0.0, 0.0]
     assert elements.in_contact.tolist() == [0.0, 1.0, 0.0]
 
 
-@pytest.mark.parametrize("parameters", [DEM, VERLET], ids=["mts dem", "verlet"])
+@pytest.mark.parametrize("parameters", [DEM, VERLET, FOOTLOOSE], ids=["mts dem", "verlet", "footloose"])
 def test_round_trip(tmp_path: Path, grid: Grid, parameters: Parameters) -> None:
     """What is written is read back bit for bit."""
     rng = np.random.default_rng(3)
-    elements, origin = read_restart(made(tmp_path, static_berg=np.array([1.0, CONTACT_FLAG, 0.0])), grid)
+    elements = read_restart(made(tmp_path, static_berg=np.array([1.0, CONTACT_FLAG, 0.0])), grid)
     for name in ("u", "v", "ax", "ay", "bx", "by"):
         getattr(elements, name)[:] = rng.normal(size=3)
     if parameters is DEM:
         for name in ("ax_fast", "ay_fast", "bx_fast", "by_fast", "spin", "spin_rate", "rotation"):
             getattr(elements, name)[:] = rng.normal(size=3)
-    origin.start_mass[:], origin.start_year[:] = rng.uniform(size=3), [1, 2, 3]
+    life = elements.life
+    life.start_mass[:], life.start_year[:], life.mass_of_bits[:] = rng.uniform(size=3), [1, 2, 3], rng.uniform(size=3)
+    if parameters.footloose.enabled:
+        life.fl_k[:], life.mass_of_fl_bits[:] = [7.5, -1.0, -2.0], rng.uniform(size=3)
+        life.mass_of_fl_bergy_bits[:] = rng.uniform(size=3)
     path = tmp_path / "out.nc"
-    write_restart(path, elements, origin, grid, parameters)
-    again, origin_again = read_restart(path, grid)
+    write_restart(path, elements, grid, parameters)
+    again = read_restart(path, grid)
     for name in elements.arrays():
         if not name.startswith(("u_", "v_")):
             np.testing.assert_array_equal(getattr(again, name), getattr(elements, name), err_msg=name)
-    for name in origin._fields:
-        np.testing.assert_array_equal(getattr(origin_again, name), getattr(origin, name), err_msg=name)
 
 
 def test_layout_is_that_of_the_reference(tmp_path: Path, shared: Path) -> None:
     """Order, types and attributes of variables, and checksums of equal data."""
     case = shared / "reference" / "collision_iKID"
     grid = Grid.cartesian(20, 20, 1000.0, period=20e3)
-    elements, origin = read_restart(case / "expected" / "final_restart.nc", grid)
-    write_restart(tmp_path / "out.nc", elements, origin, grid, DEM)
+    elements = read_restart(case / "expected" / "final_restart.nc", grid)
+    write_restart(tmp_path / "out.nc", elements, grid, DEM)
     with (
         netCDF4.Dataset(tmp_path / "out.nc") as ours,
         netCDF4.Dataset(case / "expected" / "final_restart.nc") as theirs,
@@ -127,7 +131,7 @@ def test_checksum_wraps() -> None:
 def test_new_identifiers_are_unique(grid: Grid, tmp_path: Path) -> None:
     lon = np.full(50, 5100.0) + np.arange(50)
     path = write_nc(tmp_path / "r.nc", {**restart_variables(50), "lon": lon})
-    elements, _ = read_restart(path, grid)
+    elements = read_restart(path, grid)
     assert len(np.unique(new_identifiers(elements, grid))) == 50
 
 
@@ -137,7 +141,8 @@ def test_new_identifiers_are_unique(grid: Grid, tmp_path: Path) -> None:
         ({"lat": np.array([5500.0, np.nan, 5500.0])}, (), ["variable lat", "nan of record 2", "finite"]),
         ({"mass": np.array([1e9, 1e9, 0.0])}, (), ["variable mass", "0.0 of record 3", "positive"]),
         ({"thickness": np.array([-1.0, 1.0, 1.0])}, (), ["variable thickness", "-1.0 of record 1"]),
-        ({"fl_k": np.array([0.0, -1.0, 0.0])}, (), ["variable fl_k", "footloose"]),
+        ({"fl_k": np.array([0.0, -1.5, 0.0])}, (), ["variable fl_k", "footloose"]),
+        ({"mass_of_fl_bits": np.array([0.0, -1.0, 0.0])}, (), ["variable mass_of_fl_bits", "0 or more"]),
         ({"lon": np.array([5100.0, 5500.0, 99_000.0])}, (), ["outside the grid"]),
         ({}, ("thickness",), ["no variable 'thickness'", "found: "]),
         ({}, ("iceberg_num",), ["no variable 'id_cnt'"]),
@@ -178,9 +183,9 @@ def test_a_file_cut_short_is_refused(tmp_path: Path, grid: Grid, kept: int) -> N
 
 
 def test_record_files_cut_short_are_found(tmp_path: Path, grid: Grid) -> None:
-    elements, origin = read_restart(made(tmp_path), grid)
+    elements = read_restart(made(tmp_path), grid)
     path = tmp_path / "out.nc"
-    write_restart(path, elements, origin, grid, DEM)
+    write_restart(path, elements, grid, DEM)
     whole = path.read_bytes()
     assert missing_bytes(path) == 0
     path.write_bytes(whole[:-9])

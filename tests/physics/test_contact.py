@@ -149,7 +149,7 @@ def test_stiffness_of_a_pair_equals_twin(given_stiffness, modulus, distance):
 
 
 def test_stiffness_from_the_elements_is_that_of_the_bar_of_ice_between_them():
-    """Squares of 3 km, 5 MPa and 850 kg m-3: the value that KID's namelist of A68a has; a tenth of the size is 100 times stiffer."""
+    """Squares of 3 km, 5 MPa, 850 kg m-3: the value of A68a's namelist; a tenth of the size is 100 times stiffer."""
     modulus = 5e6 / 850.0
     assert contact.pair_stiffness(-1.0, modulus, 3000.0, np.inf) == pytest.approx(6.535947712418301e-4, rel=1e-14)
     assert contact.pair_stiffness(-1.0, modulus, 300.0, np.inf) == pytest.approx(6.535947712418301e-2, rel=1e-14)

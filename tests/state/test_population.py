@@ -159,3 +159,15 @@ def test_a_part_that_is_cut_out_and_put_back_changes_only_its_rows():
     assert (elements.lon[[0, 3]] != -5.0).all()
     assert bonds.damage.tolist() == [0.0, 0.5, 0.0, 0.0, 0.5]
     assert bonds.first.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_the_newly_born_may_bring_identifiers_of_their_own() -> None:
+    population = Population(new_elements(2), new_bonds(np.zeros(0, np.int64), np.zeros(0, np.int64)))
+    assert population.append(new_elements(1), ids=np.array([70])).tolist() == [70]
+    assert population.append(new_elements(1), ids=np.array([9])).tolist() == [9]
+    assert population.append(new_elements(1)).tolist() == [71]
+    for wrong in (np.array([70]), np.array([2])):
+        with pytest.raises(InputError, match="is in use"):
+            population.append(new_elements(1), ids=wrong)
+    with pytest.raises(InputError, match="stands twice"):
+        population.append(new_elements(2), ids=np.array([80, 80]))

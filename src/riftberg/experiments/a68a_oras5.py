@@ -70,7 +70,7 @@ def build(options: Options) -> tuple[Model, Info]:
     folder = data_folder(options, FILES.values(), "a68a-oras5", hourly=False)
     forcing = forcing_of(folder)
     assert forcing.grid is not None
-    elements, _ = read_restart(folder / FILES["berg"], forcing.grid)
+    elements = read_restart(folder / FILES["berg"], forcing.grid)
     parameters = options.apply(A68A_2022 if options.own else A68A_2022_KID)
     earth = parameters.earth
     bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))

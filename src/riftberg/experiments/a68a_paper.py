@@ -151,7 +151,7 @@ def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | N
     own = options.numerics == "own"
     forcing = forcing_of(folder, DAYS if options.days is None else options.days, own=own, zone=zone)
     assert forcing.grid is not None
-    elements, _ = read_restart(folder / BERG, forcing.grid)
+    elements = read_restart(folder / BERG, forcing.grid)
     parameters = options.apply(A68A_2022 if own else A68A_2022_KID)
     earth = parameters.earth
     bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))

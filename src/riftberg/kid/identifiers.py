@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Final, Self
+
 import numpy as np
 
+from riftberg.kid.ncfile import opened_dataset
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Ints
 
 _LOW = 0xFFFFFFFF
+
+CALVING_FILE: Final = "calving.res.nc"
+"""Restart file of calving; it keeps the counters of the cells too."""
 
 
 def join_id(counter: Ints, cell: Ints) -> Ints:
@@ -27,9 +34,21 @@ def cell_indices(elements: Elements, grid: Grid) -> tuple[Ints, Ints]:
     return elements.cell_i - halo + 1, elements.cell_j - halo + 1
 
 
-def new_identifiers(elements: Elements, grid: Grid) -> Ints:
-    """Return identifiers for elements that have none: a count per cell, in the order of the elements."""
+def new_identifiers(elements: Elements, grid: Grid, seam: bool = False) -> Ints:
+    """Return identifiers for elements that have none: a count per cell, in the order of the elements.
+
+    Parameters
+    ----------
+    elements : Elements
+    grid : Grid
+    seam : bool
+        The driver's domain is cyclic, but coordinates have no period. Then the west corners of the first column lie at the
+        east end, and the reference finds every element in that column, inside out: a point on the edge of two rows belongs
+        to the southern one.
+    """
     ine, jne = cell_indices(elements, grid)
+    if seam:
+        ine, jne = np.ones_like(ine), np.where(elements.eta == 0.0, jne - 1, jne)
     cell = ine + grid.arrays.ni * (jne - 1)
     order = np.argsort(cell, kind="stable")
     starts = np.flatnonzero(np.diff(cell[order], prepend=-1))
@@ -37,3 +56,45 @@ def new_identifiers(elements: Elements, grid: Grid) -> Ints:
     sizes = np.diff(np.append(starts, len(cell)))
     counter[order] = np.arange(len(cell)) - np.repeat(starts, sizes) + 1
     return join_id(counter, cell)
+
+
+class IdentifierCounter:
+    """Identifiers for what is born in a run: each cell counts its own (specification of files, section 0.4).
+
+    Parameters
+    ----------
+    grid : Grid
+    counts : array of int, shape (rows, columns)
+        Of the domain, without the halo; ``iceberg_counter_grd`` of KID's restarts. Taken over.
+
+    Attributes
+    ----------
+    counts : array of int
+        As they stand.
+    """
+
+    def __init__(self, grid: Grid, counts: Ints) -> None:
+        self._grid, self.counts = grid, counts
+
+    @classmethod
+    def beside(cls, restarts: Path, grid: Grid, identifiers: Ints) -> Self:
+        """Return the counters of a folder of restarts, or 0 in every cell; never below those of elements that exist."""
+        g = grid.arrays
+        counts = np.zeros((g.nj, g.ni), np.int64)
+        path = restarts / CALVING_FILE
+        if path.is_file():
+            with opened_dataset(path) as dataset:
+                if "iceberg_counter_grd" in dataset.variables:
+                    stored = np.asarray(dataset["iceberg_counter_grd"][...]).reshape(-1, *counts.shape)
+                    counts[:] = stored[-1]
+        counter, cell = split_id(identifiers)
+        inside = (cell >= 1) & (cell <= counts.size)
+        np.maximum.at(counts.ravel(), cell[inside] - 1, counter[inside])
+        return cls(grid, counts)
+
+    def take(self, cell_i: int, cell_j: int) -> int:
+        """Return the next identifier of a cell, by its array column and row."""
+        g = self._grid.arrays
+        i, j = cell_i - g.halo, cell_j - g.halo
+        self.counts[j, i] += 1
+        return int(join_id(self.counts[j : j + 1, i], np.array([i + 1 + g.ni * j]))[0])

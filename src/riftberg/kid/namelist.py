@@ -156,15 +156,9 @@ def read_namelist(path: Path) -> KidNamelist:
 
 
 def check_supported(namelist: KidNamelist) -> None:
-    """Raise `NamelistError` if an active entry asks for something that Riftberg does not do, naming all of them.
-
-    Melt counts as off with ``set_melt_rates_to_zero``, and also when bergs keep their size
-    (``Iceberg_melt_without_decay``) while nothing of the melt returns as calving (``passive_mode``).
-    """
+    """Raise `NamelistError` if an active entry asks for something that Riftberg does not do, naming all of them."""
     group = namelist.icebergs
     refusals = refused(GROUPS[group.name], group.values)
-    if group.flag("Iceberg_melt_without_decay") and group.flag("passive_mode"):
-        refusals = [pair for pair in refusals if pair[0].name != "set_melt_rates_to_zero"]
     if refusals:
         what = "; ".join(f"{e.name} = {_fortran(value)}: {e.note}" for e, value in refusals)
         remedy = "; ".join(f"{e.name}: {e.remedy}" for e, _ in refusals)

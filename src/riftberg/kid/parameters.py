@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from riftberg.kid.life_groups import life_groups
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
 from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
 
@@ -115,6 +116,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         "fracture": _fracture(group),
         "stepping": _stepping(group, dt),
         "earth": _earth(group),
+        **life_groups(group),
         "compatibility": _compatibility(group).model_dump(),
     }
 

@@ -6,7 +6,7 @@ Source: specification of files, sections 6.1, 6.2; initial values of the state: 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import netCDF4
 import numpy as np
@@ -52,38 +52,26 @@ OPTIONAL: Final = {
 _POSITIVE: Final = ("mass", "thickness", "width", "length")
 
 
-class Origin(NamedTuple):
-    """What KID records about the origin of elements and the dynamics do not use; arrays over elements.
+LIFE: Final[dict[str, float | None]] = {
+    "start_lon": None,
+    "start_lat": None,
+    "start_year": None,
+    "start_day": None,
+    "start_mass": None,
+    "mass_scaling": None,
+    "mass_of_bits": 0.0,
+    "heat_density": 0.0,
+    "fl_k": 0.0,
+    "mass_of_fl_bits": 0.0,
+    "mass_of_fl_bergy_bits": 0.0,
+}
+"""Variables of calving and melt, fields of `riftberg.state.Life` of the same names; None for those that a restart must have."""
 
-    Attributes
-    ----------
-    start_lon, start_lat : ndarray
-        Place of calving, degrees or m.
-    start_year : ndarray of int
-        Year of calving.
-    start_day : ndarray
-        Day of that year, d.
-    start_mass : ndarray
-        Mass at calving, kg.
-    mass_scaling : ndarray
-        Number of bergs that an element stands for.
-    mass_of_bits : ndarray
-        Mass of bergy bits, kg.
-    heat_density : ndarray
-        Heat density, J kg-1.
-    """
-
-    start_lon: Floats
-    start_lat: Floats
-    start_year: Ints
-    start_day: Floats
-    start_mass: Floats
-    mass_scaling: Floats
-    mass_of_bits: Floats
-    heat_density: Floats
+CHILD_FLAGS: Final = (-1.0, -2.0)
+"""Values of ``fl_k`` of children of footloose calving; any other below 0 means nothing."""
 
 
-def read_restart(path: Path, grid: Grid) -> tuple[Elements, Origin]:
+def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
     """Read a KID restart file.
 
     Cells are found from the positions; the file's ``ine`` and ``jne`` (often never assigned) are not used. Without
@@ -95,13 +83,13 @@ def read_restart(path: Path, grid: Grid) -> tuple[Elements, Origin]:
         The file.
     grid : Grid
         Grid on which the elements lie.
+    seam : bool, optional
+        See `riftberg.kid.identifiers.new_identifiers`.
 
     Returns
     -------
     Elements
         With ``u_pair = u_sync = u``, ``lon_pair = lon``, cells and identifiers; environment not yet filled.
-    Origin
-        What else the file says.
 
     Raises
     ------
@@ -113,14 +101,14 @@ def read_restart(path: Path, grid: Grid) -> tuple[Elements, Origin]:
     path = Path(path)
     with opened_dataset(path) as dataset:
         elements = _read_bergs(dataset, path)
-        origin = _read_origin(dataset, path, len(elements.id))
-        _refuse_footloose(dataset, path, len(elements.id))
+        _read_life(dataset, path, elements)
         _check_values(elements, path)
-        _check_sense(elements, origin, path, degrees=grid.arrays.latlon)
+        _check_sense(elements, path, degrees=grid.arrays.latlon)
+        _check_life(elements, path)
         grid.locate(elements)
-        elements.id[:] = _read_identifiers(dataset, path, elements, grid)
+        elements.id[:] = _read_identifiers(dataset, path, elements, grid, seam)
     _check_unique(elements, path)
-    return elements, origin
+    return elements
 
 
 def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
@@ -142,40 +130,20 @@ def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
     return elements
 
 
-def _read_origin(dataset: netCDF4.Dataset, path: Path, size: int) -> Origin:
-    def read(name: str, default: float | None = None) -> Floats:
-        return column(dataset, path, name, size, default)
-
-    return Origin(
-        start_lon=read("start_lon"),
-        start_lat=read("start_lat"),
-        start_year=whole_column(dataset, path, "start_year", size),
-        start_day=read("start_day"),
-        start_mass=read("start_mass"),
-        mass_scaling=read("mass_scaling"),
-        mass_of_bits=read("mass_of_bits", 0.0),
-        heat_density=read("heat_density", 0.0),
-    )
+def _read_life(dataset: netCDF4.Dataset, path: Path, elements: Elements) -> None:
+    for name, default in LIFE.items():
+        array = getattr(elements.life, name)
+        if array.dtype == np.int64:
+            array[:] = whole_column(dataset, path, name, elements.size)
+        else:
+            array[:] = column(dataset, path, name, elements.size, default)
 
 
-def _read_identifiers(dataset: netCDF4.Dataset, path: Path, elements: Elements, grid: Grid) -> Ints:
+def _read_identifiers(dataset: netCDF4.Dataset, path: Path, elements: Elements, grid: Grid, seam: bool) -> Ints:
     if "iceberg_num" in dataset.variables:
-        return new_identifiers(elements, grid)
+        return new_identifiers(elements, grid, seam)
     size = len(elements.id)
     return join_id(whole_column(dataset, path, "id_cnt", size), whole_column(dataset, path, "id_ij", size))
-
-
-def _refuse_footloose(dataset: netCDF4.Dataset, path: Path, size: int) -> None:
-    for name in ("fl_k", "mass_of_fl_bits"):
-        values = column(dataset, path, name, size, default=0.0)
-        wrong = values < 0 if name == "fl_k" else values > 0
-        if wrong.any():
-            k = int(np.argmax(wrong))
-            raise BergError(
-                f"{name} = {values[k]} of record {k + 1} comes from footloose calving, which KID runs here do not have",
-                where=f"{path}, variable {name}",
-                remedy="Remove the children of footloose calving from the file",
-            )
 
 
 def _check_values(elements: Elements, path: Path) -> None:
@@ -201,7 +169,7 @@ DENSITIES: Final = (200.0, 1100.0)
 """Densities (kg m-3) between which mass over volume lies."""
 
 
-def _check_sense(elements: Elements, origin: Origin, path: Path, *, degrees: bool) -> None:
+def _check_sense(elements: Elements, path: Path, *, degrees: bool) -> None:
     """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers too."""
     for name, most in _LARGEST.items():
         values = getattr(elements, {**REQUIRED, **OPTIONAL}[name])
@@ -218,10 +186,20 @@ def _check_sense(elements: Elements, origin: Origin, path: Path, *, degrees: boo
             where=f"{path}, variable mass",
             remedy=f"Correct mass, thickness, length or width: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g} kg m-3",
         )
-    _refuse(~(origin.mass_scaling > 0.0), origin.mass_scaling, "mass_scaling", path, "a number above 0")
-    for name in ("start_mass", "mass_of_bits", "start_day"):
-        values = getattr(origin, name)
+
+
+def _check_life(elements: Elements, path: Path) -> None:
+    """Refuse scalings, masses of bits and flags that cannot be."""
+    life = elements.life
+    for name in LIFE:
+        values = getattr(life, name)
+        _refuse(~np.isfinite(values), values, name, path, "a finite number")
+    _refuse(~(life.mass_scaling > 0.0), life.mass_scaling, "mass_scaling", path, "a number above 0")
+    for name in ("start_mass", "mass_of_bits", "start_day", "mass_of_fl_bits", "mass_of_fl_bergy_bits"):
+        values = getattr(life, name)
         _refuse(values < 0.0, values, name, path, "0 or more")
+    flagged = (life.fl_k < 0.0) & ~np.isin(life.fl_k, CHILD_FLAGS)
+    _refuse(flagged, life.fl_k, "fl_k", path, "0 or more, or -1 or -2 of a child of footloose calving")
 
 
 def _refuse(bad: NDArray[np.bool_], values: Floats, name: str, path: Path, demand: str) -> None:
@@ -245,10 +223,10 @@ def _check_unique(elements: Elements, path: Path) -> None:
         )
 
 
-def _columns(elements: Elements, origin: Origin, grid: Grid) -> dict[str, NDArray[Any]]:
+def _columns(elements: Elements, grid: Grid) -> dict[str, NDArray[Any]]:
     """Return all variables by KID's names."""
     columns: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
-    columns.update(origin._asdict())
+    columns.update({name: getattr(elements.life, name) for name in LIFE})
     columns["ine"], columns["jne"] = cell_indices(elements, grid)
     columns["id_cnt"], columns["id_ij"] = split_id(elements.id)
     columns["static_berg"] = np.where(
@@ -287,6 +265,11 @@ _BERG: Final = (
     Column("mass_of_bits", "f8", "mass of bergy bits", "kg"),
     Column("heat_density", "f8", "heat density", "J/kg"),
 )
+_FOOTLOOSE: Final = (
+    Column("fl_k", "f8", "footloose calving k", "m"),
+    Column("mass_of_fl_bits", "f8", "mass of footloose bits", "kg"),
+    Column("mass_of_fl_bergy_bits", "f8", "mass of bergy bits associated with footloose bits", "kg"),
+)
 _FAST: Final = (
     Column("axn_fast", "f8", "sub-step explicit zonal acceleration", "m/s^2"),
     Column("ayn_fast", "f8", "sub-step explicit meridional acceleration", "m/s^2"),
@@ -301,18 +284,20 @@ _SPIN: Final = (
 _STATIC: Final = (Column("static_berg", "f8", "static_berg", "dimensionless"),)
 
 
-def write_restart(path: Path, elements: Elements, origin: Origin, grid: Grid, parameters: Parameters) -> None:
+def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parameters) -> None:
     """Write a restart file in KID's layout.
 
-    Accelerations are written for Verlet stepping, fast ones for multiple time steps, rotation for DEM bonds, and
+    Accelerations are written for Verlet stepping, foot and footloose bits with footloose calving, fast accelerations for
+    multiple time steps, rotation for DEM bonds, and
     ``static_berg`` only where an element is static, as KID does (marks of the contact iteration alone do not count:
     the reference's restarts lack them).
     """
-    values = _columns(elements, origin, grid)
+    values = _columns(elements, grid)
     scheme = parameters.stepping.scheme
     layout = [*_BASE]
     layout += _VERLET if scheme != "runge_kutta" else ()
     layout += _BERG
+    layout += _FOOTLOOSE if parameters.footloose.enabled else ()
     layout += _FAST if scheme == "mts" else ()
     layout += _SPIN if parameters.bonds.law == "dem" else ()
     layout += _STATIC if (elements.static >= 0.5).any() else ()

@@ -15,11 +15,12 @@ from riftberg.errors import InputError, RunError
 from riftberg.input_files import is_folder
 from riftberg.interrupts import held, say
 from riftberg.kid.bond_restart import read_bonds, write_bonds
-from riftberg.kid.checks import check_bits, check_calving_store, check_distances, check_rolling, order_sides
+from riftberg.kid.checks import check_calving_store, check_distances, order_sides
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
+from riftberg.kid.life import attach_life, without_idle_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
-from riftberg.kid.restart import Origin, read_restart, write_restart
+from riftberg.kid.restart import read_restart, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid
@@ -48,8 +49,6 @@ class KidCase:
         Length and calendar.
     grid : Grid
         The driver's grid.
-    origin : Origin
-        What the restart says beyond the state.
     model : Model
         The model at its initial state.
     notes : list of str
@@ -61,7 +60,6 @@ class KidCase:
     parameters: Parameters
     clock: Clock
     grid: Grid
-    origin: Origin
     model: Model
     notes: list[str] = field(default_factory=list)
 
@@ -89,13 +87,15 @@ class KidReport:
         return "\n".join([*self.lines, *(f"wrote {path}" for path in self.files)])
 
 
-def load_case(case_dir: Path) -> KidCase:
+def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     """Read and check a KID run folder; nothing is written.
 
     Parameters
     ----------
     case_dir : pathlib.Path
         Folder with ``input.nml`` and the restart folder it names.
+    ranks : tuple of int, optional
+        Processes along x and y of the run of the reference that is followed; footloose calving depends on them (quirk T10).
 
     Raises
     ------
@@ -111,21 +111,24 @@ def load_case(case_dir: Path) -> KidCase:
     grid = build_grid(namelist, folder)
     forcing = driver_forcing(namelist, grid, folder, clock)
     restarts = folder / namelist.icebergs.text("restart_input_dir")
-    elements, origin = read_restart(restarts / RESTART, grid)
     earth = parameters.earth
+    elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
     check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
-    notes = _prepare_elements(elements, origin, namelist.icebergs, restarts)
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
-    check_rolling(elements, namelist.icebergs, breakable=parameters.fracture.enabled)
-    origin = _start_beam_test(elements, origin, namelist.icebergs)
+    parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
+    notes = _prepare_elements(elements, namelist.icebergs, parameters, restarts)
+    _start_beam_test(elements, namelist.icebergs)
     berg = _iceberg(elements, bonds, parameters, restarts / RESTART)
     start = datetime(1, 1, 1) + timedelta(seconds=clock.offset)
-    return KidCase(folder, namelist, parameters, clock, grid, origin, Model(berg, forcing, parameters, start), notes)
+    model = Model(berg, forcing, parameters, start)
+    attach_life(model, namelist.icebergs, clock, restarts, ranks)
+    return KidCase(folder, namelist, parameters, clock, grid, model, notes)
 
 
-def _prepare_elements(elements: Elements, origin: Origin, group: NamelistGroup, restarts: Path) -> list[str]:
-    check_bits(origin, group)
+def _prepare_elements(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> list[str]:
     check_calving_store(restarts, group)
+    if parameters.melt.enabled:
+        return []  # melt orders the sides itself
     turned = 0 if group.flag("Iceberg_melt_without_decay") else order_sides(elements)
     return [f"length and width exchanged in {turned} elements, as KID does in its first step"] if turned else []
 
@@ -146,13 +149,13 @@ def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parame
     return bonds
 
 
-def _start_beam_test(elements: Elements, origin: Origin, group: NamelistGroup) -> Origin:
+def _start_beam_test(elements: Elements, group: NamelistGroup) -> None:
     """Put on the loads of a beam test, which also makes the present positions the places of origin."""
     kind = group.whole("dem_beam_test")
     if kind < 1:
-        return origin
+        return
     apply_beam_test(elements, kind)
-    return origin._replace(start_lon=elements.lon.copy(), start_lat=elements.lat.copy())
+    elements.life.start_lon[:], elements.life.start_lat[:] = elements.lon, elements.lat
 
 
 def _iceberg(elements: Elements, bonds: Bonds, parameters: Parameters, source: Path) -> Iceberg:
@@ -169,7 +172,9 @@ def _iceberg(elements: Elements, bonds: Bonds, parameters: Parameters, source: P
     )
 
 
-def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -> KidReport:
+def run_kid(
+    case_dir: Path, output: Path, *, progress: Recorder | None = None, ranks: tuple[int, int] = (1, 1)
+) -> KidReport:
     """Run a KID case and write its files.
 
     Written are the trajectory, beside it ``<stem>_restart.nc`` and, with bonds, ``<stem>_bonds_restart.nc``; with
@@ -184,6 +189,8 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
         Trajectory file; or a folder, in which the files get the names of the namelist.
     progress : Recorder, optional
         Called after every long step, for example to show a bar.
+    ranks : tuple of int, optional
+        Processes along x and y of the run of the reference that is followed; only footloose calving depends on them.
 
     Returns
     -------
@@ -201,11 +208,11 @@ def run_kid(case_dir: Path, output: Path, *, progress: Recorder | None = None) -
         request to terminate.
     """
     with held():
-        return _run(case_dir, output, progress)
+        return _run(case_dir, output, progress, ranks)
 
 
-def _run(case_dir: Path, output: Path, progress: Recorder | None) -> KidReport:
-    case = load_case(Path(case_dir))
+def _run(case_dir: Path, output: Path, progress: Recorder | None, ranks: tuple[int, int]) -> KidReport:
+    case = load_case(Path(case_dir), ranks)
     paths = _output_paths(case, Path(output))
     recorders, files = _recorders(case, paths)
     if progress is not None:
@@ -263,17 +270,17 @@ def _recorders(case: KidCase, paths: dict[str, Path]) -> tuple[list[Recorder], l
     files: list[Path] = []
     if group.flag("ignore_traj"):
         return recorders, files
-    recorders.append(TrajectoryRecorder(paths["trajectory"], group, case.origin, case.clock))
+    recorders.append(TrajectoryRecorder(paths["trajectory"], group, case.clock))
     files.append(paths["trajectory"])
     if group.flag("save_bond_traj") and group.flag("iceberg_bonds_on"):
-        recorders.append(BondRecorder(paths["bonds"], group, case.origin, case.clock))
+        recorders.append(BondRecorder(paths["bonds"], group, case.clock))
         files.append(paths["bonds"])
     return recorders, files
 
 
 def _write_restarts(case: KidCase, paths: dict[str, Path]) -> list[Path]:
     model, p = case.model, case.parameters
-    write_restart(paths["restart"], model.elements, case.origin, case.grid, p)
+    write_restart(paths["restart"], model.elements, case.grid, p)
     if p.bonds.law == "none":
         return [paths["restart"]]
     dem = case.namelist.icebergs.flag("dem")

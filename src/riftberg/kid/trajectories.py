@@ -19,10 +19,11 @@ from riftberg.kid.driver import Clock
 from riftberg.kid.identifiers import split_id
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import Column
-from riftberg.kid.restart import Origin
+from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
+from riftberg.stepping.births import by_identifier
 
 KM2: Final = 1e6
 """Square metres in the unit of the area thresholds."""
@@ -44,6 +45,12 @@ _MASS: Final = (
     Column("mass_of_bits", "f8", "mass_of_bits", "kg"),
     Column("uvel", "f8", "zonal spped", "m/s"),
     Column("vvel", "f8", "meridional spped", "m/s"),
+)
+_FOOTLOOSE: Final = (
+    Column("mass_scaling", "f8", "mass_scaling", "dimensionless"),
+    Column("mass_of_fl_bits", "f8", "mass_of_fl_bits", "kg"),
+    Column("mass_of_fl_bergy_bits", "f8", "mass_of_fl_bergy_bits", "kg"),
+    Column("fl_k", "f8", "footloose calving k", "none"),
 )
 _LONG: Final = (
     Column("uvel_prev", "f8", "zonal speed mts", "m/s"),
@@ -119,6 +126,13 @@ FIELDS: Final = {
     "ang_vel": "spin",
     "ang_accel": "spin_rate",
     "rot": "rotation",
+    "start_mass": "start_mass",
+    "mass_of_bits": "mass_of_bits",
+    "heat_density": "heat_density",
+    "mass_scaling": "mass_scaling",
+    "mass_of_fl_bits": "mass_of_fl_bits",
+    "mass_of_fl_bergy_bits": "mass_of_fl_bergy_bits",
+    "fl_k": "fl_k",
 }
 """Variables of the trajectory and the fields of `Elements` that they come from."""
 
@@ -127,6 +141,7 @@ def trajectory_columns(group: NamelistGroup, parameters: Parameters) -> list[Col
     """Return the variables of the trajectory file that KID writes for these settings, in its order."""
     columns = [*_WHEN, *_IDENTIFIER]
     columns += _MASS if group.flag("save_fl_traj") else ()
+    columns += _FOOTLOOSE if group.flag("save_fl_traj") and group.flag("footloose") else ()
     if not group.flag("save_short_traj"):
         columns += _LONG
         columns += _FAST if parameters.stepping.scheme == "mts" else ()
@@ -150,8 +165,11 @@ def sampling_hours(group: NamelistGroup) -> float:
     return hours
 
 
-def recorded(elements: Elements, group: NamelistGroup, origin: Origin, density: float, year: int) -> NDArray[np.bool_]:
-    """Return which elements KID records: large enough, bonded, late enough, or of a chosen class of initial mass."""
+def recorded(elements: Elements, group: NamelistGroup, density: float, year: int) -> NDArray[np.bool_]:
+    """Return which elements KID records: large enough, bonded, late enough, or of a chosen class of initial mass.
+
+    Children of footloose calving have a threshold of their own too, but a lower one for all serves them as well.
+    """
     area = elements.mass / (density * elements.thickness)
     chosen = (area >= group.number("traj_area_thres") * KM2) | (elements.bond_count > 0)
     if year > group.number("save_all_traj_year"):
@@ -159,8 +177,9 @@ def recorded(elements: Elements, group: NamelistGroup, origin: Origin, density: 
     if group.flag("save_nonfl_traj_by_class"):
         south = group.number("save_traj_by_class_start_mass_thres_s")
         north = group.number("save_traj_by_class_start_mass_thres_n")
-        heavy = origin.start_mass >= np.where(elements.lat < 0, south, north)
+        heavy = (elements.start_mass >= np.where(elements.lat < 0, south, north)) & (elements.fl_k >= 0.0)
         chosen |= heavy & (area > group.number("traj_area_thres_sntbc") * KM2)
+    chosen |= (elements.fl_k < 0.0) & (area > group.number("traj_area_thres_fl") * KM2)
     return chosen
 
 
@@ -170,8 +189,8 @@ class _Sampler:
     A record made at the end of a step carries the time of the step's start (quirks Q7, T28).
     """
 
-    def __init__(self, path: Path, group: NamelistGroup, origin: Origin, clock: Clock) -> None:
-        self.path, self.group, self.origin, self.clock = Path(path), group, origin, clock
+    def __init__(self, path: Path, group: NamelistGroup, clock: Clock) -> None:
+        self.path, self.group, self.clock = Path(path), group, clock
         self.hours = sampling_hours(group)
         self.block_hours = group.number("traj_write_hrs")
         self._writer: BlockWriter | None = None
@@ -211,8 +230,6 @@ class TrajectoryRecorder(_Sampler):
         File to make; an existing one is replaced.
     group : NamelistGroup
         ``icebergs_nml``: layout, sampling and selection.
-    origin : Origin
-        What the restart says beyond the state.
     clock : Clock
         Calendar of the run.
     """
@@ -222,26 +239,25 @@ class TrajectoryRecorder(_Sampler):
 
     def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         if model.parameters.stepping.scheme != "mts":
-            self._look_around(model)
+            look_around(model, (model.step_number - 1) * self.clock.dt, self.group.flag("dem"))
         e = model.elements
-        rows = np.flatnonzero(recorded(e, self.group, self.origin, model.parameters.ice.density, date.year))
+        rows = np.flatnonzero(recorded(e, self.group, model.parameters.ice.density, date.year))
         columns: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
         columns.update(_stamp_of_file(date, len(rows)))
         columns["id_cnt"], columns["id_ij"] = split_id(e.id[rows])
-        for name in ("start_mass", "mass_of_bits", "heat_density"):
-            columns[name] = getattr(self.origin, name)[rows]
         columns["halo_berg"] = np.zeros(len(rows))
         return columns
 
-    def _look_around(self, model: BareModel) -> None:
-        """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
 
-        KID does so in its thermodynamics, but leaves the depth as the step found it. The next step looks again.
-        """
-        depth = model.elements.depth.copy()
-        model.forcing.sample(model.elements, (model.step_number - 1) * self.clock.dt)
-        if not self.group.flag("dem"):
-            model.elements.depth[:] = depth
+def look_around(model: LifeModel, time: float, dem: bool) -> None:
+    """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
+
+    KID does so in its thermodynamics, but leaves the depth as the step found it. The next step looks again.
+    """
+    depth = model.elements.depth.copy()
+    model.forcing.sample(model.elements, time)
+    if not dem:
+        model.elements.depth[:] = depth
 
 
 def _stamp_of_file(date: Date, size: int) -> dict[str, NDArray[Any]]:
@@ -270,6 +286,7 @@ class BondRecorder(_Sampler):
         """Make the file, and keep the initial lengths."""
         e, b = model.elements, model.bonds
         self._first_length: Floats = np.hypot(e.lon[b.first] - e.lon[b.second], e.lat[b.first] - e.lat[b.second])
+        self._first_bonds = b.id.copy()
         super().start(model)
 
     def _columns(self, model: BareModel) -> list[Column]:
@@ -278,9 +295,11 @@ class BondRecorder(_Sampler):
     def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         e, p = model.elements, model.parameters
         columns = directed(model.bonds, self.group.flag("dem"))
-        length = model.bonds.bond_length if p.bonds.law == "dem" else self._first_length
+        length = model.bonds.bond_length
+        if p.bonds.law != "dem":
+            length = by_identifier(self._first_bonds, self._first_length, model.bonds.id)
         columns["length"] = np.tile(length[model.bonds.status != GONE], 2)
-        keep = recorded(e, self.group, self.origin, p.ice.density, date.year)[columns["first"]]
+        keep = recorded(e, self.group, p.ice.density, date.year)[columns["first"]]
         columns = {name: values[keep] for name, values in columns.items()}
         a, b = columns["first"], columns["other"]
         metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)

@@ -362,7 +362,7 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
 
 _SURROUNDINGS: Final = frozenset(
     ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "sst", "sss", "ice_fraction", "ice_thickness",
-     "vorticity")
+     "vorticity", "keel_temperature", "keel_salinity")
 )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.parameters import Parameters
 from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
-from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Life, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.stepping.contacts import Contact, ContactLog
 from riftberg.stepping.fragments import Fragment
@@ -47,6 +47,7 @@ ADDED = {
     "element_bond_area": 3,
     "element_substeps": 3,
     "element_sides": 4,
+    **{f"element_{name}": 4 for name in (*Life._fields, "keel_temperature", "keel_salinity")},
 }
 """Variables that earlier layouts did not have, and the first that has them; states of their time had the default values."""
 

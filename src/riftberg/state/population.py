@@ -80,23 +80,37 @@ class Population:
             )
         return np.asarray(order[place], np.int64)
 
-    def append(self, elements: Elements, bonds: Bonds | None = None) -> Ints:
+    def append(self, elements: Elements, bonds: Bonds | None = None, *, ids: Ints | None = None) -> Ints:
         """Add elements and bonds between them.
 
         Parameters
         ----------
         elements : Elements
-            The newly born; copied. Identifiers are given here.
+            The newly born; copied.
         bonds : Bonds, optional
             Bonds between them; their ends are rows of ``elements``.
+        ids : array of int, optional
+            Their identifiers, which must never have been used; the next free ones if left out.
 
         Returns
         -------
         array of int
             Identifiers of the newly born.
+
+        Raises
+        ------
+        InputError
+            If an identifier is in use.
         """
-        ids = np.arange(self.next_element, self.next_element + elements.size)
-        self.next_element += elements.size
+        if ids is None:
+            ids = np.arange(self.next_element, self.next_element + elements.size)
+        elif np.isin(ids, self._elements.body.id).any() or np.unique(ids).size != elements.size:
+            raise InputError(
+                f"one of the identifiers {ids.tolist()[:5]} is in use, or stands twice",
+                where="population",
+                remedy="Give each newly born an identifier of its own",
+            )
+        self.next_element = max(self.next_element, _above(ids))
         before = self._elements.size
         self._room = _extended(self._room, before, {**elements.arrays(), "id": ids})
         self._show(before + elements.size, self._bonds.first.size)

@@ -134,6 +134,25 @@ class Body(NamedTuple):
     substeps: Annotated[Ints, _is("1", "sub-steps in a long step of the berg of the element; 0 while not yet known")]
 
 
+class Life(NamedTuple):
+    """What melt, footloose calving and births know of the elements; masses are those of one of the bergs it stands for."""
+
+    mass_scaling: Annotated[Floats, _is("1", "number of equal bergs that the element stands for", default=1.0)]
+    mass_of_bits: Annotated[Floats, _is("kg", "mass of bergy bits")]
+    mass_of_fl_bits: Annotated[Floats, _is("kg", "mass of footloose bits")]
+    mass_of_fl_bergy_bits: Annotated[Floats, _is("kg", "mass of bergy bits of the footloose bits")]
+    fl_k: Annotated[
+        Floats,
+        _is("m2", "area of the submerged foot; -1 child of footloose calving, -2 child that may collide"),
+    ]
+    heat_density: Annotated[Floats, _is("J kg-1", "heat that the ice brings with it")]
+    start_lon: Annotated[Floats, _is("degrees_east", "longitude of calving")]
+    start_lat: Annotated[Floats, _is("degrees_north", "latitude of calving")]
+    start_year: Annotated[Ints, _is("1", "year of calving")]
+    start_day: Annotated[Floats, _is("d", "day of the year of calving")]
+    start_mass: Annotated[Floats, _is("kg", "mass at calving")]
+
+
 class Environment(NamedTuple):
     """What the forcing says at the places of the elements."""
 
@@ -162,6 +181,15 @@ class Environment(NamedTuple):
     ]  # fmt: skip
     sst: Annotated[Floats, _is("degree_Celsius", "sea-surface temperature", standard_name="sea_surface_temperature")]
     sss: Annotated[Floats, _is("1e-3", "sea-surface salinity", standard_name="sea_surface_salinity", default=-1.0)]
+    keel_temperature: Annotated[
+        Floats,
+        _is("degree_Celsius", "temperature of the sea, mean over the draft; NaN where that of the surface holds",
+            default=np.nan),
+    ]  # fmt: skip
+    keel_salinity: Annotated[
+        Floats,
+        _is("1e-3", "salinity of the sea, mean over the draft; NaN where that of the surface holds", default=np.nan),
+    ]
     ice_fraction: Annotated[Floats, _is("1", "sea-ice area fraction", standard_name="sea_ice_area_fraction")]
     ice_thickness: Annotated[Floats, _is("m", "sea-ice thickness", standard_name="sea_ice_thickness", output=True)]
     vorticity: Annotated[Floats, _is("s-1", "relative vorticity of the ocean current")]
@@ -178,6 +206,7 @@ class Elements(NamedTuple):
     motion: Motion
     kicks: Kicks
     body: Body
+    life: Life
     environment: Environment
 
     def __getattr__(self, name: str) -> NDArray[Any]:

@@ -1,0 +1,95 @@
+"""Melt, rolling and footloose calving of a KID run, attached with KID's own rules.
+
+Source: specification of thermodynamics and files, sections 1 and 2; quirks T5 to T13, T44 to T46.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.kid.driver import Clock
+from riftberg.kid.identifiers import IdentifierCounter
+from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.trajectories import look_around
+from riftberg.life.draws import ReferenceDraws
+from riftberg.life.process import LifeModel
+from riftberg.life.values import life_values
+from riftberg.parameters import Parameters
+from riftberg.physics.rolling import roll
+from riftberg.runs.model import Model
+from riftberg.state import Bonds, Elements
+
+
+def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: bool) -> Parameters:
+    """Return the parameters, with melt and rolling off where they cannot change anything in the whole run.
+
+    So it is with rates of zero, no bits to melt and no element that would roll, now or once its bonds have broken, and with
+    bergs that do not decay while nothing is returned to an ocean.
+
+    Parameters
+    ----------
+    p : Parameters
+    elements, bonds : Elements, Bonds
+        At the start.
+    passive : bool
+        Whether nothing is returned to an ocean.
+    """
+    off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
+    if p.footloose.enabled:
+        return p
+    if p.melt.keep_shape:
+        return off if passive else p
+    bits = p.melt.bits_fraction > 0.0 and (elements.life.mass_of_bits > 0.0).any()
+    if not p.melt.zero_rates or bits:
+        return p
+    count = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=elements.size)
+    free = (elements.static < 0.5) & ((count == 0) | p.fracture.enabled)
+    return p if p.rolling.enabled and (free & _would_roll(elements, p)).any() else off
+
+
+def _would_roll(elements: Elements, p: Parameters) -> NDArray[np.bool_]:
+    """Whether elements without bonds would roll at once."""
+    values, body = life_values(p), elements.body
+    shapes = zip(body.thickness.tolist(), body.width.tolist(), body.length.tolist(), strict=True)
+    rolled = [roll(t, w, q, values.rolling_scheme, values.tip, values.rho_ice)[0] != t for t, w, q in shapes]
+    return np.asarray(rolled, np.bool_)
+
+
+def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path, ranks: tuple[int, int]) -> None:
+    """Give the life of a model KID's rules: its environment, dates, identifiers and random numbers.
+
+    Parameters
+    ----------
+    model : Model
+        Changed.
+    group : NamelistGroup
+        ``icebergs_nml``.
+    clock : Clock
+        Calendar of the run.
+    restarts : pathlib.Path
+        Folder of the restart files.
+    ranks : tuple of int
+        Processes along x and y of the run of the reference that is followed.
+    """
+    life, grid = model.life, model.forcing.grid
+    if life is None or grid is None:
+        return
+    first = clock.date(0.0)
+    seed = first.year, first.month, first.day, first.hour, first.minute, int(first.second)
+    life.draws = ReferenceDraws(seed, group.flag("fl_init_child_xy_by_pe"))
+    life.ranks = ranks
+    life.names = IdentifierCounter.beside(restarts, grid, model.elements.id).take
+    single, dem = model.parameters.stepping.scheme != "mts", group.flag("dem")
+
+    def born(m: LifeModel) -> tuple[int, float]:
+        date = clock.date((m.step_number - 1) * clock.dt)
+        return date.year, date.year_day()
+
+    def look(m: LifeModel) -> None:
+        if single:
+            look_around(m, (m.step_number - 1) * clock.dt, dem)
+
+    life.born, life.look_around = born, look

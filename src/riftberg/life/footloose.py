@@ -1,0 +1,400 @@
+"""Footloose calving applied to the population: pieces leave the edges, become bits, and bits become bergs.
+
+A berg of one element follows the rules of the reference. A berg of many elements, which the reference refuses, is cut at its
+edges: the feet of all its elements count together, a piece takes from each element as much area as that has part in the
+foot, and all of it goes to the bits or to the child. Source: specification of thermodynamics and files, section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import RunError
+from riftberg.kernels import kernel
+from riftberg.life.draws import Draws
+from riftberg.life.melted import bit_shape
+from riftberg.life.values import LifeValues
+from riftberg.ocean.geometry import wrap_around
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.search import locate_points
+from riftberg.parameters import Parameters
+from riftberg.physics.footloose import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
+from riftberg.physics.geometry import move
+from riftberg.physics.rolling import roll
+from riftberg.state import Bonds, Elements, Floats, Ints
+
+LARGEST_CUT: Final = 0.5
+"""Part of its area that an element of a bonded berg loses to pieces in one step at most; the rest stays in its foot."""
+
+CHILD: Final = -1.0
+"""Foot of a child of footloose calving that takes no part in contact yet."""
+
+
+class Living(Protocol):
+    """A model, as far as births and deaths go."""
+
+    @property
+    def elements(self) -> Elements:
+        """The elements now."""
+
+    @property
+    def bonds(self) -> Bonds:
+        """The bonds now."""
+
+    def append(
+        self, elements: Elements, bonds: Bonds | None = None, *, parent: int = 0, ids: Ints | None = None
+    ) -> Ints:
+        """Add elements and return their identifiers."""
+
+    def remove(self, ids: Ints) -> None:
+        """Take elements out, with their bonds."""
+
+
+class Circumstances(NamedTuple):
+    """When and where bergs calve.
+
+    Attributes
+    ----------
+    year, day : int and float
+        Date of birth.
+    step : int
+        Number of the long step.
+    grid : Grid or None
+        Grid on which the children lie.
+    draws : Draws
+        Random places on the rim.
+    ranks : tuple of int
+        Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own.
+    names : callable or None
+        Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them.
+    """
+
+    year: int
+    day: float
+    step: int
+    grid: Grid | None
+    draws: Draws
+    ranks: tuple[int, int] = (1, 1)
+    names: Callable[[int, int], int] | None = None
+
+
+class Calved(NamedTuple):
+    """What footloose calving did in a step.
+
+    Attributes
+    ----------
+    cell_i, cell_j : array of int
+        Cells of the parents, one entry for each change of their bits.
+    bits : array
+        Change of the mass of their footloose bits, kg, of all bergs that an element stands for; negative for bergs made of bits.
+    children : int
+        Elements born.
+    density_mass : float
+        Mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs.
+    """
+
+    cell_i: Ints
+    cell_j: Ints
+    bits: Floats
+    children: int
+    density_mass: float
+
+
+class _Calving:
+    """One step of footloose calving on a model."""
+
+    def __init__(self, model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> None:
+        self.model, self.p, self.values, self.when = model, p, values, when
+        self.el = model.elements
+        self.reference = p.compatibility.footloose_sets_density
+        self.changes: list[tuple[int, int, float]] = []
+        self.born: list[tuple[Elements, int]] = []
+        self.gained = 0.0
+
+    def run(self) -> Calved:
+        """Let all bergs calve in turn, and add their children."""
+        alone = self._alone()
+        body, foot = self.el.body, self.el.life.fl_k
+        able = alone & self._eligible() & (foot > 0.0)
+        ready = _ready(foot, able, body.thickness, body.width, body.length, self.values)
+        for e in self._order(np.flatnonzero(alone & ((ready > 0.0) | self._may_spawn()))):
+            if ready[e] > 0.0:
+                self._calve_one(int(e), float(ready[e]))
+            self._spawn(int(e))
+        if not self.reference:
+            for rows in self._bonded_bergs(alone):
+                self._calve_bonded(rows)
+        for child, parent in self.born:
+            self._add(child, parent)
+        cell_i, cell_j, bits = (list(q) for q in zip(*self.changes, strict=True)) if self.changes else ([], [], [])
+        return Calved(
+            np.array(cell_i, np.int64), np.array(cell_j, np.int64), np.array(bits, float), len(self.born), self.gained
+        )
+
+    # ------------------------------------------------------------------------------------------------- who calves
+
+    def _alone(self) -> NDArray[np.bool_]:
+        """Elements that are a berg by themselves; in the reference no other may calve."""
+        count = self.el.body.bond_count
+        if self.reference:
+            wrong = (count > 0) & self._eligible()
+            if wrong.any():
+                e = int(np.argmax(wrong))
+                raise RunError(
+                    f"footloose calving of element {int(self.el.body.id[e])}, which has {int(count[e])} bonds: the "
+                    "reference stops there too; switch footloose off, or run it with Riftberg's own numerics"
+                )
+            return np.ones(self.el.size, bool)
+        members = np.bincount(self.el.body.berg)[self.el.body.berg] if self.el.size else count
+        return np.asarray((members == 1) | (self.el.body.berg == 0))
+
+    def _eligible(self) -> NDArray[np.bool_]:
+        return np.asarray((self.el.body.static < 0.5) & (self.el.life.fl_k >= 0.0))
+
+    def _may_spawn(self) -> NDArray[np.bool_]:
+        life = self.el.life
+        # One event may add bits to those that are there, so that is looked at again berg by berg.
+        return np.asarray(life.mass_of_fl_bits * life.mass_scaling > self.p.footloose.berg_mass)
+
+    def _bonded_bergs(self, alone: NDArray[np.bool_]) -> Iterator[Ints]:
+        """Rows of the elements of each berg of several, berg by berg."""
+        many = np.flatnonzero(~alone)
+        berg = self.el.body.berg[many]
+        for number in np.unique(berg):
+            yield many[berg == number]
+
+    def _order(self, rows: Ints) -> Ints:
+        """Put elements in the order in which the reference visits them, process by process (files, 0.3)."""
+        el, life = self.el, self.el.life
+        keys = (
+            -rows, life.start_lat[rows], life.start_lon[rows], life.start_mass[rows], life.start_day[rows],
+            life.start_year[rows], el.place.cell_i[rows], el.place.cell_j[rows], self._rank_of(rows),
+        )  # fmt: skip
+        return rows[np.lexsort(keys)]
+
+    def _rank_of(self, rows: Ints) -> Ints:
+        """Process of the reference that owns the cells of elements."""
+        return np.array([self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e])) for e in rows], np.int64)
+
+    def _rank(self, i: int, j: int) -> int:
+        if self.when.grid is None or self.when.ranks == (1, 1):
+            return 0
+        g, (across, up) = self.when.grid.arrays, self.when.ranks
+        return (j - g.halo) * up // g.nj * across + (i - g.halo) * across // g.ni
+
+    # ---------------------------------------------------------------------------------------- bergs of one element
+
+    def _calve_one(self, e: int, pieces: float) -> None:
+        """Take pieces from a berg of one element (files, 2.3)."""
+        body, life, v = self.el.body, self.el.life, self.values
+        thickness, width, length = body.thickness[e], body.width[e], body.length[e]
+        wide = piece_width(thickness, v.youngs)
+        life.fl_k[e] -= pieces * (foot_length(thickness, v.youngs, v.strength, v.rho_ice) * (ASPECT * wide))
+        narrow, short = sides_without(pieces, thickness, width, length, v.youngs)
+        if narrow <= 0.0 or short <= 0.0:
+            raise RunError(f"footloose calving leaves nothing of element {int(body.id[e])}")
+        area = length * width - short * narrow
+        density = v.rho_ice if self.reference else body.mass[e] / (thickness * width * length)
+        if self.p.footloose.style == "bits":
+            self._keep_bits(e, density * thickness * area)
+        else:
+            place = self._rim(e, width, length)
+            self._bear(e, place, self._piece(e, thickness, wide, density), pieces * life.mass_scaling[e])
+        before, lost = body.mass[e], density * thickness * area
+        if v.rolls:
+            thickness, narrow, short = roll(thickness, narrow, short, v.rolling_scheme, v.tip, v.rho_ice)
+        body.thickness[e], body.width[e], body.length[e] = thickness, narrow, short
+        body.mass[e] = short * narrow * thickness * density if self.reference else before - lost
+        self.gained += (body.mass[e] + lost - before) * life.mass_scaling[e]
+
+    def _keep_bits(self, e: int, mass: float) -> None:
+        life = self.el.life
+        life.mass_of_fl_bits[e] += mass
+        self._changed(e, mass * life.mass_scaling[e])
+
+    def _changed(self, e: int, mass: float) -> None:
+        self.changes.append((int(self.el.cell_i[e]), int(self.el.cell_j[e]), float(mass)))
+
+    def _spawn(self, e: int) -> None:
+        """Make a berg of the footloose bits of an element where there are enough (files, 2.3, 2.6)."""
+        life, least = self.el.life, self.p.footloose.berg_mass
+        held = life.mass_of_fl_bits[e] * life.mass_scaling[e]
+        if held <= least:
+            return
+        body = self.el.body
+        place = self._rim(e, body.width[e], body.length[e])
+        count = float(np.floor(held / least))
+        shape = bit_shape(body.thickness[e], self.values)
+        mass = shape[0] * shape[2] * shape[1] * self.values.rho_ice
+        scaling = count * least / mass
+        part = mass * scaling / held
+        bergy = part * life.mass_of_fl_bergy_bits[e] * life.mass_scaling[e] / scaling
+        self._bear(e, place, (mass, *shape, bergy), scaling)
+        life.mass_of_fl_bergy_bits[e] *= 1.0 - part
+        life.mass_of_fl_bits[e] -= count * least / life.mass_scaling[e]
+        self._changed(e, -count * least)
+
+    def _piece(self, e: int, thickness: float, wide: float, density: float) -> tuple[float, float, float, float, float]:
+        """Mass (kg), thickness, width, length (m) and bits (kg) of one piece that has just broken off."""
+        return wide * (ASPECT * wide) * thickness * density, thickness, wide, ASPECT * wide, 0.0
+
+    # ------------------------------------------------------------------------------------- bergs of many elements
+
+    def _calve_bonded(self, rows: Ints) -> None:
+        """Take pieces from the edges of a berg of many elements, and make a berg of the bits where there are enough."""
+        body, life, v = self.el.body, self.el.life, self.values
+        feet = np.where(self._eligible()[rows], life.fl_k[rows], 0.0)
+        area = body.length[rows] * body.width[rows]
+        if feet.sum() > 0.0:
+            thickness = float((feet * body.thickness[rows]).sum() / feet.sum())
+            wide = piece_width(thickness, v.youngs)
+            each = foot_length(thickness, v.youngs, v.strength, v.rho_ice) * (ASPECT * wide)
+            pieces = float(np.floor(feet.sum() / each))
+            if pieces > 0.0 and np.sqrt(area.sum()) > ASPECT * wide:
+                self._cut_edges(rows, feet / feet.sum(), pieces, (wide, each), area)
+        self._spawn_together(rows)
+
+    def _cut_edges(self, rows: Ints, share: Floats, pieces: float, piece: tuple[float, float], area: Floats) -> None:
+        """Take the area of pieces from edge elements by their share in the foot; the ice goes to bits or to a child."""
+        body, life = self.el.body, self.el.life
+        wide, each = piece
+        wanted = share * pieces * ASPECT * wide * wide
+        taken = np.minimum(wanted, LARGEST_CUT * area)
+        got = np.divide(taken, wanted, out=np.zeros_like(taken), where=wanted > 0.0)
+        life.fl_k[rows] -= share * pieces * each * got
+        part = taken / area
+        mass = body.mass[rows] * part
+        body.mass[rows] -= mass
+        for side in (body.width, body.length):
+            side[rows] *= np.sqrt(1.0 - part)
+        total = float((mass * life.mass_scaling[rows]).sum())
+        if self.p.footloose.style == "bits":
+            for e, m in zip(rows[mass > 0.0], mass[mass > 0.0], strict=True):
+                self._keep_bits(int(e), float(m))
+        elif total > 0.0:
+            self._bear_from_edge(int(rows[np.argmax(share)]), wide, total)
+
+    def _bear_from_edge(self, e: int, wide: float, total: float) -> None:
+        """Make a child of the ice of pieces, as many of them as that mass gives."""
+        body = self.el.body
+        density = body.mass[e] / (body.thickness[e] * body.width[e] * body.length[e])
+        shape = self._piece(e, float(body.thickness[e]), wide, density)
+        self._bear(e, self._rim(e, body.width[e], body.length[e]), shape, total / shape[0])
+
+    def _spawn_together(self, rows: Ints) -> None:
+        """Make a berg of the footloose bits that all elements of a berg hold, at the one that holds most."""
+        life, least = self.el.life, self.p.footloose.berg_mass
+        held = life.mass_of_fl_bits[rows] * life.mass_scaling[rows]
+        if held.sum() <= least:
+            return
+        e, body = int(rows[np.argmax(held)]), self.el.body
+        count = float(np.floor(held.sum() / least))
+        shape = bit_shape(body.thickness[e], self.values)
+        mass = shape[0] * shape[2] * shape[1] * self.values.rho_ice
+        scaling, part = count * least / mass, count * least / held.sum()
+        bergy = part * float((life.mass_of_fl_bergy_bits[rows] * life.mass_scaling[rows]).sum())
+        self._bear(e, self._rim(e, body.width[e], body.length[e]), (mass, *shape, bergy / scaling), scaling)
+        for row, mass_there in zip(rows, held, strict=True):
+            if mass_there > 0.0:
+                self._changed(int(row), -part * float(mass_there))
+        for bits in (life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
+            bits[rows] *= 1.0 - part
+
+    # ------------------------------------------------------------------------------------------------------ births
+
+    def _rim(self, e: int, width: float, length: float) -> tuple[float, float]:
+        """Draw a place on the rim, m east and north of the parent; none without displacement."""
+        if not self.p.footloose.displace:
+            return 0.0, 0.0
+        rank = self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e]))
+        draw = self.when.draws.draw(rank, int(self.el.body.id[e]), self.when.step)
+        return rim_place(draw, float(width), float(length), self.p.compatibility.half_west_rim)
+
+    def _bear(
+        self, e: int, place: tuple[float, float], piece: tuple[float, float, float, float, float], scaling: float
+    ) -> None:
+        """Make a child of an element: mass (kg), thickness, width, length (m), bits (kg) of one berg; how many (files, 2.6)."""
+        child = self.el.taken([e])
+        body, life = child.body, child.life
+        body.mass[0], body.thickness[0], body.width[0], body.length[0], life.mass_of_bits[0] = piece
+        life.mass_scaling[0], life.fl_k[0] = scaling, CHILD
+        life.mass_of_fl_bits[0] = life.mass_of_fl_bergy_bits[0] = 0.0
+        for array in (body.bond_count, body.bond_area, body.substeps, body.load_x, body.load_y, body.in_contact):
+            array[0] = 0
+        body.free_y[0] = 1.0
+        child.motion.spin[0] = child.motion.rotation[0] = child.kicks.spin_rate[0] = 0.0
+        self._put(child, e, place)
+        life.start_lon[0], life.start_lat[0] = child.place.lon[0], child.place.lat[0]
+        life.start_year[0], life.start_day[0] = self.when.year, self.when.day
+        self.born.append((child, e))
+
+    def _put(self, child: Elements, e: int, place: tuple[float, float]) -> None:
+        """Put a child on the rim, or where the parent is if there is no sea of this process there (files, 2.6)."""
+        earth, at = self.p.earth, child.place
+        if place == (0.0, 0.0):
+            return
+        lon, lat = float(at.lon[0]), float(at.lat[0])
+        half = 0.5 * float(self.el.length[e]), 0.5 * float(self.el.width[e])
+        tried = [place, *((sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (-1, 1), (1, 1), (1, -1)))]
+        in_metres = self.p.compatibility.unplaced_child_in_metres
+        for k, (dx, dy) in enumerate(tried):
+            if k > 0 and in_metres:
+                x, y = lon + dx, lat + dy
+            else:
+                x, y = move(lon, lat, dx, dy, 1.0, earth.latlon, earth.radius)
+            if self._holds(child, x, y, e):
+                return
+            if k == 0 and self.when.grid is None:
+                return
+        at.lon[0], at.lat[0] = lon, lat
+
+    def _holds(self, child: Elements, x: float, y: float, e: int) -> bool:
+        """Put a child at a point, with its cell, if that is sea that the process of the parent owns."""
+        at, grid = child.place, self.when.grid
+        if grid is None:
+            at.lon[0], at.lat[0] = x, y
+            return True
+        g = grid.arrays
+        i, j, xi, eta = np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros(1), np.zeros(1)
+        locate_points(np.array([x]), np.array([y]), g, True, i, j, xi, eta)
+        if i[0] < 0 or g.mask[j[0], i[0]] < 0.5:
+            return False
+        if self._rank(int(i[0]), int(j[0])) != self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e])):
+            return False
+        if g.period > 0.0:
+            x = wrap_around(x, float(g.lon_centre[j[0], i[0]]), g.period)
+        at.lon[0], at.lat[0], at.cell_i[0], at.cell_j[0], at.xi[0], at.eta[0] = x, y, i[0], j[0], xi[0], eta[0]
+        return True
+
+    def _add(self, child: Elements, parent: int) -> None:
+        names, ids = self.when.names, None
+        if names is not None:
+            ids = np.array([names(int(self.el.cell_i[parent]), int(self.el.cell_j[parent]))], np.int64)
+        self.model.append(child, ids=ids)
+
+
+@kernel
+def _ready(
+    foot: Floats, able: NDArray[np.bool_], thickness: Floats, width: Floats, length: Floats, v: LifeValues
+) -> Floats:
+    """Pieces that are ready to break from each of the elements that are able to calve by themselves."""
+    ready = np.zeros(foot.size)
+    for e in range(foot.size):
+        if able[e]:
+            ready[e] = pieces_ready(foot[e], thickness[e], width[e], length[e], v.youngs, v.strength, v.rho_ice)
+    return ready
+
+
+def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> Calved:
+    """Let all bergs of a model calve by the footloose mechanism, and make bergs of bits.
+
+    Raises
+    ------
+    RunError
+        If a berg with bonds would calve by the reference's rules, which know no such bergs.
+    """
+    return _Calving(model, p, values, when).run()

@@ -1,0 +1,154 @@
+"""The life of the bergs as a part of each long step: pieces break off, ice melts, bergs that are gone are removed."""
+
+from __future__ import annotations
+
+import calendar
+from collections.abc import Callable
+from datetime import datetime
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+
+from riftberg.life.draws import Draws, OwnDraws
+from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose
+from riftberg.life.ledger import Balance, Ledger, latent_deficit, stocks
+from riftberg.life.thermodynamics import MeltStep, melt_step
+from riftberg.life.values import life_values
+from riftberg.ocean.forcing import Forcing
+from riftberg.parameters import Parameters
+from riftberg.state import Floats
+
+LEDGER: Final = "life_ledger"
+"""Name under which a restart keeps the ledger."""
+
+
+def lives(p: Parameters) -> bool:
+    """Whether anything but motion changes the bergs of a run."""
+    return p.melt.enabled or p.rolling.enabled or p.footloose.enabled
+
+
+class LifeModel(Living, Protocol):
+    """What the life of bergs asks of a model."""
+
+    parameters: Parameters
+    forcing: Forcing
+    start: datetime
+    time: float
+    step_number: int
+    remembered: dict[str, Floats]
+
+
+class LifeStep(NamedTuple):
+    """What happened in a step beside motion.
+
+    Attributes
+    ----------
+    melt : MeltStep
+    calved : Calved or None
+        Of footloose calving; None without.
+    """
+
+    melt: MeltStep
+    calved: Calved | None
+
+
+class LifeProcess:
+    """Melt, rolling and footloose calving of a model, once in each long step.
+
+    Parameters
+    ----------
+    parameters : Parameters
+
+    Attributes
+    ----------
+    last : LifeStep or None
+        What the last step did, for those who hand it on to an ocean.
+    look_around : callable or None
+        Called with the model before the melt, where the environment must be taken anew (KID).
+    born : callable
+        Returns year and day of the year for what is born in the step that has just ended.
+    ranks, names, draws
+        See `riftberg.life.footloose.Circumstances`.
+    """
+
+    def __init__(self, parameters: Parameters) -> None:
+        self.parameters, self.values = parameters, life_values(parameters)
+        own = parameters.footloose
+        self.last: LifeStep | None = None
+        self.look_around: Callable[[LifeModel], None] | None = None
+        self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
+        self.draws: Draws = OwnDraws(own.seed, own.one_draw)
+        self.ranks: tuple[int, int] = (1, 1)
+        self.names: Callable[[int, int], int] | None = None
+        self._ledger: Ledger | None = None
+
+    def act(self, model: LifeModel) -> None:
+        """Do what a step does to bergs beside moving them; the model stands at its end."""
+        ledger = self.ledger(model)
+        ledger.find_others(model.elements)
+        born = self.born(model)
+        calved = self._calve(model, born, ledger) if self.parameters.footloose.enabled else None
+        if self.look_around is not None:
+            self.look_around(model)
+        step = melt_step(model.elements, self.values, born)
+        if step.gone.any():
+            model.remove(step.id[step.gone])
+        ledger.melted(step)
+        self._enter_rest(ledger, step)
+        self.last = LifeStep(step, calved)
+        self._keep(model, ledger)
+
+    def enter(self, model: LifeModel, source: str, mass: float, heat: float) -> None:
+        """Enter ice (kg) that another process has just added, and its heat (J), under a name of `ledger.SOURCES`."""
+        ledger = self.ledger(model)
+        ledger.gain(source, mass, heat)
+        self._keep(model, ledger)
+
+    def balance(self, model: LifeModel) -> Balance:
+        """Return the ledger from the start of the run to now."""
+        ledger = self.ledger(model)
+        ledger.find_others(model.elements)
+        return ledger.balance(model.elements)
+
+    @staticmethod
+    def _keep(model: LifeModel, ledger: Ledger) -> None:
+        ledger.close_step(model.elements)
+        model.remembered[LEDGER] = ledger.kept()
+
+    def ledger(self, model: LifeModel) -> Ledger:
+        """Return the ledger of the run so far, from before the first step or from a restart."""
+        if self._ledger is None or LEDGER not in model.remembered:
+            self._ledger = Ledger(model.elements)
+        if LEDGER in model.remembered:
+            self._ledger.take_up(model.remembered[LEDGER])
+        return self._ledger
+
+    def _calve(self, model: LifeModel, born: tuple[int, float], ledger: Ledger) -> Calved:
+        before = stocks(model.elements)
+        when = Circumstances(*born, model.step_number, model.forcing.grid, self.draws, self.ranks, self.names)
+        calved = calve_footloose(model, self.parameters, self.values, when)
+        now = stocks(model.elements)
+        if calved.density_mass != 0.0:
+            ledger.gain("density_reset", calved.density_mass, now[1] - before[1])
+        return calved
+
+    def _enter_rest(self, ledger: Ledger, step: MeltStep) -> None:
+        """Enter what options of the reference make or lose: bergs that do not decay, bits that are dropped."""
+        per_mass = latent_deficit(step.heat_density)
+        if self.values.keep_shape:
+            ledger.gain("not_decayed", float(step.water.sum()), float((step.water * per_mass).sum()))
+        elif self.values.drop_orphan_bits:
+            dropped = step.melted.dropped * step.scaling
+            ledger.gain("dropped_bits", -float(dropped.sum()), -float((dropped * per_mass).sum()))
+
+
+def date_of_birth(model: LifeModel) -> tuple[int, float]:
+    """Year, and days since its beginning, of the start of the step that has just ended."""
+    date = model.start.replace(tzinfo=None)
+    seconds = model.time - model.parameters.stepping.time_step
+    days = (date - datetime(date.year, 1, 1)).total_seconds() / 86400.0 + seconds / 86400.0
+    year = date.year
+    while days >= (length := 366 if calendar.isleap(year) else 365):
+        days -= length
+        year += 1
+    return year, float(np.float64(days))

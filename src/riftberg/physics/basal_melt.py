@@ -1,0 +1,274 @@
+"""Melt at the base of a large berg as under an ice shelf: exchange of heat and salt through a boundary layer (files, 1.5).
+
+Sources: Holland and Jenkins (1999), J. Phys. Oceanogr. 29; McPhee et al. (1987), J. Geophys. Res. 92.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from riftberg.constants import GRAVITY, RHO_SEAWATER
+from riftberg.kernels import kernel
+
+MIXED_LAYER: Final = 10.0
+VON_KARMAN: Final = 0.40
+ZETA: Final = 0.052
+CRITICAL_RICHARDSON: Final = 0.20
+VISCOSITY: Final = 1.95e-6
+HEAT_DIFFUSIVITY: Final = 1.41e-7
+SALT_DIFFUSIVITY: Final = 8.02e-10
+HEAT_CAPACITY: Final = 3974.0
+FUSION: Final = 3.335e5
+"""Latent heat of fusion in the law of the base, J kg-1."""
+
+ATMOSPHERE: Final = 101325.0
+DENSITY_BY_TEMPERATURE: Final = -0.038357
+DENSITY_BY_SALINITY: Final = 0.805876
+DENSITY_FRESH_COLD: Final = 999.910681
+
+FREEZING_FRESH: Final = 0.0832
+FREEZING_BY_SALINITY: Final = -0.0573
+FREEZING_BY_PRESSURE: Final = -7.53e-8
+
+MOLECULAR_HEAT: Final = 12.5 * (VISCOSITY / HEAT_DIFFUSIVITY) ** (2.0 / 3.0) - 6.0
+MOLECULAR_SALT: Final = 12.5 * (VISCOSITY / SALT_DIFFUSIVITY) ** (2.0 / 3.0) - 6.0
+
+PASSES: Final = 20
+"""Passes of the search for the salinity at the ice in the reference."""
+
+HALVINGS: Final = 50
+"""Halvings of the search for the flux of buoyancy: what is left is round-off."""
+
+
+class Exchange(NamedTuple):
+    """How heat and salt pass through the boundary layer.
+
+    Attributes
+    ----------
+    three_equation : bool
+        Solve for the salinity at the ice too; else the ice is at the freezing point of the water of the ocean.
+    const_gamma : bool
+        Constant exchange coefficients; else by the theory of the boundary layer. In the three-equation law only.
+    gamma_t : float
+        That coefficient for heat; for salt it is divided by 35.
+    least_friction : float
+        Smallest friction velocity, m s-1.
+    drag : float
+        Drag coefficient between water and ice.
+    tide : float
+        Speed of tides that the current lacks, m s-1.
+    as_reference : bool
+        Search as the reference does: the flux of buoyancy evaluated once (quirk T6), plain iteration (T7).
+    """
+
+    three_equation: bool
+    const_gamma: bool
+    gamma_t: float
+    least_friction: float
+    drag: float
+    tide: float
+    as_reference: bool
+
+
+@kernel
+def freezing_point(salinity: float, pressure: float) -> float:
+    """Temperature at which sea water freezes, degrees Celsius.
+
+    Parameters
+    ----------
+    salinity, pressure : float
+        In 1e-3 and Pa.
+    """
+    return (FREEZING_FRESH + FREEZING_BY_SALINITY * salinity) + FREEZING_BY_PRESSURE * pressure
+
+
+@kernel
+def friction_velocity(speed: float, drag: float, tide: float, least: float) -> float:
+    """Friction velocity at the base, m s-1: ``max(u0, sqrt(Cd (q2 + tide2)))``."""
+    return max(least, math.sqrt(drag * (speed * speed + tide * tide)))
+
+
+@kernel
+def _layer_depth(friction: float, coriolis: float) -> float:
+    """Depth of the mixed layer, m: not deeper than rotation lets it become."""
+    f = abs(coriolis)
+    if f == 0.0 or f * MIXED_LAYER <= VON_KARMAN * friction:
+        return MIXED_LAYER
+    return VON_KARMAN * friction / f
+
+
+@kernel
+def _resistance(log: float, ratio: float, stability: float) -> float:
+    """Turbulent part of the resistance of the layer; ``stability`` 1 without a flux of buoyancy, larger with one."""
+    tail = 0.5 * stability / ZETA - 1.0
+    if ratio > stability * stability:
+        return (1.0 / VON_KARMAN) * ((log - 2.0 * math.log(stability)) + tail)
+    return (1.0 / VON_KARMAN) * tail
+
+
+@kernel
+def _logarithm(friction: float, depth: float) -> tuple[float, float]:
+    """Ratio of the depth of the layer to that of its laminar part, and its logarithm; 0 where the layer is all laminar."""
+    ratio = ZETA * ((depth * friction) / (5.0 * VISCOSITY))
+    return ratio, (math.log(ratio) if ratio > 1.0 else 0.0)
+
+
+@kernel
+def _steady_coefficients(friction: float, depth: float, exchange: Exchange) -> tuple[float, float]:
+    """Exchange coefficients of heat and salt without a flux of buoyancy."""
+    if exchange.const_gamma:
+        return exchange.gamma_t, exchange.gamma_t / 35.0
+    log = _logarithm(friction, depth)[1]
+    plain = (1.0 / VON_KARMAN) * (log + (0.5 / ZETA - 1.0))
+    return 1.0 / (MOLECULAR_HEAT + plain), 1.0 / (MOLECULAR_SALT + plain)
+
+
+@kernel
+def _stable_coefficients(friction: float, depth: float, flux: float) -> tuple[float, float]:
+    """Exchange coefficients of heat and salt with a stabilising flux of buoyancy (m2 s-3)."""
+    ratio, log = _logarithm(friction, depth)
+    cube = friction * friction * friction
+    stability = math.sqrt(1.0 + (ZETA / CRITICAL_RICHARDSON) * (depth * VON_KARMAN) / cube * flux)
+    turbulent = _resistance(log, ratio, stability)
+    return 1.0 / (MOLECULAR_HEAT + turbulent), 1.0 / (MOLECULAR_SALT + turbulent)
+
+
+@kernel
+def _buoyancy_flux(heat: float, salt: float, gammas: tuple[float, float], density: float) -> float:
+    """Flux of buoyancy, m2 s-3, of excesses of heat and salt times the friction velocity."""
+    lift, sink = GRAVITY / density * DENSITY_BY_SALINITY, GRAVITY / density * DENSITY_BY_TEMPERATURE
+    return lift * (salt * gammas[1]) + sink * (heat * gammas[0])
+
+
+@kernel
+def _interface(
+    at_ice: float, salinity: float, temperature: float, pressure: float, friction: float, depth: float, density: float,
+    exchange: Exchange,
+) -> tuple[float, float]:  # fmt: skip
+    """Melt (kg m-2 s-1) where the water at the ice has a salinity, and the salinity that this melt would leave there.
+
+    The flux of buoyancy is that of the steady coefficients (quirk T6).
+    """
+    heat, salt = (temperature - freezing_point(at_ice, pressure)) * friction, (salinity - at_ice) * friction
+    gammas = _steady_coefficients(friction, depth, exchange)
+    if not exchange.const_gamma:
+        flux = _buoyancy_flux(heat, salt, gammas, density)
+        if flux > 0.0:
+            gammas = _stable_coefficients(friction, depth, flux)
+    melt = RHO_SEAWATER * HEAT_CAPACITY * (heat * gammas[0]) / FUSION
+    salt_exchange = friction * gammas[1] * RHO_SEAWATER
+    return melt, (salinity * salt_exchange) / (salt_exchange + melt)
+
+
+@kernel
+def _reference_search(
+    salinity: float, temperature: float, pressure: float, friction: float, depth: float, density: float,
+    exchange: Exchange,
+) -> tuple[bool, float]:  # fmt: skip
+    """Plain iteration of the reference for the salinity at the ice; whether it did not fail, and the melt (kg m-2 s-1)."""
+    at_ice, melt, low, high = salinity, 0.0, math.nan, math.nan
+    for _ in range(PASSES):
+        melt, found = _interface(at_ice, salinity, temperature, pressure, friction, depth, density, exchange)
+        change = found - at_ice
+        if abs(change) < 1e-4 * (0.5 * (salinity + at_ice + 1e-10)):
+            return True, melt
+        if change < 0.0:
+            if at_ice > high:
+                return False, melt
+            high = at_ice
+        else:
+            if at_ice < low:
+                return False, melt
+            low = at_ice
+        at_ice = found
+    return True, melt
+
+
+@kernel
+def _salinity_at_ice(
+    salinity: float, temperature: float, pressure: float, friction: float, gammas: tuple[float, float]
+) -> float:
+    """Salinity at the ice with given coefficients: the positive root of the balance of salt, which is a quadratic."""
+    melt = RHO_SEAWATER * HEAT_CAPACITY * friction * gammas[0] / FUSION
+    salt = friction * gammas[1] * RHO_SEAWATER
+    square, line = -melt * FREEZING_BY_SALINITY, salt + melt * (temperature - freezing_point(0.0, pressure))
+    root = math.sqrt(line * line + 4.0 * square * (salinity * salt))
+    if line > 0.0:
+        return 2.0 * (salinity * salt) / (line + root)
+    return (root - line) / (2.0 * square)
+
+
+@kernel
+def _balanced(
+    salinity: float, temperature: float, pressure: float, friction: float, density: float, gammas: tuple[float, float]
+) -> tuple[float, float]:
+    """Excess of heat at the ice, times the friction velocity, and the flux of buoyancy, with given coefficients."""
+    at_ice = _salinity_at_ice(salinity, temperature, pressure, friction, gammas)
+    heat = (temperature - freezing_point(at_ice, pressure)) * friction
+    return heat, _buoyancy_flux(heat, (salinity - at_ice) * friction, gammas, density)
+
+
+@kernel
+def _own_search(
+    salinity: float, temperature: float, pressure: float, friction: float, depth: float, density: float,
+    exchange: Exchange,
+) -> float:  # fmt: skip
+    """Melt (kg m-2 s-1) with salinity at the ice and flux of buoyancy in balance with each other.
+
+    A stabilising flux of buoyancy hinders the exchange that makes it, so there is one flux that makes itself; it is found
+    between none and that of the steady coefficients by halving.
+    """
+    gammas = _steady_coefficients(friction, depth, exchange)
+    heat, flux = _balanced(salinity, temperature, pressure, friction, density, gammas)
+    if not exchange.const_gamma and flux > 0.0:
+        low, high = 0.0, flux
+        for _ in range(HALVINGS):
+            assumed = 0.5 * (low + high)
+            gammas = _stable_coefficients(friction, depth, assumed)
+            heat, flux = _balanced(salinity, temperature, pressure, friction, density, gammas)
+            if flux > assumed:
+                low = assumed
+            else:
+                high = assumed
+    return RHO_SEAWATER * HEAT_CAPACITY * (heat * gammas[0]) / FUSION
+
+
+@kernel
+def basal_melt_rate(
+    speed: float, coriolis: float, salinity: float, temperature: float, thickness: float, rho_ice: float,
+    exchange: Exchange,
+) -> float:  # fmt: skip
+    """Melt of the base in m of ice per second; may be negative, where water would freeze on (files, 1.5).
+
+    Parameters
+    ----------
+    speed : float
+        Of the water past the ice, m s-1.
+    coriolis : float
+        Coriolis parameter, s-1.
+    salinity, temperature : float
+        Of the water, 1e-3 and degrees Celsius.
+    thickness : float
+        Of the ice, m, for the pressure at its base.
+    rho_ice : float
+        kg m-3.
+    exchange : Exchange
+        Law of the boundary layer.
+    """
+    pressure = ATMOSPHERE + GRAVITY * thickness * rho_ice
+    density = DENSITY_FRESH_COLD + DENSITY_BY_TEMPERATURE * temperature + DENSITY_BY_SALINITY * salinity
+    friction = friction_velocity(speed, exchange.drag, exchange.tide, exchange.least_friction)
+    if friction <= 0.0:
+        return 0.0
+    depth = _layer_depth(friction, coriolis)
+    if exchange.three_equation and exchange.as_reference:
+        settled, melt = _reference_search(salinity, temperature, pressure, friction, depth, density, exchange)
+        if settled:
+            return melt / rho_ice
+    elif exchange.three_equation and salinity > 0.0:
+        return _own_search(salinity, temperature, pressure, friction, depth, density, exchange) / rho_ice
+    steady = (1.0 / VON_KARMAN) * (_logarithm(friction, depth)[1] + (0.5 / ZETA - 1.0))
+    gamma = 1.0 / (MOLECULAR_HEAT + steady)
+    heat = friction * gamma * (temperature - freezing_point(salinity, pressure))
+    return RHO_SEAWATER * HEAT_CAPACITY * heat / FUSION / rho_ice

@@ -1,0 +1,62 @@
+"""When a berg that has become narrow rolls over, and what shape it has then (files, 1.11)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from riftberg.kernels import kernel
+from riftberg.physics.floating import draft_of
+
+UPDATED: Final = 1
+"""Scheme: a berg rolls where it is narrower than a ratio times its thickness (Burton et al. 2012)."""
+
+WEEKS_MELLOR: Final = 2
+"""Scheme of Weeks and Mellor (1978)."""
+
+LEGACY: Final = 3
+"""Scheme of the reference's default, known to be wrong: it compares the longer side with the draft."""
+
+
+@kernel
+def roll(
+    thickness: float, width: float, length: float, scheme: int, tip: float, rho_ice: float
+) -> tuple[float, float, float]:
+    """Return thickness, width and length (m) of a berg after it has rolled, or has not; it rolls once at most.
+
+    Rolling exchanges thickness and width; the longer side is the length then.
+
+    Parameters
+    ----------
+    thickness, width, length : float
+        m.
+    scheme : int
+        `UPDATED`: ``tip * T > W``; `WEEKS_MELLOR`: ``W < sqrt(6 q (1 - q) T2 - 72 q T)``; `LEGACY`:
+        ``max(W, L) < sqrt(0.92 D2 + 58.32 D)``; with the draft ``D = q T``, ``q = rho_ice / rho_sea``.
+    tip : float
+        Ratio of the first scheme; 0 or less means ``sqrt(6 q (1 - q))``.
+    rho_ice : float
+        kg m-3.
+    """
+    draft, ratio = draft_of(thickness, rho_ice), draft_of(1.0, rho_ice)
+    if draft <= 0.0:
+        return thickness, width, length
+    if scheme == LEGACY:
+        if max(width, length) < math.sqrt(0.92 * (draft * draft) + 58.32 * draft):
+            thickness, width = width, thickness
+            if width > length:
+                width, length = length, width
+        return thickness, width, length
+    if width > length:
+        width, length = length, width
+    steep = 6.0 * ratio * (1.0 - ratio)
+    if scheme == UPDATED:
+        rolls = (tip if tip > 0.0 else math.sqrt(steep)) * thickness > width
+    else:
+        squared = steep * (thickness * thickness) - 72.0 * ratio * thickness
+        rolls = squared > 0.0 and width < math.sqrt(max(squared, 0.0))
+    if rolls:
+        thickness, width = width, thickness
+        if width > length:
+            width, length = length, width
+    return thickness, width, length
