@@ -88,7 +88,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
         fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.2, frameon=False, handlelength=1.4
     )
     ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute_text(b.decisive.time)}", fontsize=9)
-    ax.set_ylabel(f"fragment {b.fragment}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
+    ax.set_ylabel(f"{b.name or f'fragment {b.fragment}'}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
     ax.set_xlabel("east", fontsize=9)
     ax.tick_params(labelsize=7)
 
