@@ -407,7 +407,12 @@ def berg_line(model: Model) -> str:
         place = f"{latitude(lat, 3)}, {longitude(lon, 3)}"
     count = len(np.unique(e.berg))
     area = float((e.length * e.width).sum()) / 1e6
-    return f"Berg: {len(e.lon)} elements, {area:.6g} km2 in {count} piece{'s' if count != 1 else ''} at {place}"
+    names = [name for name, _ in getattr(model.fragments, "bergs", ())]
+    if len(names) > 1:
+        listed = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"
+        return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {area:.6g} km2, centred at {place}"
+    pieces = f"{count} piece{'s' if count != 1 else ''}"
+    return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {area:.6g} km2 in {pieces} at {place}"
 
 
 def short_summary(summary: dict[str, Any]) -> list[str]:

@@ -42,7 +42,8 @@ def substeps_of_meeting(run: RunState, sizes: Sizes, first: Ints, second: Ints) 
         return own
     rest = sizes.radius[first] + sizes.radius[second]
     stiffness = np.full(first.size, c.contact_spring) if c.contact_spring >= 0.0 else c.modulus / rest**2
-    needed = np.ceil(run.parameters.stepping.time_step * np.sqrt(stiffness) / CONTACT_STEP)
+    needed = run.parameters.stepping.time_step * np.sqrt(stiffness) / CONTACT_STEP
+    needed = 2.0 ** np.ceil(np.log2(np.maximum(needed, 1.0)))  # powers of 2: groups of like numbers go together
     numbers, berg = np.unique(el.berg, return_inverse=True)
     group = connected_parts(numbers.size, berg[first], berg[second], np.zeros(first.size, np.int64))[berg]
     most = np.zeros(int(group.max()) + 1, np.int64)

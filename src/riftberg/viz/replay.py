@@ -227,6 +227,7 @@ class ReplayContent:
                 {
                     "number": int(number),
                     "name": self.scene.name(int(number)),
+                    "of": self._whom(int(run["fragment_parent"].values[k])),
                     "named": int(number) in self.scene.numbers,
                     "parent": int(run["fragment_parent"].values[k]),
                     "birth": float(birth),
@@ -237,6 +238,11 @@ class ReplayContent:
                 }
             )
         return sorted(rows, key=lambda row: (-row["end"], row["number"]))
+
+    def _whom(self, parent: int) -> str:
+        """Return the name of what a fragment broke off, with a space behind it, where bergs have names."""
+        named = "fragment_name" in self.run and any(str(name) for name in self.run["fragment_name"].values)
+        return f"{self.scene.name(parent)} " if named and parent > 0 else ""
 
     # --- water -----------------------------------------------------------------------------------------------------
 
