@@ -99,7 +99,8 @@ def parameters_page() -> str:
 
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
-    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
+    from riftberg.experiments.formula_schema import formula_parts
+    from riftberg.experiments.schema import PRESETS, FieldOfBergs, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
     from riftberg.experiments.yaml_file import sections
 
     text = [
@@ -115,6 +116,8 @@ def experiment_page() -> str:
         ("berg.lattice", LatticeRows),
         ("berg.rifts, each", Rift),
         ("berg.strength", Strength),
+        ("berg.field", FieldOfBergs),
+        *((f"forcing.{name}, kind: formula", part) for name, part in formula_parts()),
     )
     for name, fields in (*sections(), *((name, kind.model_fields) for name, kind in shapes)):
         text.append(f"## {name or 'top level'}\n")

@@ -125,6 +125,12 @@ _CLASSES: dict[str, type[formulas.Formula]] = {
 }
 
 
+def formula_parts() -> list[tuple[str, type[Section]]]:
+    """Return the sections of the formulas by name, for the documentation."""
+    parts = (UniformPart, EddyPart, JetPart, ShearPart, FrontPart, TidePart, SeamountPart, SlopePart, TurningWindPart)
+    return list(zip(_CLASSES, parts, strict=True))
+
+
 def sum_of(forcing: FormulaForcing, *, latlon: bool, latitude: float | None) -> formulas.Sum:
     """Return the forcing that a section describes.
 

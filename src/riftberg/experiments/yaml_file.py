@@ -470,8 +470,6 @@ def build_forcing(
 def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:
     """Give the sections of an experiment file with their keys, for the documentation."""
     yield "", Experiment.model_fields
-    for name in ("berg",):
-        (section,) = kinds_of(Experiment.model_fields[name].annotation)
-        yield name, section.model_fields
+    yield "berg", Berg.model_fields
     for kind, section in _KINDS.items():
         yield f"forcing, kind: {kind}", section.model_fields
