@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from riftberg import A68A_2022, Iceberg, Model, Parameters, Steady
+from riftberg.cli.run import short_summary
 from riftberg.diagnostics.summary import summarize
+from riftberg.diagnostics.why import explain, words
 from riftberg.errors import BergError
 from riftberg.runs.scene import Scene
 
@@ -170,8 +172,8 @@ def test_what_cannot_be_joined_is_refused() -> None:
         ([berg, Iceberg.rectangle(6e3, 6e3, thickness=100.0)], None, "latlon"),
         ([], None, "no list of bergs"),
     ]
-    for bergs, names, words in cases:
-        with pytest.raises(BergError, match=words):
+    for bergs, names, said in cases:
+        with pytest.raises(BergError, match=said):
             Iceberg.join(bergs, names)
     for name in ("", " ", "x" * 61, 3, "a\nb"):
         with pytest.raises(BergError, match="is no name"):
@@ -217,3 +219,27 @@ def test_the_sea_floor_stops_a_berg_whatever_the_bonds_and_sub_steps(law: str, e
     assert np.abs(model.velocity()).max() < 0.02
     floor = model.applied_forces()[:, 5]
     assert np.abs(floor).max() > 1e3
+
+
+def test_why_tells_of_a_collision(tmp_path: Path) -> None:
+    """Thirty explanations of bergs that were hit told of ringing."""
+    beam = Iceberg.rectangle(18e3, 3e3, thickness=200.0, latlon=False).with_rifts(
+        [np.array([[0.0, -5e3], [0.0, 5e3]])], strength=0.02
+    )
+    hammer = Iceberg.rectangle(3e3, 3e3, thickness=200.0, latlon=False, placement=(7.5e3, 3.4e3), velocity=(0.0, -0.4))
+    model = Model(Iceberg.join([beam, hammer], names=["beam", "hammer"]), Steady(), Parameters(earth=PLANE))
+    run = model.run(days=0.25, every_hours=0.5, output=tmp_path / "run.nc")
+    (breakup,) = explain(run, smallest=0.0).breakups
+    assert breakup.name == "beam.1"
+    assert breakup.collision is not None
+    assert breakup.collision.berg == "hammer"
+    text = " ".join(words(explain(run, smallest=0.0)))
+    assert "beam.1" in text
+    assert "broke in a collision: hammer met beam at 0.4 m/s" in text
+    assert "ringing" not in text
+    (met,) = summarize(model)["collisions"]
+    assert met["bergs"] == ["beam", "hammer"]
+    assert met["lat"] == pytest.approx(1.7e3, abs=500.0)
+    lines = short_summary(summarize(model))
+    assert any("beam and hammer met at 0.4 m/s, at x 7.500 km, y" in line for line in lines)
+    assert any("broke off beam afloat" in line and "at x " in line for line in lines)

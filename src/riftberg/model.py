@@ -248,9 +248,8 @@ class BareModel(RunState):
                 self._stepped = self.elements.body.id.copy()
                 self._check_finite()
                 self.contacts.update(
-                    before[3].elements, self.elements.body.berg, self._stepper.touched, before[0], self.time,
-                    self.fragments, self.constants,
-                )  # fmt: skip
+                    before[3].elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
+                )
             else:
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1

@@ -61,17 +61,20 @@ class ContactLog:
         return ContactLog(self.rows, self.quiet)
 
     def update(
-        self, before: Elements, berg: Ints, pairs: tuple[Ints, Ints], began: float, ended: float, tree: FragmentTree,
+        self,
+        before: Elements,
+        pairs: tuple[Ints, Ints],
+        began: float,
+        ended: float,
+        tree: FragmentTree,
         p: KernelParameters,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take note of the pairs of elements that touched in a long step.
 
         Parameters
         ----------
         before : Elements
-            The state before the step, from which speeds and places are taken.
-        berg : array of int
-            Numbers of the fragments after the step.
+            The state before the step: speeds, places, and numbers of the bergs, which may break when they meet.
         pairs : tuple of array
             Rows of the elements of each pair.
         began, ended : float
@@ -82,6 +85,7 @@ class ContactLog:
         first, second = pairs
         if first.size == 0:
             return
+        berg = before.body.berg
         one, other = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
         apart = one != other
         for k in np.unique(np.stack([one, other])[:, apart], axis=1, return_index=True)[1].tolist():
