@@ -347,6 +347,9 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> 
 
 def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     """Build one berg of an experiment; ``place`` is the name of its section."""
+    if berg.field is not None:
+        with _key_named(f"{place}.field"):
+            return _field_of_bergs(berg, berg.field, parameters)
     made = _whole_berg(berg, parameters, folder)
     for index, rift in enumerate(berg.rifts):
         with _key_named(f"{place}.rifts.{index}"):
@@ -392,8 +395,6 @@ def _with_strength(berg: Iceberg, strength: Strength, folder: Path) -> Iceberg:
 def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
-    if berg.field is not None:
-        return _field_of_bergs(berg, berg.field, parameters)
     thickness = berg.thickness if isinstance(berg.thickness, float) else folder / berg.thickness
     common: dict[str, Any] = {
         "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
