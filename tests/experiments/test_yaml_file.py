@@ -297,7 +297,7 @@ def test_a_list_of_bergs_and_formulas(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "where", "what"),
     [
-        ("bergs:\n", "berg:\n  rectangle: {length: 9 km, width: 9 km}\n  placement: [-37, -50]\nbergs:\n", "", "one of berg and bergs"),
+        ("bergs:\n", "berg:\n  lattice: {rows: [[0, 0, 2]]}\n  placement: [-37, -50]\nbergs:\n", "", "one of berg and bergs"),
         ("packing: hexagonal", "packing: round", "bergs.1.packing", "round"),
         ("[-36.7, -56.0]", "[-37.0, -56.0]", "bergs", "overlap"),
         ("name: A", "name: berg 2", "bergs", "two bergs are called"),

@@ -77,7 +77,7 @@ def power_law(share: Floats, least: float, largest: float, exponent: float = EXP
 
 def thickness_of(area: Floats) -> Floats:
     """Return the thickness (m) that goes with plan areas (m2), by the length of bergs of the usual aspect."""
-    return np.interp(np.sqrt(ASPECT * area), LENGTHS, THICKNESSES)
+    return np.asarray(np.interp(np.sqrt(ASPECT * area), LENGTHS, THICKNESSES), np.float64)
 
 
 def places(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 from pydantic import model_validator
@@ -112,7 +113,7 @@ class FormulaForcing(Section):
         return self
 
 
-_CLASSES: dict[str, type[formulas.Formula]] = {
+_CLASSES: dict[str, Callable[..., formulas.Formula]] = {
     "uniform": formulas.Uniform,
     "eddy": formulas.Eddy,
     "jet": formulas.Jet,

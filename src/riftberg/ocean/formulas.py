@@ -133,10 +133,12 @@ class Sum(Formula):
             )
         self.grid = others[0].grid if others else None
         for name in ("latlon", "latitude"):
-            said = {getattr(part, name, None) for part in self.parts} - {None}
+            said: list[Any] = sorted(
+                {getattr(part, name) for part in self.parts if getattr(part, name, None) is not None}
+            )
             if len(said) > 1:
                 raise ForcingError(
-                    f"parts of the forcing disagree on {name}: {' and '.join(map(str, sorted(said)))}",
+                    f"parts of the forcing disagree on {name}: {' and '.join(map(str, said))}",
                     where="forcing",
                     remedy="Give all parts the same",
                 )
