@@ -74,8 +74,8 @@ def parameters_page() -> str:
         "Impossible values and unknown names are refused.\n",
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
-        "the default. `Model(berg, ocean)`, the built-in experiments and YAML files take `A68A_2022`;",
-        "`Parameters()` and `preset: default` start from the defaults. Sources named *spec* are sections of the written specification of KID/iKID's dynamics from which",
+        "the default. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
+        "preset take the defaults, `Parameters()`, which hold for bergs of any size. Sources named *spec* are sections of the written specification of KID/iKID's dynamics from which",
         "Riftberg was made; Q numbers are explained in",
         "[differences from the reference](../explanation/differences-from-the-reference.md).\n",
     ]
