@@ -73,6 +73,17 @@ NAMES: Final = {
     "parameters.Bonds": "parameters.BondParameters",
     "plane.Plane": "plane.ConformalPlane",
     "runs.background.bilinear": "runs.background.on_even_grid",
+    "viz.panels.NO_WATER": "viz.colours.NO_WATER",
+    "viz.panels.damage_map": "viz.colours.damage_map",
+    "viz.panels.day_text": "viz.moments.day_text",
+    "viz.panels.stress_map": "viz.colours.stress_map",
+    "viz.plots.OBSERVED_COLOURS": "viz.colours.OBSERVED_DAYS",
+    "viz.score.MODEL": "viz.colours.MODEL",
+    "viz.score.OBSERVED": "viz.colours.OBSERVED",
+    "viz.style.FRAGMENT_COLOURS": "viz.colours.FRAGMENTS",
+    "viz.style.GROUND_COLOUR": "viz.colours.GROUND",
+    "viz.style.SMALL_COLOUR": "viz.colours.SMALL",
+    "viz.style.speed_map": "viz.colours.speed_map",
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from riftberg import constants
 
@@ -253,11 +253,28 @@ class Earth(Group):
 
     latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "spec 2")
     radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "spec 10.5", gt=0)
-    period: float = quantity(360.0, "degree or m", "zonal period, 0 or less if there is none", "spec 2.4 Lx")
+    period: float = quantity(
+        360.0,
+        "degree or m",
+        "zonal period, 0 or less if there is none; the default of 360 means none where positions are metres",
+        "spec 2.4 Lx",
+    )
     f_plane: bool = quantity(False, "", "constant Coriolis parameter", "spec 2.6")
     reference_latitude: float = quantity(
         0.0, "degree", "latitude of the f-plane and of Cartesian runs", "spec 2.6", ge=-90, le=90
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _degrees_are_no_metres(cls, given: Any) -> Any:
+        """Take the default of 360 as no period where positions are metres: nothing comes round after 360 m."""
+        if (
+            isinstance(given, dict)
+            and given.get("latlon") in (False, 0, "false")
+            and given.get("period", 360.0) == 360.0
+        ):
+            return {**given, "period": 0.0}
+        return given
 
 
 class Melt(Group):

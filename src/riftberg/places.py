@@ -1,4 +1,4 @@
-"""Places in degrees as people write them."""
+"""Places, areas and lengths of time as people write them."""
 
 from __future__ import annotations
 
@@ -12,3 +12,40 @@ def longitude(value: float, digits: int) -> str:
     """Return a longitude (degrees, on any turn) such as ``37.56 W``."""
     value = (value + 180.0) % 360.0 - 180.0
     return f"{abs(value):.{digits}f} {'W' if value < 0.0 else 'E'}"
+
+
+def place_text(lon: float, lat: float, *, latlon: bool, digits: int = 3) -> str:
+    """Return a place: latitude and longitude in degrees, or x and y of a Cartesian run (m) in that order.
+
+    Parameters
+    ----------
+    lon, lat : float
+        Degrees, or x and y in m.
+    latlon : bool
+        Positions are degrees.
+    digits : int, optional
+        Of degrees.
+    """
+    if latlon:
+        return f"{latitude(lat, digits)}, {longitude(lon, digits)}"
+    if max(abs(lon), abs(lat)) < 1e4:
+        return f"x {lon:.6g} m, y {lat:.6g} m"
+    return f"x {lon / 1e3:.6g} km, y {lat / 1e3:.6g} km"
+
+
+def area_text(area: float, *, squared: str = "2") -> str:
+    """Return an area (m2) in km2, or in m2 where that is less than a hectare; ``squared`` is how the power is written."""
+    km2 = area / 1e6
+    if km2 >= 9.5:
+        return f"{km2:,.0f} km{squared}" if squared != "2" else f"{km2:.0f} km{squared}"
+    return f"{km2:.2g} km{squared}" if km2 >= 0.01 or area <= 0.0 else f"{area:.3g} m{squared}"
+
+
+def duration_text(days: float) -> str:
+    """Return a length of time (days) in the unit that suits it: ``17 days``, ``8.33 h``, ``10 s``."""
+    seconds = 86_400.0 * days
+    if seconds >= 86_400.0 * 0.999:
+        return f"{days:g} day" + ("s" if days != 1.0 else "")
+    if seconds >= 3.0 * 3600.0:
+        return f"{seconds / 3600.0:.3g} h"
+    return f"{seconds / 60.0:.3g} min" if seconds > 180.0 else f"{seconds:.3g} s"

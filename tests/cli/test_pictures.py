@@ -57,7 +57,7 @@ def test_plot_draws_what_was_asked_for(folder: Path, tmp_path: Path) -> None:
     )
     assert result.exit_code == 0, result.output
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["dates.png"]
-    assert call("plot", folder, "-k", "map").exit_code == 2
+    assert call("plot", folder, "-k", "chart").exit_code == 2
     assert call("plot", folder, "-d", "tomorrow").exit_code == 2
 
 

@@ -72,3 +72,13 @@ def test_daily_track_follows_drift_and_turn() -> None:
     east = math.radians(track.rows[3][1].lon - track.rows[0][1].lon) * RADIUS * math.cos(math.radians(55.0))
     assert east == pytest.approx(0.2 * 3 * 86400, rel=1e-3)
     assert track_table(track.rows)[1]["time"] == "2020-12-10T13:00:00"
+
+
+def test_a_berg_on_the_seam_of_a_channel_is_put_together() -> None:
+    """Bug: its centroid stood in the middle of the channel, and its long axis lay along it."""
+    x, y = np.array([19.0, 0.5, 0.5, 19.5]) * 1e3, np.array([0.0, 4.0, 6.0, 2.0]) * 1e3
+    found = berg_position(x, y, np.full(4, 1e6), latlon=False, period=20e3)
+    assert (found.lon, found.lat) == (pytest.approx(19_875.0), pytest.approx(3000.0))
+    assert found.azimuth == pytest.approx(
+        berg_position(np.array([-1.0, 0.5, 0.5, -0.5]) * 1e3, y, np.full(4, 1e6), latlon=False).azimuth
+    )

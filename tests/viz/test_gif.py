@@ -11,8 +11,8 @@ from PIL import Image
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.animate import GIF_FPS, write_film
+from riftberg.viz.colours import FRAGMENTS as FRAGMENT_COLOURS
 from riftberg.viz.gif import COLOURS, film_palette
-from riftberg.viz.style import FRAGMENT_COLOURS
 
 
 def bytes_of(colour: str) -> tuple[int, ...]:

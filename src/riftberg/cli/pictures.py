@@ -35,6 +35,18 @@ Dates = Annotated[
     ),
 ]
 
+FORMATS = ("png", "pdf", "svg")
+
+Format = Annotated[
+    str, typer.Option("--format", "-f", metavar="FORMAT", help="png, pdf or svg; text in pdf and svg stays text.")
+]
+
+
+def check_picture_format(name: str) -> None:
+    """Refuse a format of pictures that is not offered."""
+    if name not in FORMATS:
+        raise InputError(f"{name!r} is not known", where="--format", remedy=f"Use {', '.join(FORMATS)}")
+
 
 def folder_beside(run: Path, given: Path | None) -> Path:
     """Return the folder where results go: the one asked for, else that of the run."""

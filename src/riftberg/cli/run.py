@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -374,20 +375,37 @@ class Session:
 
         rows = self.track.rows if self.track else ()
         summary = summarize(self.model, experiment=self.info.name, track=rows, stopwatch=self.stopwatch)
+        told = self._own_story(summary)
         write_summary(summary, self.folder / "summary.json")
         files = ["run.nc", "summary.json"]
         if draw:
             self._draw()
             files.append("map.png")
-        for line in short_summary(summary):
+        for line in short_summary(summary, told):
             typer.echo(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
+
+    def _own_story(self, summary: dict[str, Any]) -> list[str]:
+        """Return what a test case tells of itself, and put its figures into the summary."""
+        from riftberg.runs.run_file import open_run
+
+        story = self.info.story
+        if story is None:
+            return []
+        with open_run(self.folder) as dataset:
+            if not story.fits(dataset):
+                return []
+            summary["story"] = story.facts(dataset)
+            return story.tell(dataset)
 
     def _draw(self) -> None:
         from riftberg.runs.run_file import open_run
         from riftberg.viz.map import draw_map
 
         with open_run(self.folder) as dataset:
+            if self.info.story is not None and self.info.story.fits(dataset):
+                self.info.story.draw(dataset, self.folder / "map.png", 150)
+                return
             draw_map(
                 dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
                 observed=self.info.observed,
@@ -398,71 +416,90 @@ def berg_line(model: Model) -> str:
     """Return size and place of the berg of a model in one line: swapped coordinates show there before the run."""
     import numpy as np
 
-    from riftberg.places import latitude, longitude
+    from riftberg.places import area_text, place_text
+    from riftberg.stepping.fragments import centroid
 
     e = model.elements
-    lon, lat = (float(np.average(a, weights=e.mass)) for a in (e.lon, e.lat))
-    place = f"x {lon:g} m, y {lat:g} m"
-    if model.parameters.earth.latlon:
-        place = f"{latitude(lat, 3)}, {longitude(lon, 3)}"
+    lon, lat = centroid(e.lon, e.lat, e.mass, model.parameters.earth.period)
+    place = place_text(lon, lat, latlon=model.parameters.earth.latlon)
     count = len(np.unique(e.berg))
-    area = float((e.length * e.width).sum()) / 1e6
     names = [name for name, _ in getattr(model.fragments, "bergs", ())]
+    area = float((e.length * e.width).sum())
+    size = f"{area / 1e6:.6g} km2" if area >= 1e4 else area_text(area)
     if len(names) > 1:
         listed = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"
-        return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {area:.6g} km2, centred at {place}"
+        return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {size}, centred at {place}"
     pieces = f"{count} piece{'s' if count != 1 else ''}"
-    return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {area:.6g} km2 in {pieces} at {place}"
+    return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {place}"
 
 
-def short_summary(summary: dict[str, Any]) -> list[str]:
-    """Return a summary in a few lines."""
+def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str]:
+    """Return a summary in a few lines; ``told`` is what a test case tells of itself instead of fragments."""
+    from riftberg.places import duration_text
+
     title = summary["experiment"] or "run"
     end = summary["end"].replace("T", " ")[:16]
+    length = duration_text(summary["days"]) + (f" to {end}" if summary["days"] >= 1.0 else "")
     lines = [
-        f"{title}: {summary['days']:g} days to {end}, {summary['elements']} elements, "
-        f"{summary['bonds_broken']} of {summary['bonds_total']} bonds broken"
+        f"{title}: {length}, {summary['elements']} elements, "
+        f"{summary['bonds_broken']} of {summary['bonds_total']} bonds broken{_speed(summary)}"
     ]
-    if summary["seconds_per_day"] is not None:
-        lines[0] += f", {summary['seconds_per_day']:.3g} s per day"
-    for event in summary["breakups"][:10]:
-        ground = "aground" if event["grounded"] else "afloat"
-        whom = f" {event['parent_name']}" if event.get("parent_name") else ""
-        lines.append(
-            f"  {event['time'].replace('T', ' ')[:16]}  {area_text(event['area_km2'])} km2 broke off{whom} {ground} "
-            f"({event['bonds']} bond{'s' if event['bonds'] != 1 else ''}) at {_place(event, summary)}"
-        )
-    for event in summary.get("collisions", [])[:10]:
-        lines.append(
-            f"  {event['time'].replace('T', ' ')[:16]}  {' and '.join(event['bergs'])} met at {event['speed']:.2g} m/s, "
-            f"at {_place(event, summary)}"
-        )
-    if len(summary.get("collisions", [])) > 10:
-        lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
+    lines += [_breakup_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary["breakups"][:10]]
     if len(summary["breakups"]) > 10:
         lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")
-    areas = ", ".join(area_text(area) for area in summary["areas_km2"][:6])
+    lines += [
+        _collision_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary.get("collisions", [])[:10]
+    ]
+    if len(summary.get("collisions", [])) > 10:
+        lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
+    return [*lines, *(told or [_areas_line(summary)])]
+
+
+def _speed(summary: dict[str, Any]) -> str:
+    """Return how fast the run was; of a run of less than a day, how long it took."""
+    wall = summary.get("wall_seconds")
+    if summary["days"] < 1.0:
+        return "" if wall is None else f", {wall:.3g} s of computing"
+    return "" if summary["seconds_per_day"] is None else f", {summary['seconds_per_day']:.3g} s per day"
+
+
+def _breakup_line(event: dict[str, Any], latlon: bool) -> str:
+    from riftberg.places import area_text
+
+    whom = f"{event['parent_name']} " if event.get("parent_name") else ""
+    bonds = f"{event['bonds']} bond{'s' if event['bonds'] != 1 else ''}"
+    return (
+        f"  {event['time'].replace('T', ' ')[:16]}  {area_text(1e6 * event['area_km2'])} broke off {whom}"
+        f"{'aground' if event['grounded'] else 'afloat'} ({bonds}) at {_event_place(event, latlon)}"
+    )
+
+
+def _collision_line(event: dict[str, Any], latlon: bool) -> str:
+    who = " and ".join(event["bergs"])
+    when = event["time"].replace("T", " ")[:16]
+    return f"  {when}  {who} met at {event['speed']:.2g} m/s, at {_event_place(event, latlon)}"
+
+
+def _event_place(event: dict[str, Any], latlon: bool) -> str:
+    """Return where an event was: latitude and longitude, or x and y."""
+    if latlon:
+        return f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"
+    return f"x {event['lon'] / 1e3:.6g} km, y {event['lat'] / 1e3:.6g} km"
+
+
+def _areas_line(summary: dict[str, Any]) -> str:
+    """Return the areas of the pieces at the end, all in one unit."""
+    unit, name = (1.0, "km2") if summary["largest_km2"] >= 0.01 else (1e6, "m2")
+    numbers = [area * unit for area in summary["areas_km2"][:6]]
+    areas = ", ".join(f"{area:.0f}" if area >= 9.5 else f"{area:.2g}" for area in numbers)
     more = " ..." if summary["fragments"] > 6 else ""
-    return [*lines, f"  {_counted(summary)} at the end: {areas}{more} km2"]
+    return f"  {_counted(summary)} at the end: {areas}{more} {name}"
 
 
 def _counted(summary: dict[str, Any]) -> str:
     """Return the number of fragments, and of the bergs that they come from where these are several."""
     fragments, bergs = summary["fragments"], len(summary.get("bergs", []))
-    broken = len(summary["breakups"]) > 0
-    if bergs > 1 and not broken:
+    if bergs > 1 and not summary["breakups"]:
         return f"{fragments} bergs" if fragments == bergs else f"{fragments} of {bergs} bergs"
     text = f"{fragments} fragment{'s' if fragments != 1 else ''}"
     return f"{text} of {bergs} bergs" if bergs > 1 else text
-
-
-def area_text(area: float) -> str:
-    """Return an area in km2: whole ones, or two digits of a small one."""
-    return f"{area:.0f}" if area >= 10.0 or area == 0.0 else f"{area:.2g}"
-
-
-def _place(event: dict[str, Any], summary: dict[str, Any]) -> str:
-    """Return where an event was: latitude and longitude, or x and y."""
-    if not summary["numerics"]["earth"]["latlon"]:
-        return f"x {event['lon'] / 1e3:.3f} km, y {event['lat'] / 1e3:.3f} km"
-    return f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"

@@ -10,7 +10,7 @@ import typer
 
 from riftberg.cli.failures import reported, say
 from riftberg.cli.output import results_folder
-from riftberg.cli.pictures import Run, folder_beside
+from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.cli.spans import within
 from riftberg.errors import InputError
 from riftberg.input_files import value_shown
@@ -52,6 +52,7 @@ def score(
     interpolated: Annotated[bool, typer.Option("--interpolated", help="Use interpolated positions too.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw score.png.")] = True,
+    picture: Format = "png",
 ) -> None:
     """Compare a run with observations, day by day: distance, heading, area, overlap, fragments."""
     import json
@@ -62,7 +63,8 @@ def score(
     from riftberg.viz.plots import heading
 
     within(hour, "--hour", 0.0, 24.0)
-    names = ("score.json", "score.png") if figure else ("score.json",)
+    check_picture_format(picture)
+    names = ("score.json", f"score.{picture}") if figure else ("score.json",)
     with open_run(run) as dataset, results_folder(folder_beside(run, output), names) as folder:
         seen = read_observed(observed, date=date, variable=variable)
         result = score_run(
@@ -77,7 +79,7 @@ def score(
         if figure:
             from riftberg.viz.score import draw_score
 
-            written.append(draw_score(result, folder / "score.png", title=title))
+            written.append(draw_score(result, folder / f"score.{picture}", title=title))
     say("Written: " + ", ".join(str(path) for path in written))
 
 

@@ -11,7 +11,7 @@ import typer
 
 from riftberg.cli.failures import reported, say
 from riftberg.cli.output import results_folder
-from riftberg.cli.pictures import Run, folder_beside
+from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def why(
     everything: Annotated[bool, typer.Option("--all", help="Tell of every piece, however small.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw why.png.")] = True,
+    picture: Format = "png",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress of the controls.")] = False,
 ) -> None:
     """Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
@@ -48,7 +49,8 @@ def why(
     from riftberg.runs.run_file import open_run
     from riftberg.runs.scene import SMALL
 
-    names = ("why.json", "why.png") if figure else ("why.json",)
+    check_picture_format(picture)
+    names = ("why.json", f"why.{picture}") if figure else ("why.json",)
     with open_run(run) as dataset, results_folder(folder_beside(run, output), names) as folder:
         check_recorded(dataset, SURROUNDINGS)
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
@@ -65,7 +67,7 @@ def why(
         if figure:
             from riftberg.viz.why import draw_reasons
 
-            written.append(draw_reasons(reasons, folder / "why.png"))
+            written.append(draw_reasons(reasons, folder / f"why.{picture}"))
     say("Written: " + ", ".join(str(path) for path in written))
 
 

@@ -164,6 +164,7 @@ class Breakup:
     name: str = ""
     parent_name: str = ""
     collision: Collision | None = None
+    latlon: bool = True
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)
 

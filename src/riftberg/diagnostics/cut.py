@@ -131,6 +131,7 @@ class Cut:
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
             floor_recorded=forces_recorded(run),
+            latlon=self.scene.latlon,
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
 

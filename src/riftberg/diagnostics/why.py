@@ -15,6 +15,7 @@ import xarray as xr
 from riftberg.diagnostics.breakup import Breakup, Collision, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
+from riftberg.places import area_text, place_text
 from riftberg.runs.scene import SMALL, Scene
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
@@ -153,11 +154,11 @@ def _paragraph(b: Breakup) -> str:
     where = (
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
-    size = f"{b.area_km2:.0f}" if b.area_km2 >= 10.0 else f"{b.area_km2:.2g}"
+    size, place = area_text(1e6 * b.area_km2), _place_text(first.lat, first.lon, latlon=b.latlon)
     text = [
-        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({size} km2, {b.elements} elements) broke off "
+        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({size}, {b.elements} elements) broke off "
         f"{b.parent_name or f'berg {b.parent}'}, {where}.",
-        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {_place_text(first.lat, first.lon)}"
+        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
         f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
@@ -243,8 +244,8 @@ def _share_words(causes: Sequence[tuple[str, float]]) -> str:
     return ", ".join(f"{name} {value / 1e3:+.1f} kPa" for name, value in causes if abs(value) >= 0.02 * large)
 
 
-def _place_text(lat: float, lon: float) -> str:
-    if abs(lat) > 90.0 or abs(lon) > 360.0:
-        return f"x {lon / 1e3:.1f} km, y {lat / 1e3:.1f} km"
+def _place_text(lat: float, lon: float, *, latlon: bool) -> str:
+    if not latlon:
+        return place_text(lon, lat, latlon=False)
     lon = (lon + 180.0) % 360.0 - 180.0
     return f"{abs(lat):.2f}{'N' if lat >= 0 else 'S'} {abs(lon):.2f}{'E' if lon >= 0 else 'W'}"

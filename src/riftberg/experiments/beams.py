@@ -8,12 +8,15 @@ not change the equilibrium, and bonds alone would damp the bending of kilometres
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.experiments.options import Info, Options
+from riftberg.diagnostics.beam import BeamCase, Held, bent, words
+from riftberg.experiments.options import Info, Options, Story
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Compatibility, Parameters
 
@@ -76,6 +79,11 @@ class Beam:
     def second_moment(self) -> float:
         """Second moment of area of the cross-section, m4."""
         return self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
+
+    def case(self, held: Held) -> BeamCase:
+        """Return what theory asks of the beam."""
+        width = 2.0 * self.radius * self.rows
+        return BeamCase(held, self.columns, self.rows, self.length, width, self.thickness, self.load)
 
     def points(self) -> tuple[Any, Any]:
         """Return x and y of the elements, column by column, m."""
@@ -140,17 +148,40 @@ def cantilever(beam: Beam = CANTILEVER) -> Iceberg:
 
 def build_supported(options: Options) -> tuple[Model, Info]:
     """Build the simply supported beam (see `riftberg.experiments.build`)."""
-    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options)
+    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options, SUPPORTED_STORY)
 
 
 def build_cantilever(options: Options) -> tuple[Model, Info]:
     """Build the cantilever (see `riftberg.experiments.build`)."""
-    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options)
+    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options, CANTILEVER_STORY)
 
 
-def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -> tuple[Model, Info]:
+def beam_story(beam: Beam, held: Held, title: str) -> Story:
+    """Return what a beam tells of itself: how far it bends, and how far theory bends it."""
+    case = beam.case(held)
+
+    def draw(run: xr.Dataset, path: Path, dpi: int) -> Path:
+        from riftberg.viz.beam import draw_beam
+
+        return draw_beam(run, bent(run, case), path, title=f"{title}: deflection against theory", dpi=dpi)
+
+    return Story(
+        tell=lambda run: words(bent(run, case)),
+        facts=lambda run: bent(run, case).facts(),
+        draw=draw,
+        fits=lambda run: run.sizes["trajectory"] == case.columns * case.rows and run.sizes["time"] > 1,
+    )
+
+
+SUPPORTED_STORY = beam_story(SUPPORTED, "supported", "Simply supported beam")
+CANTILEVER_STORY = beam_story(CANTILEVER, "clamped", "Cantilever")
+
+
+def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options, story: Story) -> tuple[Model, Info]:
     from riftberg.runs.model import Model
 
     # The sea floor lies above the keel, so that its drag acts everywhere.
     model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))
-    return model, Info(name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0)
+    return model, Info(
+        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, story=story
+    )

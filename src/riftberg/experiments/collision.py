@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.diagnostics.approach import approach, words
 from riftberg.experiments.changes import reference_numerics
-from riftberg.experiments.options import Info, Options
+from riftberg.experiments.options import Info, Options, Story
 from riftberg.ocean.analytic import Convergence
 from riftberg.parameters import Parameters
 from riftberg.state import Floats
@@ -75,4 +78,18 @@ def build(options: Options) -> tuple[Model, Info]:
         current=(0.2, 0.0), speed=0.2, line=LINE, span=(0.0, LINE), ramp=1000.0, period=PERIOD, depth=1000.0
     )
     model = Model(bergs(), forcing, options.apply(parameters))
-    return model, Info("collision", "Two bergs collide", days=2.0, output_every_hours=1.0)
+    return model, Info("collision", "Two bergs collide", days=2.0, output_every_hours=1.0, story=STORY)
+
+
+def _draw(run: xr.Dataset, path: Path, dpi: int) -> Path:
+    from riftberg.viz.approach import draw_approach
+
+    return draw_approach(run, approach(run), path, title="Two bergs collide in a channel that comes round", dpi=dpi)
+
+
+STORY = Story(
+    tell=lambda run: words(approach(run)),
+    facts=lambda run: approach(run).facts(),
+    draw=_draw,
+    fits=lambda run: run.sizes["trajectory"] == 16 and run.sizes["time"] > 1 and "x" in run,
+)

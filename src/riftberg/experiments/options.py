@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
 
@@ -57,6 +59,28 @@ class Options:
 
 
 @dataclass(frozen=True)
+class Story:
+    """What a test case tells of itself in place of break-ups and maps, from its run file.
+
+    Attributes
+    ----------
+    tell : callable
+        Takes the run and returns lines for the command line.
+    facts : callable
+        Takes the run and returns the figures for ``summary.json``.
+    draw : callable
+        Takes the run, a path and ``dpi``, and writes the picture.
+    fits : callable
+        Takes the run and returns whether it is one of this case.
+    """
+
+    tell: Callable[[xr.Dataset], list[str]]
+    facts: Callable[[xr.Dataset], dict[str, Any]]
+    draw: Callable[[xr.Dataset, Path, int], Path]
+    fits: Callable[[xr.Dataset], bool]
+
+
+@dataclass(frozen=True)
 class Info:
     """What the command line needs to know about a built experiment.
 
@@ -78,6 +102,8 @@ class Info:
         What should be known before the run, in a line each.
     output_forces : bool
         Whether the run file holds the mean force of each medium between records.
+    story : Story or None
+        What a test case tells and draws instead of break-ups and a map.
     """
 
     name: str
@@ -88,6 +114,7 @@ class Info:
     observed: Mapping[str, Any] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
     output_forces: bool = False
+    story: Story | None = None
 
 
 Builder = Callable[[Options], "tuple[Model, Info]"]

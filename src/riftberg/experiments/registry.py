@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Final
 from riftberg.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from riftberg.experiments.options import Builder
+    import xarray as xr
+
+    from riftberg.experiments.options import Builder, Story
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class BuiltIn:
         Parts that ``--without`` can leave out.
     fetches : bool
         It runs from files that ``--fetch`` can get.
+    story : str
+        ``module:name`` of its `Story`, where it has one of its own.
     """
 
     name: str
@@ -35,12 +39,21 @@ class BuiltIn:
     summary: str
     parts: tuple[str, ...] = ()
     fetches: bool = False
+    story: str = ""
 
     def load(self) -> Builder:
         """Import the builder."""
         module, function = self.place.split(":")
         builder: Builder = getattr(importlib.import_module(f"riftberg.experiments.{module}"), function)
         return builder
+
+    def load_story(self) -> Story | None:
+        """Import what it tells of itself; None where that is its break-ups."""
+        if not self.story:
+            return None
+        module, name = self.story.split(":")
+        story: Story = getattr(importlib.import_module(f"riftberg.experiments.{module}"), name)
+        return story
 
 
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
@@ -49,9 +62,11 @@ EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a-paper", "a68a_paper:build", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
           ("shoal",), fetches=True),
     BuiltIn("a68a-oras5", "a68a_oras5:build", "A68a in the monthly mean currents of ORAS5", fetches=True),
-    BuiltIn("supported-beam", "beams:build_supported", "a simply supported beam bends under a load"),
-    BuiltIn("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end"),
-    BuiltIn("collision", "collision:build", "two small bergs collide"),
+    BuiltIn("supported-beam", "beams:build_supported", "a simply supported beam bends under a load",
+          story="beams:SUPPORTED_STORY"),
+    BuiltIn("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end",
+          story="beams:CANTILEVER_STORY"),
+    BuiltIn("collision", "collision:build", "two small bergs collide", story="collision:STORY"),
     BuiltIn("grounding-fracture", "grounding_fracture:build", "a berg runs aground and breaks"),
 )  # fmt: skip
 """Built-in experiments."""
@@ -77,3 +92,11 @@ def find(name: str) -> BuiltIn:
         f"no experiment of this name and no such file: {name!r}",
         remedy=f"{nearest(name, names())}Built in are {', '.join(names())}; or name a YAML file",
     )
+
+
+def story_of(run: xr.Dataset) -> Story | None:
+    """Return what the experiment that a run names tells of itself; None where the run is of no such experiment."""
+    name = str(run.attrs.get("experiment", ""))
+    entry = next((entry for entry in EXPERIMENTS if entry.name == name), None)
+    story = None if entry is None else entry.load_story()
+    return story if story is not None and story.fits(run) else None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -52,6 +52,10 @@ MUST_BE_KNOWN: Final = ("uo", "ua", "ssh")
 """Fields without which an element cannot start: where they are unknown there is no water, or no data."""
 
 
+NO_NAMES: Final = ("cf", "")
+"""Products that are known by their conventions alone, which tell nobody whose fields they are."""
+
+
 class Part(NamedTuple):
     """One product: its points, its records, and the fields (keys of `FILLS`) that it serves."""
 
@@ -66,17 +70,12 @@ class Part(NamedTuple):
         return str(attributes.get("product") or attributes.get("source", "data"))
 
     @property
-    def known_as(self) -> str:
-        """Name for titles: of the product, or of the files where these are of no product."""
-        if self.source not in UNNAMED:
+    def shown(self) -> str:
+        """Name for titles: the product, or the files where nothing but their conventions is known."""
+        if self.source not in NO_NAMES:
             return self.source
-        files = str(self.records.ds.attrs.get("source") or "data").split(", ")
-        names = list(dict.fromkeys(Path(file).name for file in files))
-        return ", ".join(names) if len(names) <= 3 else f"{names[0]} and {len(names) - 1} more"
-
-
-UNNAMED: Final = ("cf",)
-"""Products that say how a file is read and not what it is: titles name its files instead."""
+        given = str(self.records.ds.attrs.get("source", "")) or self.source
+        return ", ".join(dict.fromkeys(PurePath(name).name for name in given.split(", ")))
 
 
 def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
@@ -179,7 +178,7 @@ class DatasetForcing:
     @property
     def title(self) -> str:
         """Return the products, for titles."""
-        return ", ".join(dict.fromkeys(part.known_as for part in self.parts))
+        return ", ".join(dict.fromkeys(part.shown for part in self.parts))
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements at ``time`` (s since the start of the run)."""

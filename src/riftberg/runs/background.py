@@ -15,6 +15,7 @@ import xarray as xr
 from riftberg import constants
 from riftberg.errors import RiftbergError, RunError
 from riftberg.netcdf_lock import open_lazily, open_netcdf
+from riftberg.runs.scene import held, joined, zonal_period
 from riftberg.state import Floats
 from riftberg.whole_files import replacing
 
@@ -36,6 +37,10 @@ MOST_TIMES: Final = 80
 """Largest number of currents; a longer run has them at longer intervals."""
 
 _MARGIN = 0.3
+_HEIGHT = 0.85
+"""Least height of the box over the width of what is drawn, before it is widened."""
+_SQUARE = 1.35
+"""Side of the square around the berg at a record over its length: more than maps of single dates show."""
 _SHAPE = 2.0
 """Least width of the box over its height: screens are wide."""
 
@@ -59,8 +64,9 @@ def append_background(path: str | Path, model: BareModel) -> bool:
     with open_lazily(path, decode_times=False) as run:
         seconds = run["time"].values
         names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
-        axes = _axes(run[names[0]].values, run[names[1]].values, names[0] == "lon", POINTS)
-        fine = _axes(run[names[0]].values, run[names[1]].values, names[0] == "lon", FLOOR_POINTS)
+        x, y = (run[name].transpose("time", "trajectory").values.astype(np.float64) for name in names)
+        x = joined(held(x), np.isfinite(y), zonal_period(model.parameters))
+        axes, fine = (_axes(x, held(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
         units = {
             "time": run["time"].attrs["units"],
             "x": run[names[0]].attrs["units"],
@@ -83,16 +89,26 @@ def append_background(path: str | Path, model: BareModel) -> bool:
 
 
 def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floats]:
-    """Return the axes of a grid around all positions of a run."""
-    x = x[np.isfinite(x)]
-    if latlon:
-        x = x - 360.0 * np.round((x - x[0]) / 360.0)
-    south, north, west, east = float(np.nanmin(y)), float(np.nanmax(y)), float(x.min()), float(x.max())
+    """Return the axes of a grid around all positions (record, element) of a run.
+
+    The box holds a square around the berg at each record, for the maps of single dates are squares.
+    """
+    south, north, west, east = (float(f(a)) for a in (y, x) for f in (np.nanmin, np.nanmax))
     stretch = 1.0 / max(0.05, float(np.cos(np.radians(0.5 * (south + north))))) if latlon else 1.0
     smallest = 20e3 / (constants.DEGREE * constants.EARTH_RADIUS_KID) if latlon else 20e3
     margin = _MARGIN * max(north - south, (east - west) / stretch, smallest)
-    south, north = south - margin, north + margin
-    wide = max(east - west + 2.0 * margin * stretch, _SHAPE * (north - south) * stretch)
+    (low_x, high_x), (low_y, high_y) = ((np.nanmin(a, axis=1), np.nanmax(a, axis=1)) for a in (x, y))
+    across, along = (high_x - low_x) / stretch, high_y - low_y
+    half = _SQUARE * 0.5 * float(np.maximum(across, along).max())
+    middle_x, middle_y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
+    south = min(south - margin, float(middle_y.min()) - half)
+    north = max(north + margin, float(middle_y.max()) + half)
+    west = min(west - margin * stretch, float(middle_x.min()) - half * stretch)
+    east = max(east + margin * stretch, float(middle_x.max()) + half * stretch)
+    # The map of the drift is about as high as it is wide.
+    short = 0.5 * max(0.0, _HEIGHT * (east - west) / stretch - (north - south))
+    south, north = south - short, north + short
+    wide = max(east - west, _SHAPE * (north - south) * stretch)
     if latlon:
         wide = min(wide, 350.0)
     west, east = 0.5 * (west + east - wide), 0.5 * (west + east + wide)

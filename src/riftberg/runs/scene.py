@@ -47,6 +47,42 @@ def held(values: Floats) -> Floats:
     return filled
 
 
+def zonal_period(parameters: Parameters) -> float:
+    """Return the length after which x comes round: 360 degrees on the sphere, 0 in metres without a period."""
+    period = parameters.earth.period
+    return period if period > 0.0 else 360.0 if parameters.earth.latlon else 0.0
+
+
+def joined(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
+    """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
+
+    Parameters
+    ----------
+    x : array, shape (time, trajectory)
+        Positions without gaps; an element that is not there yet stands at its first place.
+    there : array of bool, shape (time, trajectory)
+        Whether the element is there.
+    period : float
+        Length after which x comes round; 0 where it does not.
+
+    Returns
+    -------
+    array, shape (time, trajectory)
+        Positions that differ from those given by whole periods.
+    """
+    if period <= 0.0 or not x.size:
+        return x
+    path: Floats = np.unwrap(x, period=period, axis=0)
+    born = np.argmax(there, axis=0)
+    path[:, born == 0] -= period * np.round((path[0, born == 0] - path[0, 0]) / period)
+    for record in np.unique(born[born > 0]):
+        new = born == record
+        others = path[record, there[record] & (born < record)]
+        home = float(others.mean()) if len(others) else float(path[record, 0])
+        path[:, new] -= period * np.round((path[record, new] - home) / period)
+    return path
+
+
 class Scene:
     """Geometry of a run for drawing.
 
@@ -85,14 +121,8 @@ class Scene:
         self.times: NDArray[np.datetime64] = run["time"].values
 
     def _joined(self, x: Floats) -> Floats:
-        """Put longitudes on one branch, so that a berg on the date line stays in one piece."""
-        period = self.parameters.earth.period
-        if period <= 0.0:
-            if not self.latlon:
-                return x
-            period = 360.0
-        joined: Floats = x - period * np.round((x - x[0, 0]) / period)
-        return joined
+        """Put positions on one branch, so that nothing jumps where the domain comes round."""
+        return joined(x, self.there, zonal_period(self.parameters))
 
     @property
     def seconds(self) -> Floats:
@@ -278,16 +308,34 @@ class Scene:
         return float(self.area_at(record)[self.berg[record] == number].sum())
 
     def track(self, number: int) -> tuple[Floats, Floats, Ints]:
-        """Return the path of a fragment at the records at which it exists, and their numbers: of the ice that it ends with."""
-        mine = self.berg == number
-        there = np.flatnonzero(mine.any(axis=1))
-        # The ice that it has at its end: its centroid does not jump where a piece leaves it.
-        weight = np.where(mine & mine[there[-1:]].any(axis=0), self.area, 0.0)
+        """Return the centroid of a fragment at all records at which it exists, and the numbers of these records."""
+        weight = np.where(self.berg == number, self.area, 0.0)
         total = weight.sum(axis=1)
         there = np.flatnonzero(total > 0.0)
         x = (weight * self.x).sum(axis=1)[there] / total[there]
         y = (weight * self.y).sum(axis=1)[there] / total[there]
         return x, y, there
+
+    def track_line(self, number: int, until: int | None = None) -> tuple[Floats, Floats]:
+        """Return the track of a fragment as a line to draw, up to a record.
+
+        There is a gap (NaN) where the fragment lost or gained a part that is large enough to be named, or was away:
+        the centroid jumps there, and no ice moved along that jump.
+        """
+        x, y, there = self.track(number)
+        area = np.array([self.area_of(number, int(record)) for record in there])
+        jumps = (np.abs(np.diff(area)) > SMALL * area[:-1]) | (np.diff(there) > 1)
+        if until is not None:
+            shown = there <= until
+            x, y, jumps = x[shown], y[shown], jumps[shown[1:]]
+        gaps = np.flatnonzero(jumps) + 1
+        return np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan)
+
+    @cached_property
+    def has_floor(self) -> bool:
+        """Whether the sea floor acts on the ice at all in this run."""
+        p = self.parameters.kernel_values()
+        return bool(p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
 
     def chosen_records(self, count: int) -> list[int]:
         """Return records from the first to the last, evenly spaced, on whole days where the run is long enough."""

@@ -67,8 +67,9 @@ def long_axis(x: Floats, y: Floats, weight: Floats) -> float:
 
 
 def berg_position(
-    lon: Floats, lat: Floats, area: Floats, *, latlon: bool = True, radius: float = constants.EARTH_RADIUS_A68
-) -> Position:
+    lon: Floats, lat: Floats, area: Floats, *, latlon: bool = True, radius: float = constants.EARTH_RADIUS_A68,
+    period: float = 0.0,
+) -> Position:  # fmt: skip
     """Return centroid, heading and area of the elements given.
 
     Parameters
@@ -81,10 +82,13 @@ def berg_position(
         Positions are degrees.
     radius : float, optional
         Radius of the sphere, m.
+    period : float, optional
+        Length of a channel that comes round (m), where ``latlon`` is false; a berg on its seam is put together first.
     """
     if not latlon:
-        centre = float(np.average(lon, weights=area)), float(np.average(lat, weights=area))
-        return Position(*centre, long_axis(lon, lat, area), float(area.sum()))
+        x = lon - period * np.round((lon - lon[0]) / period) if period > 0.0 else lon
+        centre = float(np.average(x, weights=area)), float(np.average(lat, weights=area))
+        return Position(*centre, long_axis(x, lat, area), float(area.sum()))
     # A berg on the date line: differences to the first element are small, longitudes need not be.
     near = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0
     lon0, lat0 = float(np.average(near, weights=area)), float(np.average(lat, weights=area))
@@ -106,7 +110,9 @@ def main_position(model: BareModel) -> Position:
     e, earth = model.elements, model.parameters.earth
     area = e.length * e.width
     rows = e.berg == main_berg(e.berg, area)
-    return berg_position(e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius)
+    return berg_position(
+        e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius, period=earth.period
+    )
 
 
 class DailyTrack:

@@ -17,8 +17,9 @@ from riftberg.errors import InputError
 from riftberg.runs.background import stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
-from riftberg.viz import style
-from riftberg.viz.panels import Panel, Water, day_text, fragment_colours, fragment_name, speed_top, widened
+from riftberg.viz import colours, style
+from riftberg.viz.moments import moment_text
+from riftberg.viz.panels import Panel, Water, arrow_key, fragment_colours, fragment_name, speed_bar, speed_top, widened
 from riftberg.viz.plots import heading
 from riftberg.viz.style import new_figure
 from riftberg.whole_files import replacing
@@ -137,7 +138,7 @@ def _gif_writer(film: _Film, records: Ints, fps: int) -> AbstractMovieWriter:
     for place in np.unique(np.linspace(0, len(records) - 1, PALETTE_FRAMES).round().astype(int)):
         film.draw(int(records[place]))
         probes.append(figure_image(film.figure))
-    exact = (*film.colours.values(), style.SMALL_COLOUR, style.GROUND_COLOUR)
+    exact = (*film.colours.values(), colours.SMALL, colours.GROUND)
     return GifWriter(fps, film_palette(probes, exact))
 
 
@@ -156,33 +157,43 @@ class _Film:
         self.scene, self.water, self.observed, self.steps = scene, water, observed, steps
         self.box = widened(scene.grown(scene.box(), 0.06), scene, 1.45)
         self.figure = new_figure(9.6, 7.2, dpi)
-        self.ax = self.figure.add_axes((0.065, 0.12, 0.915, 0.77))
-        self.figure.text(0.065, 0.985, heading(scene.run, "drift and break-up"), va="top", fontsize=11)
+        self.ax = self.figure.add_axes((0.075, 0.155, 0.905, 0.745))
+        style.put_title(self.figure, heading(scene.run, "drift and break-up"), size=11.0, left=0.72)
         self.colours = fragment_colours(scene)
         self._legend()
         some = range(0, len(scene.times), max(1, len(scene.times) // 12))
         self.top = speed_top([Panel(self.ax, scene, self.box, water)] * len(some), some)
+        self.keyed = False
 
     def draw(self, record: int) -> None:
         """Draw one record."""
         self.ax.clear()
-        panel = Panel(self.ax, self.scene, self.box, self.water)
-        panel.draw_currents(record, self.top, arrows=19, steps=self.steps)
-        panel.draw_floor()
+        panel = Panel(self.ax, self.scene, self.box, self.water, labels=not self.scene.latlon)
+        arrows = panel.draw_currents(record, self.top, arrows=19, steps=self.steps)
+        panel.draw_floor(shaded=arrows is None)
         for number, colour in self.colours.items():
-            x, y, there = self.scene.track(number)
-            self.ax.plot(x[there <= record], y[there <= record], color=colour, lw=1.6, zorder=4)
+            self.ax.plot(*self.scene.track_line(number, record), color=colour, lw=1.6, zorder=4)
         panel.draw_ice(record, self.colours)
         panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()), ls="--")
         panel.draw_scale(0.2)
-        self.ax.text(0.015, 0.975, day_text(self.scene.times[record], year=True), transform=self.ax.transAxes, va="top",
-                     fontsize=15, fontweight="bold", zorder=12,
-                     bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 3})  # fmt: skip
+        if arrows is not None:
+            arrow_key(arrows, self.figure, 0.9, 0.035, self.top)
+            if not self.keyed:
+                speed_bar(self.figure, (0.62, 0.06, 0.24, 0.014), self.top)
+                self.keyed = True
+        moment = moment_text(self.scene.times, self.scene.times[record], year=True)
+        self.ax.text(0.015, 0.975, moment, transform=self.ax.transAxes, va="top", fontsize=15, fontweight="bold",
+                     zorder=12, bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 3})  # fmt: skip
 
     def _legend(self) -> None:
         from matplotlib.patches import Patch
 
         handles = [Patch(fc=c, ec="black", lw=0.5, label=fragment_name(self.scene, n)) for n, c in self.colours.items()]
         self.figure.legend(
-            handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.06, 0.0), ncols=2, frameon=False
+            handles=handles,
+            fontsize=8,
+            loc="lower left",
+            bbox_to_anchor=(0.06, 0.0),
+            frameon=False,
+            ncols=1 if len(handles) <= 4 else 2,
         )

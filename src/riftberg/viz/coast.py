@@ -14,13 +14,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.runs.scene import Box
+from riftberg.viz.colours import LAND, SHELF, SHORE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-LAND: Final = "#D3CBBB"
-SHELF: Final = "#F1F4F6"
-SHORE: Final = "#4A4438"
 
 RESOLUTIONS: Final = (("10m", 0.0), ("50m", 2.0), ("110m", 10.0))
 """Scales of Natural Earth (1:10 million and so on), finest first, and the least height of a map (degrees) for each: a

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import xarray as xr
 
+from riftberg.errors import InputError
+from riftberg.runs.background import stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
-from riftberg.viz import style
+from riftberg.viz import colours, style
+from riftberg.viz.moments import moment_text, moment_texts, span_text
 from riftberg.viz.panels import (
     Panel,
     Water,
+    arrow_key,
     common_boxes,
-    day_text,
     fragment_colours,
     fragment_name,
+    nearest_record,
     speed_bar,
     speed_top,
     widened,
@@ -27,34 +31,60 @@ from riftberg.viz.panels import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO date to rings of shape (n, 2), longitude and latitude."""
 
+NEAR = 24.0
+"""Marks on the track that are nearer than this (points) share one date."""
 
+
+@overload
+def draw_map(
+    run: xr.Dataset, path: str | Path, *, forcing: Water | None = None, title: str = "", dates: int = 6,
+    observed: Outlines | None = None, dpi: int = 150,
+) -> Path: ...  # fmt: skip
+@overload
+def draw_map(
+    run: xr.Dataset, path: None = None, *, ax: Axes, date: Any = None, forcing: Water | None = None,
+    observed: Outlines | None = None,
+) -> Axes: ...  # fmt: skip
+@overload
+def draw_map(
+    run: xr.Dataset, path: None = None, *, forcing: Water | None = None, title: str = "", dates: int = 6,
+    observed: Outlines | None = None, dpi: int = 150,
+) -> Figure: ...  # fmt: skip
 def draw_map(
     run: xr.Dataset,
-    path: str | Path,
+    path: str | Path | None = None,
     *,
+    ax: Axes | None = None,
+    date: Any = None,
     forcing: Water | None = None,
     title: str = "",
     dates: int = 6,
     observed: Outlines | None = None,
     dpi: int = 150,
-) -> Path:
-    """Draw the map of a run.
+) -> Path | Axes | Figure:
+    """Draw the map of a run: into a file, into axes of one's own, or as a figure.
 
-    On the left the tracks of the fragments, with the berg at the first and the last date; on the right the berg at
-    ``dates`` dates, after its break-ups and between them, in the currents of these dates. Elements are drawn in their
-    true size, shape and orientation.
+    The figure has on the left the tracks of the fragments, with the berg at the first and the last date; on the right the
+    berg at ``dates`` dates, after its break-ups and between them, in the currents of these dates. Elements are drawn in
+    their true size, shape and orientation. A track has a gap where the fragment broke: there its centroid jumps.
 
     Parameters
     ----------
     run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    path : path
-        Picture to write; the ending decides on the format.
+        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format: ``.png``, ``.pdf``, ``.svg`` and others of matplotlib.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into, instead of a figure: the tracks, or the berg at ``date``. Tracks and signs carry labels, so that
+        ``ax.legend()`` explains them; x and y are degrees (metres in a Cartesian run).
+    date : str or numpy.datetime64 or datetime, optional
+        With ``ax``: draw the berg at this date, in the current of this date.
     forcing : Forcing or StoredWater, optional
-        Gives currents and depth of water.
+        Gives currents and depth of water; by default what the run file keeps of them.
     title : str, optional
         First line of the title; by default the experiment. The second line says what the forcing is.
     dates : int, optional
@@ -66,84 +96,115 @@ def draw_map(
 
     Returns
     -------
-    pathlib.Path
-        The picture.
+    pathlib.Path, matplotlib.axes.Axes or matplotlib.figure.Figure
+        The picture if ``path`` is given, ``ax`` if that is, else the figure.
+
+    Examples
+    --------
+    >>> figure, (left, right) = plt.subplots(1, 2)                          # doctest: +SKIP
+    >>> draw_map(run, ax=left)                                              # doctest: +SKIP
+    >>> draw_map(run, ax=right, date="2020-12-17T13:00")                    # doctest: +SKIP
+    >>> figure.savefig("berg.pdf")                                          # doctest: +SKIP
     """
-    scene = Scene(run)
-    records = scene.telling_records(dates)
+    scene, water = Scene(run), forcing or stored_water(run)
+    if ax is not None:
+        if path is not None:
+            raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
+        return _draw_into(ax, scene, water, observed or {}, date)
+    if path is not None:
+        style.check_format(path)
     figure = style.new_figure(15.5, 8.6, dpi)
-    _MapFigure(figure, scene, forcing, observed or {}).draw(records, _title(run, title))
+    _MapFigure(figure, scene, water, observed or {}).draw(scene.telling_records(dates), _title(run, scene, title))
+    if path is None:
+        return figure
     style.save_figure(figure, path)
     return Path(path)
 
 
-def _title(run: xr.Dataset, title: str) -> str:
+def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, date: Any) -> Axes:
+    """Draw the tracks, or the berg at a date, into axes of the user's."""
+    if getattr(ax, "name", "rectilinear") != "rectilinear":
+        raise InputError(
+            f"axes of the projection {ax.name!r}",
+            where="draw_map",
+            remedy="Give plain axes; x and y are those of the run",
+        )
+    if date is None:
+        Overview(ax, scene, water, observed).draw(scene.telling_records(6))
+        return ax
+    record = nearest_record(scene, np.datetime64(date))
+    (box,) = common_boxes(scene, [record])
+    panel = Panel(ax, scene, widened(box, scene, _shape_of(ax)), water, labels=True)
+    quiver = panel.draw_currents(record, speed_top([panel], [record]))
+    if quiver is not None:
+        speed = style.round_length(0.75 * speed_top([panel], [record]))
+        ax.quiverkey(quiver, 0.8, 1.025, speed, f"{speed:g} m s$^{{-1}}$", labelpos="E", fontproperties={"size": 8})
+    panel.draw_floor(labels=False)
+    panel.draw_ice(record, fragment_colours(scene))
+    panel.draw_outlines(observed.get(str(scene.times[record])[:10], ()))
+    panel.draw_scale()
+    ax.set_title(moment_text(scene.times, scene.times[record], year=True), fontsize=10, pad=4, loc="left")
+    for number, colour in fragment_colours(scene).items():
+        if (scene.berg[record] == number).any():
+            ax.plot([], [], "s", color=colour, mec="black", mew=0.5, label=fragment_name(scene, number))
+    return ax
+
+
+def _shape_of(ax: Axes) -> float:
+    """Return width over height of the place of axes."""
+    place = ax.get_position(original=True)
+    width, height = ax.figure.bbox.width * place.width, ax.figure.bbox.height * place.height
+    return float(width / height)
+
+
+def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Title that says which run and which currents these are."""
     first = title or str(run.attrs.get("experiment") or "Iceberg drift")
-    begin, end = (day_text(run["time"].values[k], year=True, hour=False) for k in (0, -1))
     second = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{first}, {begin} to {end}" + (f"\nForcing: {second}" if second else "")
+    return f"{first}, {span_text(scene.times)}" + (f"\nForcing: {second}" if second else "")
 
 
-class _MapFigure:
-    """One figure in the making."""
+class Overview:
+    """The way of the berg on given axes: tracks, first and last position, break-ups and the sea floor.
 
-    def __init__(self, figure: Figure, scene: Scene, water: Water | None, observed: Outlines) -> None:
-        self.figure, self.scene, self.water, self.observed = figure, scene, water, observed
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    scene : Scene
+    water : Forcing or StoredWater, optional
+    observed : mapping, optional
+        Outlines by ISO date.
+    """
+
+    def __init__(self, ax: Axes, scene: Scene, water: Water | None, observed: Outlines | None = None) -> None:
+        self.ax, self.scene, self.observed = ax, scene, observed or {}
         self.colours = fragment_colours(scene)
+        box = widened(scene.grown(scene.box(), 0.05), scene, _shape_of(ax))
+        self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
+        self.grounded = False
 
-    def draw(self, records: list[int], title: str) -> None:
-        """Draw all panels."""
-        columns = (len(records) + 1) // 2
-        left = self.figure.add_gridspec(1, 1, left=0.045, right=0.40, bottom=0.165, top=0.885)
-        right = self.figure.add_gridspec(
-            2, columns, left=0.445, right=0.985, bottom=0.135, top=0.865, wspace=0.24, hspace=0.17
-        )
-        places = [self.figure.add_subplot(right[k // columns, k % columns]) for k in range(len(records))]
-        boxes = common_boxes(self.scene, records, margin=0.08)
-        panels = [Panel(ax, self.scene, box, self.water) for ax, box in zip(places, boxes, strict=True)]
-        top = speed_top(panels, records)
-        for panel, record in zip(panels, records, strict=True):
-            self._date(panel, record, top)
-        self._overview(self.figure.add_subplot(left[0]), records)
-        if any(panel.fastest(record) > 0.0 for panel, record in zip(panels, records, strict=True)):
-            speed_bar(self.figure, (0.53, 0.05, 0.37, 0.013), top)
-        self.figure.text(0.045, 0.975, title, ha="left", va="top", fontsize=13, linespacing=1.35)
-
-    def _date(self, panel: Panel, record: int, top: float) -> None:
-        """Draw the berg at one date in the current of that date."""
-        panel.draw_currents(record, top, arrows=12)
-        panel.draw_floor(isobaths=False)
-        panel.draw_ice(record, self.colours)
-        panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()))
-        panel.draw_scale()
-        panel.ax.set_title(day_text(self.scene.times[record]), fontsize=10, pad=4)
-
-    def _overview(self, ax: Axes, records: list[int]) -> None:
-        """Draw tracks, first and last position, break-ups and the sea floor."""
-        place, size = ax.get_position(), self.figure.get_size_inches()
-        shape = place.width * size[0] / (place.height * size[1])
-        box = widened(self.scene.grown(self.scene.box(), 0.05), self.scene, shape)
-        panel = Panel(ax, self.scene, box, self.water, ticks=6, labels=True)
-        grounded = panel.draw_floor()
-        panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
-        panel.draw_ice(records[-1], self.colours, zorder=2.8)
-        labels = style.Labels(ax)
-        self._draw_breakups(ax, labels)
+    def draw(self, records: list[int]) -> None:
+        """Draw everything; the records are marked on the track."""
+        self.grounded = self.panel.draw_floor(shaded=True)
+        self.panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
+        self.panel.draw_ice(records[-1], self.colours, zorder=2.8)
+        labels = style.Labels(self.ax)
+        self._draw_breakups(labels)
         for number in reversed(list(self.colours)):
-            self._draw_track(ax, number)
-        self._draw_dates(ax, labels, records)
-        panel.draw_scale(0.25)
-        self._legend(ax, grounded)
+            self._draw_track(number, labels)
+        self._draw_dates(labels, records)
+        self.panel.draw_scale(0.25)
 
-    def _draw_track(self, ax: Axes, number: int) -> None:
+    def _draw_track(self, number: int, labels: style.Labels) -> None:
         from matplotlib.patheffects import Normal, withStroke
 
-        x, y, _ = self.scene.track(number)
-        ax.plot(x, y, color=self.colours[number], lw=2.0, zorder=7,
-                path_effects=[withStroke(linewidth=3.6, foreground="black"), Normal()])  # fmt: skip
+        x, y = self.scene.track_line(number)
+        self.ax.plot(x, y, color=self.colours[number], lw=2.0, zorder=7, label=fragment_name(self.scene, number),
+                     path_effects=[withStroke(linewidth=3.6, foreground="black"), Normal()])  # fmt: skip
+        for k in np.flatnonzero(np.isfinite(x))[:: max(1, len(x) // 60)]:
+            labels.prefer_off(float(x[k]), float(y[k]))
 
-    def _draw_dates(self, ax: Axes, labels: style.Labels, records: list[int]) -> None:
+    def _draw_dates(self, labels: style.Labels, records: list[int]) -> None:
         """Mark and label the chosen dates on the track of the largest fragment, and before its birth of what it was part of."""
         largest = self.scene.numbers[0]
         places = []
@@ -151,23 +212,28 @@ class _MapFigure:
             x, y, there = self.scene.track(self.scene.ancestor(largest, record))
             row = int(np.argmin(np.abs(there - record)))
             places.append((float(x[row]), float(y[row])))
-        ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
+        self.ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
         for place in places:
             labels.avoid(*place)
-        days = [day_text(self.scene.times[record], hour=False) for record in records]
-        for record, place, day in zip(records, places, days, strict=True):
-            text = day if days.count(day) == 1 else day_text(self.scene.times[record])
-            labels.put(text, *place, fontsize=9, fontweight="bold")
+        # Of dates at which the berg was in about the same place the first is labelled, and the last.
+        order = [0, len(places) - 1, *range(1, len(places) - 1)]
+        texts = moment_texts(self.scene.times, records, hour=False)
+        labelled: list[tuple[float, float]] = []
+        for k in order:
+            if all(labels.apart(places[k], other) > NEAR for other in labelled):
+                labels.put(texts[k], *places[k], fontsize=9, fontweight="bold")
+                labelled.append(places[k])
 
-    def _draw_breakups(self, ax: Axes, labels: style.Labels) -> None:
+    def _draw_breakups(self, labels: style.Labels) -> None:
         for number in self.scene.numbers:
             x, y, _ = self.scene.track(number)
             if self.scene.birth(number) is not None:
-                ax.plot(x[0], y[0], "*", ms=15, mfc=self.colours.get(number, style.SMALL_COLOUR), mec="black", zorder=9)
+                colour = self.colours.get(number, colours.SMALL)
+                self.ax.plot(x[0], y[0], "*", ms=15, mfc=colour, mec="black", zorder=9)
                 labels.avoid(x[0], y[0], 8.0)
 
-    def _legend(self, ax: Axes, grounded: bool) -> None:
-        """Explain fragments and signs below the overview."""
+    def handles(self) -> list[Any]:
+        """Return what explains fragments and signs in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
@@ -181,11 +247,66 @@ class _MapFigure:
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")
             )
-        if grounded:
-            handles.append(Patch(fc="white", ec=style.GROUND_COLOUR, hatch="////",
+        if self.panel.shaded:
+            shade = colours.depth_map()(0.75)
+            handles.append(Patch(fc=shade, ec=colours.ISOBATH, lw=0.6, label="sea floor: isobaths, darker is deeper"))
+        if self.grounded:
+            handles.append(Patch(fc="white", ec=colours.GROUND, hatch="////",
                                  label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip
         if self.observed:
-            handles.append(Line2D([], [], color="black", lw=1.1, label="observed outline"))
+            handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
+        return handles
+
+
+class _MapFigure:
+    """One figure in the making."""
+
+    def __init__(self, figure: Figure, scene: Scene, water: Water | None, observed: Outlines) -> None:
+        self.figure, self.scene, self.water, self.observed = figure, scene, water, observed
+        self.colours = fragment_colours(scene)
+
+    def draw(self, records: list[int], title: str) -> None:
+        """Draw all panels."""
+        columns = (len(records) + 1) // 2
+        left = self.figure.add_gridspec(1, 1, left=0.045, right=0.40, bottom=0.175, top=0.885)
+        right = self.figure.add_gridspec(
+            2, columns, left=0.455, right=0.985, bottom=0.135, top=0.875, wspace=0.3, hspace=0.2
+        )
+        overview = Overview(self.figure.add_subplot(left[0]), self.scene, self.water, self.observed)
+        overview.draw(records)
+        style.letter(overview.ax, 0)
+        self._legend(overview)
+        places = [self.figure.add_subplot(right[k // columns, k % columns]) for k in range(len(records))]
+        boxes = common_boxes(self.scene, records, margin=0.08)
+        panels = [
+            Panel(ax, self.scene, box, self.water, labels=not self.scene.latlon)
+            for ax, box in zip(places, boxes, strict=True)
+        ]
+        top = speed_top(panels, records)
+        texts = moment_texts(self.scene.times, records)
+        arrows = [self._date(*each, top) for each in zip(panels, records, texts, strict=True)]
+        for k, panel in enumerate(panels):
+            style.letter(panel.ax, k + 1)
+        style.outer_names(places, columns)
+        if any(panel.fastest(record) > 0.0 for panel, record in zip(panels, records, strict=True)):
+            speed_bar(self.figure, (0.47, 0.055, 0.37, 0.013), top)
+            arrow_key(next(a for a in arrows if a is not None), self.figure, 0.895, 0.0615, top)
+        style.put_title(self.figure, title, size=13.0, left=0.045 * self.figure.get_figwidth())
+
+    def _date(self, panel: Panel, record: int, text: str, top: float) -> Any:
+        """Draw the berg at one date in the current of that date."""
+        quiver = panel.draw_currents(record, top, arrows=12)
+        panel.draw_floor(labels=False, shaded=quiver is None)
+        panel.draw_ice(record, self.colours)
+        panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()))
+        panel.draw_scale()
+        panel.ax.set_title(text, fontsize=10, pad=4)
+        return quiver
+
+    def _legend(self, overview: Overview) -> None:
+        """Explain fragments and signs below the overview."""
         below = -0.05 if self.scene.latlon else -0.075  # the axis of a run in metres has a name
-        ax.legend(handles=handles, fontsize=8, loc="upper left", bbox_to_anchor=(-0.02, below), ncols=2, frameon=False,
-                  borderpad=0.2, columnspacing=1.4, handlelength=1.8)  # fmt: skip
+        overview.ax.legend(
+            handles=overview.handles(), fontsize=8, loc="upper left", bbox_to_anchor=(-0.02, below), ncols=2,
+            frameon=False, borderpad=0.2, columnspacing=1.4, handlelength=1.8,
+        )  # fmt: skip

@@ -9,40 +9,33 @@ import numpy as np
 
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
+from riftberg.places import area_text
 from riftberg.runs.background import StoredWater
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
-from riftberg.viz import style
+from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
+from riftberg.viz.moments import is_short, moment_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
+    from matplotlib.quiver import Quiver
 
 Water = Forcing | StoredWater
 
-NO_WATER: Final = "#D9D9D9"
-"""Under the currents: shows where there are none."""
-
 ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 
+DEPTHS: Final = (0, *ISOBATHS, 7000, 12000)
+"""Edges (m) of the steps in which the sea floor is shaded."""
 
-def stress_map() -> Colormap:
-    """Return the colours of tensile stress: nearly white, yellow, red; the same as in the replay."""
-    from matplotlib.colors import LinearSegmentedColormap
+UNKNOWN_DEPTH: Final = 9000.0
+"""A floor that is this deep (m) all over is the deep water of a run that knows no sea floor."""
 
-    return LinearSegmentedColormap.from_list(
-        "stress", ["#fbfdff", "#fff0c9", "#fdc377", "#f47b4a", "#cf2a27", "#7a0018"]
-    )
-
-
-def damage_map() -> Colormap:
-    """Return the colours of damage: nearly white to violet; the same as in the replay."""
-    from matplotlib.colors import LinearSegmentedColormap
-
-    return LinearSegmentedColormap.from_list("damage", ["#fbfdff", "#dccbe9", "#a478c2", "#63308f", "#240a3f"])
+LARGE_BOX: Final = 1.6
+"""Panels share one extent where it is at most so many times that of the largest berg."""
 
 
 def root_scale(top: float) -> Normalize:
@@ -50,13 +43,6 @@ def root_scale(top: float) -> Normalize:
     from matplotlib.colors import PowerNorm
 
     return PowerNorm(0.5, 0.0, top)
-
-
-def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) -> str:
-    """Return a date such as ``17 Dec 13:00``."""
-    when = moment.astype("datetime64[s]").item()
-    text = f"{when.day} {when:%b}" + (f" {when.year}" if year else "")
-    return text + (f" {when:%H:%M}" if hour else "")
 
 
 class Panel:
@@ -84,7 +70,8 @@ class Panel:
         ax.set_ylim(box.south, box.north)
         ax.set_aspect(scene.stretch(0.5 * (box.south + box.north)))
         style.geographic_axes(ax, latlon=scene.latlon, ticks=ticks, labels=labels)
-        ax.set_facecolor("#F4F7FA")
+        ax.set_facecolor(colours.SEA)
+        self.shaded = False
         draw_coast(ax, box, latlon=scene.latlon)
 
     def _mesh(self, points: int) -> tuple[Floats, Floats]:
@@ -94,24 +81,28 @@ class Panel:
 
     def fastest(self, record: int) -> float:
         """Return the largest current speed in the panel, m s-1; 0 where there is no current."""
-        if self.water is None:
-            return 0.0
-        speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
-        return float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
+        return self.speeds(record)[1]
 
-    def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> None:
-        """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows."""
+    def speeds(self, record: int) -> tuple[float, float]:
+        """Return the smallest and the largest current speed in the panel, m s-1; 0 where there is no current."""
         if self.water is None:
-            return
+            return 0.0, 0.0
+        speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
+        return (float(np.nanmin(speed)), float(np.nanmax(speed))) if np.isfinite(speed).any() else (0.0, 0.0)
+
+    def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> Quiver | None:
+        """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows; return the arrows."""
+        if self.water is None:
+            return None
         time = float(self.scene.seconds[record])
         x, y = self._mesh(70)
         speed = np.hypot(*self.water.currents(x, y, time))
         if not np.isfinite(speed).any():
-            return
+            return None
         b = self.box
-        self.ax.set_facecolor(NO_WATER)
+        self.ax.set_facecolor(colours.NO_WATER)
         self.ax.imshow(
-            np.ma.masked_invalid(speed), cmap=style.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
+            np.ma.masked_invalid(speed), cmap=colours.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
         )  # fmt: skip
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
@@ -120,43 +111,69 @@ class Panel:
             np.linspace(b.south + margin_y, b.north - margin_y, arrows),
         )
         u, v = self.water.currents(ax, ay, time)
-        self.ax.quiver(
+        return self.ax.quiver(
             ax, ay, u, v, angles="uv", scale=1.05 * arrows * top, width=0.036 / arrows, headwidth=3.4, headlength=3.8,
-            headaxislength=3.4, minshaft=1.6, color="#35506B", minlength=0.4, zorder=2,
+            headaxislength=3.4, minshaft=1.6, color=colours.ARROW, minlength=0.4, zorder=2,
         )  # fmt: skip
 
-    def draw_floor(self, *, isobaths: bool = True) -> bool:
-        """Draw isobaths and hatch what the keel touches; returns whether there is such a place."""
+    def draw_floor(self, *, isobaths: bool = True, shaded: bool = False, labels: bool = True) -> bool:
+        """Draw the sea floor: steps of depth as colour, isobaths, and hatched what the keel touches.
+
+        Parameters
+        ----------
+        isobaths, shaded, labels : bool, optional
+            Draw lines of equal depth, colours of depth, the depths at the lines.
+
+        Returns
+        -------
+        bool
+            Whether there is a place that the keel touches. A run without a sea floor has none: a depth of 0 everywhere is
+            no shoal, and a floor that does not act on the ice is not touched.
+        """
         if self.water is None:
             return False
         x, y = self._mesh(260)
-        depth = self.water.depth(x, y)
-        if not np.isfinite(depth).any() or float(np.nanmin(depth)) == float(np.nanmax(depth)):
+        depth = np.ma.masked_invalid(self.water.depth(x, y))
+        if depth.mask.all():
             return False
-        low, high = float(np.nanmin(depth)), float(np.nanmax(depth))
+        low, high, draft = float(depth.min()), float(depth.max()), self.scene.draft()
+        if high <= draft:
+            return False
+        if shaded and low < UNKNOWN_DEPTH:
+            self._shade(x, y, depth)
         levels = [d for d in ISOBATHS if low < d < high]
         # A floor of steps, such as a zone that is simply declared dry, has no isobaths.
-        if isobaths and levels and len(np.unique(depth[np.isfinite(depth)])) >= 50:
-            lines = self.ax.contour(x, y, depth, levels=levels, colors="#8A8A8A", linewidths=0.6, zorder=2)
-            self.ax.clabel(lines, fmt="%d m", fontsize=6)
-        draft = self.scene.draft()
-        if not low < draft:
+        if isobaths and levels and len(np.unique(depth.compressed())) >= 50:
+            lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
+            if labels:
+                self.ax.clabel(lines, fmt="%d m", fontsize=6)
+        if not low < draft or not self.scene.has_floor:
             return False
         filled = self.ax.contourf(x, y, depth, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
-        filled.set_edgecolor(style.GROUND_COLOUR)
+        filled.set_edgecolor(colours.GROUND)
         filled.set_linewidth(0.0)
-        self.ax.contour(x, y, depth, levels=[draft], colors=style.GROUND_COLOUR, linewidths=1.2, zorder=6)
+        self.ax.contour(x, y, depth, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
         return True
 
+    def _shade(self, x: Floats, y: Floats, depth: Any) -> None:
+        """Draw the depth in steps of colour, the same for all maps."""
+        from matplotlib.colors import BoundaryNorm
+
+        shades = colours.depth_map()
+        self.ax.contourf(
+            x, y, depth, levels=DEPTHS, cmap=shades, norm=BoundaryNorm(DEPTHS, shades.N), zorder=0.5, antialiased=True
+        )
+        self.shaded = True
+
     def draw_ice(
-        self, record: int, colours: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0
+        self, record: int, shown: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0
     ) -> PolyCollection:
         """Draw the elements in the colours of their fragments."""
         from matplotlib.collections import PolyCollection
         from matplotlib.colors import to_rgba
 
         numbers = self.scene.berg[record]
-        faces = [to_rgba(colours.get(int(n), style.SMALL_COLOUR), alpha) for n in numbers]
+        faces = [to_rgba(shown.get(int(n), colours.SMALL), alpha) for n in numbers]
         thin = 0.2 if len(numbers) < 2500 else 0.0
         ice = PolyCollection(
             list(self.scene.polygons(record)),
@@ -169,7 +186,7 @@ class Panel:
         return ice
 
     def draw_bonds(
-        self, record: int, values: Floats, colours: Colormap, scale: Normalize, points: float
+        self, record: int, values: Floats, shades: Colormap, scale: Normalize, points: float
     ) -> LineCollection:
         """Draw unbroken bonds in the colour of their values, broken ones dashed dark."""
         from matplotlib.collections import LineCollection, PolyCollection
@@ -180,19 +197,21 @@ class Panel:
         broken = ~scene.unbroken[record]
         self.ax.add_collection(
             PolyCollection(
-                list(scene.polygons(record)), facecolors="#E3E8EC", edgecolors="#B8C2CA", linewidths=0.2, zorder=4
+                list(scene.polygons(record)), facecolors=colours.ICE, edgecolors="#B8C2CA", linewidths=0.2, zorder=4
             )
         )
         # The largest values on top.
         order = np.argsort(values[~broken])
-        lines = LineCollection(list(ends[~broken][order]), array=values[~broken][order], cmap=colours,
+        lines = LineCollection(list(ends[~broken][order]), array=values[~broken][order], cmap=shades,
                                norm=scale, linewidths=points, capstyle="butt", zorder=5)  # fmt: skip
         self.ax.add_collection(lines)
         near = broken & (
             np.hypot(*(ends[:, 1] - ends[:, 0]).T) < 2.5 * np.median(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
         )
         self.ax.add_collection(
-            LineCollection(list(ends[near]), colors="black", linewidths=0.7 * points, linestyles=":", zorder=6)
+            LineCollection(
+                list(ends[near]), colors="black", linewidths=min(1.8, 0.7 * points), linestyles=":", zorder=6
+            )
         )
         return lines
 
@@ -204,7 +223,7 @@ class Panel:
                 middle = 0.5 * (self.box.west + self.box.east)
                 x = x - 360.0 * np.round((x - middle) / 360.0)
             closed = np.append(x, x[0]), np.append(ring[:, 1], ring[0, 1])
-            self.ax.plot(*closed, **{"color": "black", "lw": 1.2, "zorder": 7, **look})
+            self.ax.plot(*closed, **{"color": colours.OBSERVED, "lw": 1.2, "zorder": 7, **look})
 
     def draw_scale(self, part: float = 0.3) -> None:
         """Draw a scale bar of about ``part`` of the width."""
@@ -217,21 +236,27 @@ class Panel:
 
 def fragment_colours(scene: Scene) -> dict[int, str]:
     """Return a colour for each named fragment."""
-    return dict(zip(scene.numbers, style.FRAGMENT_COLOURS, strict=False))
+    return dict(zip(scene.numbers, colours.FRAGMENTS, strict=False))
 
 
 def fragment_name(scene: Scene, number: int) -> str:
     """Return what a fragment is, in a few words."""
-    area, birth = scene.area_of(number) / 1e6, scene.birth(number)
-    size = f"{area:,.0f} km²" if area >= 10.0 else f"{area:.2g} km²"
+    size, birth = area_text(scene.area_of(number), squared="²"), scene.birth(number)
     if birth is None:
         return f"{scene.name(number)}: {size} at the end"
-    return f"{scene.name(number)}: {size}, off on {day_text(birth[0])}" + (", aground" if birth[1] else ", afloat")
+    when = moment_text(scene.times, birth[0])
+    off = f"off after {when}" if is_short(scene.times) else f"off on {when}"
+    return f"{scene.name(number)}: {size}, {off}" + (", aground" if birth[1] else ", afloat")
 
 
 def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:
-    """Return the end of the speed scale of panels at these records, m s-1; still water has one too."""
-    return max(0.05, *(panel.fastest(record) for panel, record in zip(panels, records, strict=True)))
+    """Return the end of the speed scale of panels at these records, m s-1; still water has one too.
+
+    A current of one speed everywhere stands in the middle of its scale, so that it is not all dark under arrows and ice.
+    """
+    found = [panel.speeds(record) for panel, record in zip(panels, records, strict=True)]
+    least, most = min(low for low, _ in found), max(high for _, high in found)
+    return max(0.05, 2.0 * most if least > 0.9 * most else most)
 
 
 def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: float) -> None:
@@ -241,19 +266,45 @@ def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: flo
     from matplotlib.ticker import MaxNLocator
 
     ax = figure.add_axes(place)
-    bar = figure.colorbar(ScalarMappable(Normalize(0.0, top), style.speed_map()), cax=ax, orientation="horizontal")
+    bar = figure.colorbar(ScalarMappable(Normalize(0.0, top), colours.speed_map()), cax=ax, orientation="horizontal")
     bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
     bar.ax.tick_params(labelsize=8, length=2)
     long = place[2] * figure.get_figwidth()
     bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6, steps=[1, 2, 5, 10]))
 
 
+def arrow_key(quiver: Quiver, figure: Figure, x: float, y: float, top: float) -> None:
+    """Draw an arrow of a round speed of up to ``top`` (m s-1) beside that speed, from a place of a figure (its parts) on."""
+    speed = style.round_length(0.75 * top)
+    axes: Any = quiver.axes
+    key = axes.quiverkey(
+        quiver, x, y, speed, f"{speed:g} m s$^{{-1}}$", coordinates="figure", labelpos="E", labelsep=0.06,
+        fontproperties={"size": 8}, color=colours.ARROW,
+    )  # fmt: skip
+    key.set_in_layout(False)  # it stands outside of its panel
+
+
 def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:
-    """Return square extents of one size, each centred on the named fragments of its record."""
+    """Return square extents for panels that are compared: one for all, or of one size where the berg goes far.
+
+    Where the berg stays about where it is, all panels show the same place; else each is centred on the named fragments of
+    its record.
+    """
     single = [scene.grown(scene.box(record), margin) for record in records]
     stretch = scene.stretch(0.5 * (single[0].south + single[0].north))
-    half = 0.5 * max(max(b.north - b.south, (b.east - b.west) / stretch) for b in single)
+    half = max(_half(box, stretch) for box in single)
+    together = Box(
+        min(b.west for b in single), max(b.east for b in single),
+        min(b.south for b in single), max(b.north for b in single),
+    )  # fmt: skip
+    if _half(together, stretch) <= LARGE_BOX * half:
+        return [_centred(together, scene, _half(together, stretch))] * len(single)
     return [_centred(b, scene, half) for b in single]
+
+
+def _half(box: Box, stretch: float) -> float:
+    """Return half of the longer side of a box, in units of y."""
+    return 0.5 * max(box.north - box.south, (box.east - box.west) / stretch)
 
 
 def widened(box: Box, scene: Scene, shape: float) -> Box:

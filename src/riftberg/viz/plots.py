@@ -14,20 +14,19 @@ from riftberg.errors import InputError
 from riftberg.runs.background import stored_water
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
-from riftberg.viz import style
+from riftberg.viz import colours, style
+from riftberg.viz.moments import day_text, is_short, length_of, moment_texts
 from riftberg.viz.panels import (
     Panel,
     Water,
+    arrow_key,
     common_boxes,
-    damage_map,
-    day_text,
     fragment_colours,
     fragment_name,
     nearest_record,
     root_scale,
     speed_bar,
     speed_top,
-    stress_map,
     widened,
 )
 from riftberg.viz.style import date_axis, new_figure
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
 
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
-
-OBSERVED_COLOURS = ("#332288", "#117733", "#AA4499", "#88CCEE", "#999933", "#882255")
 
 
 def heading(run: xr.Dataset, what: str) -> str:
@@ -94,40 +91,46 @@ def draw_dates(
     rows = math.ceil(count / columns)
     # The legend takes a line for each column's width of fragments.
     entries = math.ceil((len(fragment_colours(scene)) + bool(shown)) / columns)
-    figure = new_figure(4.1 * columns + 0.6, 4.3 * rows + 1.8 + 0.17 * entries, dpi)
+    named = 0.0 if scene.latlon else 0.2  # axes in metres say what they are
+    figure = new_figure((4.1 + named) * columns + 0.6, (4.3 + named) * rows + 1.8 + 0.17 * entries, dpi)
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
     boxes = common_boxes(scene, records)
-    panels = [Panel(ax, scene, box, water) for ax, box in zip(places[bool(shown) :], boxes, strict=True)]
+    panels = [
+        Panel(ax, scene, box, water, labels=not scene.latlon)
+        for ax, box in zip(places[bool(shown) :], boxes, strict=True)
+    ]
     top = speed_top(panels, records)
-    for panel, record in zip(panels, records, strict=True):
-        _date_panel(panel, record, top, shown)
+    texts = moment_texts(scene.times, records)
+    arrows = [_date_panel(*each, top, shown) for each in zip(panels, records, texts, strict=True)]
     if shown:
         _observed_panel(places[0], scene, records, shown, water, top)
-    flowing = top if any(p.fastest(records[0]) for p in panels) else 0.0
-    below = _legend(figure, scene, bool(shown), flowing)
+    for k, ax in enumerate(places):
+        if count > 1:
+            style.letter(ax, k)
+    style.outer_names(places, columns)
+    flowing = top if any(p.fastest(record) for p, record in zip(panels, records, strict=True)) else 0.0
+    below = _legend(figure, scene, bool(shown), flowing, next((a for a in arrows if a is not None), None))
     height = figure.get_figheight()
     title = heading(run, "model" + (" and observed outlines" if shown else ""))
-    lines = style.wrapped(title, figure.get_figwidth() - 0.6, size=12)
-    left, right = 0.62 / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figwidth()
-    above = 0.45 + 0.2 * len(lines)
+    left, right = (0.62 + named) / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figwidth()
+    above = 0.4 + style.put_title(figure, title)
     figure.subplots_adjust(
-        left=left, right=right, top=1.0 - above / height, bottom=below / height, wspace=0.22, hspace=0.2
-    )
-    figure.suptitle(
-        "\n".join(lines), x=0.3 / figure.get_figwidth(), y=1.0 - 0.1 / height, va="top", ha="left", fontsize=12
-    )
+        left=left, right=right, top=1.0 - above / height, bottom=(below + named) / height, wspace=0.22 + 0.3 * named,
+        hspace=0.2 + 0.3 * named,
+    )  # fmt: skip
     style.save_figure(figure, path)
     return Path(path)
 
 
-def _date_panel(panel: Panel, record: int, top: float, shown: Outlines) -> None:
+def _date_panel(panel: Panel, record: int, text: str, top: float, shown: Outlines) -> Any:
     scene = panel.scene
-    panel.draw_currents(record, top)
-    panel.draw_floor()
+    quiver = panel.draw_currents(record, top)
+    panel.draw_floor(shaded=quiver is None)
     panel.draw_ice(record, fragment_colours(scene))
     panel.draw_outlines(shown.get(str(scene.times[record])[:10], ()), lw=1.4)
     panel.draw_scale()
-    panel.ax.set_title(day_text(scene.times[record]), fontsize=10, pad=4)
+    panel.ax.set_title(text, fontsize=10, pad=4)
+    return quiver
 
 
 def _observed_panel(
@@ -144,7 +147,7 @@ def _observed_panel(
     panel.draw_currents(middle, top, arrows=15)
     panel.draw_floor()
     for k, (day, drawn) in enumerate(shown.items()):
-        colour = OBSERVED_COLOURS[k % len(OBSERVED_COLOURS)]
+        colour = colours.OBSERVED_DAYS[k % len(colours.OBSERVED_DAYS)]
         panel.draw_outlines(drawn, color=colour, lw=1.6)
         ax.plot([], [], color=colour, lw=1.6, label=day_text(np.datetime64(day), hour=False))
     panel.draw_scale()
@@ -152,8 +155,8 @@ def _observed_panel(
     ax.set_title(f"Observed; currents of {day_text(scene.times[middle], hour=False)}", fontsize=10, pad=4)
 
 
-def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
-    """Explain the fragments, and above that draw the scale of the current; return the height of both with the ticks (inches)."""
+def _legend(figure: Figure, scene: Scene, observed: bool, top: float, arrows: Any = None) -> float:
+    """Explain the fragments, and above that the colours and arrows of the current; return the height of all (inches)."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -162,7 +165,7 @@ def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
         for number, colour in fragment_colours(scene).items()
     ]
     if observed:
-        handles.append(Line2D([], [], color="black", lw=1.4, label="observed outline of the day"))
+        handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.4, label="observed outline of the day"))
     width, height = figure.get_figwidth(), figure.get_figheight()
     columns = max(1, min(len(handles), int((width - 0.5) / 4.1)))
     high = 0.17 * math.ceil(len(handles) / columns) + 0.16
@@ -170,20 +173,23 @@ def _legend(figure: Figure, scene: Scene, observed: bool, top: float) -> float:
         handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.45 / width, 0.0), ncols=columns, frameon=False
     )
     if top > 0.0:
-        long = min(4.2, width - 1.2)
+        long = min(4.2, width - 2.0)
         speed_bar(figure, (0.62 / width, (high + 0.4) / height, long / width, 0.1 / height), top)
+        if arrows is not None:
+            arrow_key(arrows, figure, (0.62 + long + 0.4) / width, (high + 0.45) / height, top)
         high += 0.5
     return high + 0.4
 
 
 def draw_stress(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path:
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, water: Water | None = None,
+    dpi: int = 150,
+) -> Path:  # fmt: skip
     """Draw the bonds in the colour of their tensile stress; by default just before the large break-ups.
 
     Parameters
     ----------
-    run, path, dates, dpi
+    run, path, dates, water, dpi
         As in `draw_dates`.
     """
     scene = Scene(run)
@@ -195,21 +201,25 @@ def draw_stress(
     strength = fracture.normal_strength / 1e3
     beyond = fracture.enabled and top >= strength
     text = f"; strength {strength:g} kPa" if fracture.enabled else ""
+    title = heading(run, "stress in the bonds")
     figure = _bond_maps(
-        scene, tension, stress_map(), root_scale(strength if beyond else top),
-        f"largest tensile stress of a bond (kPa){text}; dotted: broken", beyond=beyond, dpi=dpi,
+        scene, tension, colours.stress_map(), root_scale(strength if beyond else top),
+        f"largest tensile stress of a bond (kPa){text}; dotted: broken", title, water=water or stored_water(run),
+        beyond=beyond, dpi=dpi,
     )  # fmt: skip
-    return _titled(figure, heading(run, "stress in the bonds"), path)
+    style.save_figure(figure, path)
+    return Path(path)
 
 
 def draw_damage(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path:
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, water: Water | None = None,
+    dpi: int = 150,
+) -> Path:  # fmt: skip
     """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
 
     Parameters
     ----------
-    run, path, dates, dpi
+    run, path, dates, water, dpi
         As in `draw_dates`.
 
     Raises
@@ -224,13 +234,10 @@ def draw_damage(
     records = chosen(scene, dates) if dates else sorted({*_before_breakups(scene), len(scene.times) - 1})
     shown = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(values, initial=0.0)) for values in shown.values()))
-    figure = _bond_maps(scene, shown, damage_map(), root_scale(top), "damage of a bond; dotted: broken", dpi=dpi)
-    return _titled(figure, heading(run, "damage of the bonds"), path)
-
-
-def _titled(figure: Figure, title: str, path: str | Path) -> Path:
-    """Put the title on a figure and write it."""
-    figure.suptitle(title, x=0.05, ha="left", fontsize=12)
+    figure = _bond_maps(
+        scene, shown, colours.damage_map(), root_scale(top), "damage of a bond; dotted: broken",
+        heading(run, "damage of the bonds"), water=water or stored_water(run), dpi=dpi,
+    )  # fmt: skip
     style.save_figure(figure, path)
     return Path(path)
 
@@ -238,32 +245,61 @@ def _titled(figure: Figure, title: str, path: str | Path) -> Path:
 def _bond_maps(
     scene: Scene,
     values: Mapping[int, Floats],
-    colours: Colormap,
+    shades: Colormap,
     scale: Normalize,
     label: str,
+    title: str,
     *,
     dpi: int,
+    water: Water | None = None,
     beyond: bool = False,
 ) -> Figure:
     """Draw the bonds at each record in the colour of their values, with a scale below; ``beyond`` marks its upper end as open."""
-    from matplotlib.cm import ScalarMappable
-
-    figure = new_figure(5.2 * len(values) + 0.8, 6.3, dpi)
+    width = 5.2 * len(values) + 0.8
+    figure = new_figure(width, 6.4, dpi)
+    above = style.put_title(figure, title)
+    figure.set_size_inches(width, 6.0 + above)
     boxes = common_boxes(scene, list(values), margin=0.05)
-    for k, (record, box) in enumerate(zip(values, boxes, strict=True)):
-        panel = Panel(figure.add_subplot(1, len(values), k + 1), scene, box)
+    texts = moment_texts(scene.times, list(values))
+    for k, (record, box, text) in enumerate(zip(values, boxes, texts, strict=True)):
+        panel = Panel(figure.add_subplot(1, len(values), k + 1), scene, box, water, labels=not scene.latlon)
         inches = (
             0.8 * 5.2 * float(np.sqrt(np.median(scene.area))) / 1e3 * scene.units_per_km() / (box.north - box.south)
         )
-        panel.draw_bonds(record, values[record], colours, scale, points=max(0.6, 72.0 * inches * 0.62))
+        panel.draw_floor(shaded=True)
+        panel.draw_bonds(record, values[record], shades, scale, points=max(0.6, 72.0 * inches * 0.62))
         panel.draw_scale()
-        panel.ax.set_title(day_text(scene.times[record], year=True), fontsize=10, pad=4)
-    figure.subplots_adjust(left=0.06, right=0.98, top=0.86, bottom=0.17, wspace=0.18)
-    place = figure.add_axes((0.25, 0.085, 0.5, 0.018))
-    extend = "max" if beyond else "neither"
-    bar = figure.colorbar(ScalarMappable(scale, colours), cax=place, orientation="horizontal", extend=extend)
-    bar.set_label(label, fontsize=9)
+        panel.ax.set_title(text, fontsize=10, pad=4)
+        if len(values) > 1:
+            style.letter(panel.ax, k)
+            style.outer_names(figure.axes, len(values))
+    height = figure.get_figheight()
+    figure.subplots_adjust(
+        left=0.75 / width, right=1.0 - 0.12 / width, top=1.0 - (above + 0.4) / height, bottom=1.05 / height, wspace=0.2
+    )
+    style.put_title(figure, title)
+    _bond_bar(figure, shades, scale, label, beyond)
     return figure
+
+
+def _bond_bar(figure: Figure, shades: Colormap, scale: Normalize, label: str, beyond: bool) -> None:
+    """Draw the scale of the values of bonds; on a scale by the square root, a small tick beside the round ones."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.ticker import FixedLocator, FuncFormatter
+
+    width, height = figure.get_size_inches()
+    long = min(6.5, width - 1.6)
+    place = figure.add_axes((0.5 - 0.5 * long / width, 0.52 / height, long / width, 0.11 / height))
+    bar = figure.colorbar(
+        ScalarMappable(scale, shades), cax=place, orientation="horizontal", extend="max" if beyond else "neither"
+    )
+    top = float(scale.vmax or 1.0)
+    small, large = style.round_length(top / 16.0), style.round_length(top / 2.5)
+    bar.ax.xaxis.set_major_locator(FixedLocator([0.0, small, *np.arange(large, top * (1.0 + 1e-9), large)]))
+    bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
+    bar.ax.xaxis.set_minor_locator(FixedLocator([]))
+    bar.ax.tick_params(labelsize=8)
+    bar.set_label(label, fontsize=9)
 
 
 def _before_breakups(scene: Scene) -> list[int]:
@@ -289,47 +325,76 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     """
     scene = Scene(run)
     figure = new_figure(11.0, 7.4, dpi)
-    upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.0))
-    _areas(upper, scene)
-    _peak_stress(middle, scene)
-    lower.fill_between(scene.times, scene.aground().sum(axis=1), step="post", color=style.GROUND_COLOUR, alpha=0.6)
-    lower.set_ylabel("elements\naground", fontsize=9)
-    lower.yaxis.get_major_locator().set_params(integer=True)
-    for ax in (upper, middle, lower):
-        ax.grid(color="#DDDDDD", lw=0.6)
+    ground = scene.aground().sum(axis=1)
+    heights = (3.0, 1.6, 1.0) if ground.any() else (3.0, 2.0)
+    axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    times, lower = _times_shown(scene), axes[-1]
+    _areas(axes[0], scene, times)
+    _peak_stress(axes[1], scene, times)
+    if ground.any():
+        lower.fill_between(times, ground, step="post", color=colours.GROUND, alpha=0.6, lw=0.0)
+        lower.set_ylabel("elements\naground", fontsize=9)
+        lower.yaxis.get_major_locator().set_params(integer=True)
+        lower.set_ylim(0.0, 1.15 * float(ground.max()))
+    for k, ax in enumerate(axes):
+        ax.grid(color=colours.GRID, lw=0.6)
+        ax.set_axisbelow(True)
         ax.tick_params(labelsize=8)
         ax.spines[["top", "right"]].set_visible(False)
-    date_axis(lower)
-    lower.set_xlim(scene.times[0], scene.times[-1])
-    figure.subplots_adjust(left=0.08, right=0.97, top=0.89, bottom=0.07, hspace=0.1)
-    return _titled(figure, heading(run, "fragments"), path)
+        ax.text(0.0, 1.02, f"({'abc'[k]})", transform=ax.transAxes, fontsize=10, fontweight="bold", va="bottom")
+    if is_short(scene.times):
+        lower.set_xlabel(
+            "time since the start (s)" if length_of(scene.times) <= 180.0 else "time since the start (min)"
+        )
+    else:
+        date_axis(lower)
+    if len(times) > 1:
+        lower.set_xlim(times[0], times[-1])
+    above = style.put_title(figure, heading(run, "fragments"), left=0.08 * 11.0)
+    bottom = 0.55 if is_short(scene.times) else 0.48
+    figure.subplots_adjust(left=0.08, right=0.97, top=1.0 - (above + 0.45) / 7.4, bottom=bottom / 7.4, hspace=0.2)
+    style.save_figure(figure, path)
+    return Path(path)
 
 
-def _areas(ax: Axes, scene: Scene) -> None:
+def _times_shown(scene: Scene) -> Any:
+    """Return the records along the axis of time: dates, or in a short run seconds or minutes since its start."""
+    if not is_short(scene.times):
+        return scene.times
+    seconds = scene.seconds - scene.seconds[0]
+    return seconds if length_of(scene.times) <= 180.0 else seconds / 60.0
+
+
+def _areas(ax: Axes, scene: Scene, times: Any) -> None:
     """Draw the area of each named fragment; a break-up is a step of the parent and a dot where the child begins."""
-    for number, colour in fragment_colours(scene).items():
-        area = np.where(scene.berg == number, scene.area, 0.0).sum(axis=1) / 1e6
+    unit = 1e6 if float(scene.area.sum()) >= 1e4 else 1.0
+    for rank, (number, colour) in enumerate(fragment_colours(scene).items()):
+        area = np.where(scene.berg == number, scene.area, 0.0).sum(axis=1) / unit
         there = area > 0.0
-        ax.step(scene.times[there], area[there], where="post", color=colour, lw=2.2, label=fragment_name(scene, number))
-        birth = scene.birth(number)
-        if birth is not None:
-            ax.axvline(birth[0], color="#999999", lw=0.8, ls=":")  # type: ignore[arg-type]
-            ax.plot(birth[0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
+        ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 3.2 - 0.7 * rank),
+                label=fragment_name(scene, number))  # fmt: skip
+        if scene.birth(number) is not None and there.any():
+            ax.axvline(times[there][0], color="#999999", lw=0.8, ls=":")
+            ax.plot(times[there][0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
+    ax.margins(y=0.12)
     ax.set_ylim(bottom=0.0)
-    ax.set_ylabel("area (km²)", fontsize=9)
-    ax.legend(fontsize=8, loc="best", framealpha=0.9)
+    ax.set_ylabel("area (km²)" if unit == 1e6 else "area (m²)", fontsize=9)
+    ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
 
 
-def _peak_stress(ax: Axes, scene: Scene) -> None:
+def _peak_stress(ax: Axes, scene: Scene, times: Any = None) -> None:
     """Draw the largest tension between records and, thinner, at the records: what is between both is ringing and impact."""
+    times = scene.times if times is None else times
     peak = scene.tension().max(axis=1, initial=0.0)
-    ax.plot(scene.times, peak / 1e3, color="#CF2A27", lw=1.3, label="between records")
+    ax.plot(times, peak / 1e3, color=colours.STRESS_LINE, lw=1.3, label="between records")
     if "peak_stress" in scene.run:
         at_records = np.where(scene.unbroken, scene.run["normal_stress"].transpose("time", "bond").values, 0.0)
-        ax.plot(scene.times, at_records.max(axis=1, initial=0.0) / 1e3, color="#555555", lw=0.8, label="at the records")
+        ax.plot(
+            times, at_records.max(axis=1, initial=0.0) / 1e3, color=colours.STRENGTH, lw=0.8, label="at the records"
+        )
     fracture = scene.parameters.fracture
     if fracture.enabled:
-        ax.axhline(fracture.normal_strength / 1e3, color="#555555", ls="--", lw=1.0)
+        ax.axhline(fracture.normal_strength / 1e3, color=colours.STRENGTH, ls="--", lw=1.0)
         ax.text(
             0.005,
             fracture.normal_strength / 1e3,
@@ -340,7 +405,7 @@ def _peak_stress(ax: Axes, scene: Scene) -> None:
         )
     lowest = scene.lowest_strength()
     if lowest is not None:
-        ax.plot(scene.times, lowest / 1e3, color="#63308F", ls="--", lw=1.2, label="lowest strength left by damage")
-    ax.legend(fontsize=8, loc="best", framealpha=0.9)
+        ax.plot(times, lowest / 1e3, color=colours.DAMAGE_LINE, ls="--", lw=1.2, label="lowest strength left by damage")
+    ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, frameon=False)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)

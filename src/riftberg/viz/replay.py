@@ -24,8 +24,8 @@ from riftberg.runs.background import StoredWater, on_even_grid, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.version import __version__
+from riftberg.viz.colours import FRAGMENTS, SMALL
 from riftberg.viz.packing import pack
-from riftberg.viz.style import FRAGMENT_COLOURS, SMALL_COLOUR
 from riftberg.whole_files import write_text
 
 LARGEST: Final = 10e6
@@ -136,8 +136,8 @@ class ReplayContent:
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
             "lowest": self._lowest(),
-            "colours": list(FRAGMENT_COLOURS),
-            "small": SMALL_COLOUR,
+            "colours": list(FRAGMENTS),
+            "small": SMALL,
             "elements": arrays,
             "bonds": self._bonds(),
             "fragments": self._fragments(),
@@ -284,8 +284,8 @@ class ReplayContent:
         points = min(160, max(self.water.floor.shape))
         xs, ys, _, _, lon, lat = self._mesh(points)
         depth = self.water.depth(lon, lat)
-        if float(np.nanmin(depth)) == float(np.nanmax(depth)):
-            return None  # a flat floor has nothing to show
+        if float(np.nanmin(depth)) == float(np.nanmax(depth)) or float(np.nanmax(depth)) <= self.scene.draft():
+            return None  # a flat floor has nothing to show, and a depth of 0 everywhere is none
         return {
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
@@ -293,7 +293,7 @@ class ReplayContent:
             "lines": [
                 {"depth": level, "lines": lines} for level in _ISOBATHS if (lines := _contours(xs, ys, depth, level))
             ],
-            "shallow": self._shallow(),
+            "shallow": self._shallow() if self.scene.has_floor else [],
         }
 
     def _shallow(self) -> list[list[float]]:

@@ -8,18 +8,22 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.diagnostics.score import Match, Score
 from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
+from riftberg.viz.colours import GRID, MODEL, OBSERVED
+from riftberg.viz.moments import day_text
 from riftberg.viz.style import date_axis, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MODEL: Final = "#D55E00"
-OBSERVED: Final = "#222222"
+
+MARK: Final[dict[str, Any]] = {"ms": 4.5, "mec": "black", "mew": 0.5}
+"""Marks of curves; the edge makes light colours stand out."""
 
 
 def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
@@ -36,9 +40,10 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
     """
     figure = new_figure(12.5, 7.6, dpi)
     grid = figure.add_gridspec(
-        4, 2, left=0.07, right=0.97, top=0.875, bottom=0.075, wspace=0.2, hspace=0.16, width_ratios=(1.0, 1.15)
+        4, 2, left=0.07, right=0.97, top=0.85, bottom=0.075, wspace=0.2, hspace=0.3, width_ratios=(1.0, 1.15)
     )
-    _draw_tracks(figure.add_subplot(grid[:, 0]), score)
+    tracks = figure.add_subplot(grid[:, 0])
+    _draw_tracks(tracks, score)
     rows = [(day.time, berg) for day in score.days if (berg := day.berg) is not None]
     times = np.array([time for time, _ in rows], dtype="datetime64[s]")
     matches = [match for _, match in rows]
@@ -47,11 +52,14 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
         axes.append(figure.add_subplot(grid[k, 1], sharex=axes[0] if axes else None))
         draw(axes[k], times, matches)
         axes[k].set_ylabel(label, fontsize=9)
-        axes[k].grid(color="#DDDDDD", lw=0.6)
+        axes[k].grid(color=GRID, lw=0.6)
+        axes[k].set_axisbelow(True)
         axes[k].tick_params(labelsize=8, labelbottom=k == len(_CURVES) - 1)
         axes[k].spines[["top", "right"]].set_visible(False)
     date_axis(axes[-1])
-    figure.suptitle(title or f"Run against {score.observed}", x=0.05, ha="left", fontsize=12)
+    for k, ax in enumerate((tracks, *axes)):
+        style.letter(ax, k)
+    style.put_title(figure, title or f"Run against {score.observed}", left=0.05 * figure.get_figwidth())
     style.save_figure(figure, path)
     return Path(path)
 
@@ -61,7 +69,7 @@ def _match_values(matches: Sequence[Match], name: str) -> Floats:
 
 
 def _draw_distance(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
-    ax.plot(times, _match_values(berg, "distance_km"), "o-", color=MODEL, ms=4)
+    ax.plot(times, _match_values(berg, "distance_km"), "o-", color=MODEL, **MARK)
     ax.set_ylim(bottom=0.0)
 
 
@@ -72,18 +80,18 @@ def _draw_azimuth(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     made = seen + off if known.any() else _match_values(berg, "azimuth")
     for values, look, colour in ((seen, "s-", OBSERVED), (made, "o-", MODEL)):
         there = np.isfinite(values)
-        ax.plot(times[there], np.unwrap(values[there], period=180.0), look, color=colour, ms=4)
+        ax.plot(times[there], np.unwrap(values[there], period=180.0), look, color=colour, **MARK)
 
 
 def _draw_area(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
-    ax.plot(times, _match_values(berg, "area_observed_km2"), "s-", color=OBSERVED, ms=4)
-    ax.plot(times, _match_values(berg, "area_km2"), "o-", color=MODEL, ms=4)
+    ax.plot(times, _match_values(berg, "area_observed_km2"), "s-", color=OBSERVED, **MARK)
+    ax.plot(times, _match_values(berg, "area_km2"), "o-", color=MODEL, **MARK)
     ax.set_ylim(0.0, 1.1 * ax.get_ylim()[1])
 
 
 def _draw_overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     values = _match_values(berg, "iou")
-    ax.plot(times, values, "o-", color=MODEL, ms=4)
+    ax.plot(times, values, "o-", color=MODEL, **MARK)
     ax.set_ylim(0.0, 1.0)
     if not np.isfinite(values).any():
         ax.text(0.5, 0.5, "positions only, no outlines", transform=ax.transAxes, ha="center", va="center", fontsize=9)
@@ -97,39 +105,73 @@ _CURVES: Final = (
 )
 
 
+def _near(lon: float, middle: float) -> float:
+    """Return a longitude on the branch around another one, so that no line runs around the globe at its seam."""
+    return lon - 360.0 * round((lon - middle) / 360.0)
+
+
 def _draw_tracks(ax: Axes, score: Score) -> None:
     """Draw the centroids of all pieces, model and observed, joined day by day."""
-    ends: list[tuple[float, float]] = []
     labels = style.Labels(ax)
     berg = [(day.time, m) for day in score.days if (m := day.berg) is not None]
-    for day in score.days:
-        for m in day.matches:
-            ends.append((m.lon_observed, m.lat_observed))
-            other = m is not day.berg
-            ax.plot(
-                m.lon_observed, m.lat_observed, "s", color=OBSERVED, ms=3 if other else 5, alpha=0.5 if other else 1.0
-            )
-            if m.lon is not None and m.lat is not None:
-                ends.append((m.lon, m.lat))
-                ax.plot([m.lon_observed, m.lon], [m.lat_observed, m.lat], "-", color="#999999", lw=0.9, zorder=1)
-                ax.plot(m.lon, m.lat, "o", color=MODEL, ms=3 if other else 5, alpha=0.5 if other else 1.0)
-    seen = np.array([(m.lon_observed, m.lat_observed) for _, m in berg]).reshape(-1, 2)
-    made = np.array([(m.lon, m.lat) for _, m in berg], np.float64).reshape(-1, 2)
+    matches = [(m, m is not day.berg) for day in score.days for m in day.matches]
+    middle = (berg[0][1] if berg else matches[0][0]).lon_observed
+    ends: list[tuple[float, float]] = []
+    for m, other in matches:
+        look: dict[str, Any] = {"ms": 3 if other else 5, "alpha": 0.5 if other else 1.0}
+        seen_at = _near(m.lon_observed, middle), m.lat_observed
+        ends.append(seen_at)
+        ax.plot(*seen_at, "s", color=OBSERVED, **look)
+        if m.lon is not None and m.lat is not None:
+            made_at = _near(m.lon, middle), m.lat
+            ends.append(made_at)
+            ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color="#999999", lw=0.9, zorder=1)
+            ax.plot(*made_at, "o", color=MODEL, mec="black", mew=0.5, **look)
+    seen = np.array([(_near(m.lon_observed, middle), m.lat_observed) for _, m in berg]).reshape(-1, 2)
+    made = np.array(
+        [(np.nan, np.nan) if m.lon is None else (_near(m.lon, middle), m.lat) for _, m in berg], np.float64
+    ).reshape(-1, 2)
     ax.plot(*seen.T, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed")
-    ax.plot(*made.T, "o-", color=MODEL, ms=5, lw=1.4, label="model")
-    middle = float(np.mean([lat for _, lat in ends]))
-    ax.set_aspect(1.0 / np.cos(np.radians(middle)), adjustable="datalim")
+    ax.plot(*made.T, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model")
+    _frame(ax, ends)
+    ax.legend(fontsize=9, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+    others = any(other for _, other in matches)
+    note = "grey: of the same time" + ("; small: other pieces" if others else "")
+    ax.text(0.02, 0.015, note, transform=ax.transAxes, fontsize=8, va="bottom",
+            bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.5})  # fmt: skip
+    for x, y in (*seen, *made):
+        if np.isfinite(x + y):
+            labels.avoid(x, y)
+    for line in (seen, made):
+        for x, y in 0.5 * (line[1:] + line[:-1]):
+            if np.isfinite(x + y):
+                labels.prefer_off(x, y)
+    for k in range(0, len(berg), max(1, len(berg) // 8)):
+        labels.put(day_text(np.datetime64(berg[k][0]), hour=False), *seen[k], fontsize=8)
+
+
+def _frame(ax: Axes, ends: Sequence[tuple[float, float]]) -> None:
+    """Set the extent of the map around points, with coast, degrees and a scale bar."""
+    places = np.array(ends)
+    lat = float(places[:, 1].mean())
+    ax.set_aspect(1.0 / max(0.05, np.cos(np.radians(lat))), adjustable="datalim")
     ax.margins(0.08)
+    ax.apply_aspect()
+    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
+    # One point, or a berg that hardly moved, is not blown up to metres.
+    short = 0.5 * max(0.0, 0.2 - (north - south))
+    stretch = 1.0 / max(0.05, float(np.cos(np.radians(lat))))
+    box = Box(west - short * stretch, east + short * stretch, south - short, north + short)
+    ax.set_xlim(box.west, box.east)
+    ax.set_ylim(box.south, box.north)
     ax.apply_aspect()
     (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
     draw_coast(ax, Box(west, east, south, north), zorder=0.5)
     style.geographic_axes(ax, latlon=True)
     ax.grid(color="#E3E3E3", lw=0.6)
-    ax.legend(fontsize=9)
-    others = any(m is not day.berg for day in score.days for m in day.matches)
-    ax.set_title("centroids; grey: of the same time" + ("; small: other pieces" if others else ""), fontsize=10)
-    for x, y in (*seen, *made):
-        labels.avoid(x, y)
-    for k in range(0, len(berg), max(1, len(berg) // 8)):
-        when = np.datetime64(berg[k][0]).astype("datetime64[s]").item()
-        labels.put(f"{when.day} {when:%b}", *seen[k], fontsize=8)
+    ax.set_axisbelow(True)
+    unit = stretch / (DEGREE * EARTH_RADIUS_A68 / 1e3)
+    x, y = east - 0.32 * (east - west), south + 0.05 * (north - south)
+    style.scale_bar(ax, km=style.round_length(0.25 * (east - west) / unit), units_per_km=unit, place=(x, y))
+    ax.set_xlim(west, east)
+    ax.set_ylim(south, north)

@@ -1,4 +1,4 @@
-"""Colours, axes in degrees, scale bars and labels that keep out of each other's way."""
+"""Files, titles, axes in degrees, scale bars and labels that keep out of each other's way."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from riftberg.errors import InputError
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.colors import Colormap
-    from matplotlib.figure import Figure
+    from collections.abc import Sequence
 
-FRAGMENT_COLOURS = ("#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#8C510A")
-"""Largest fragment first; colours of Okabe and Ito that are told apart with any colour vision, and from blue water."""
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PLACES = (
     (7, 5, "left", "bottom"),
@@ -25,20 +24,50 @@ PLACES = (
     (-7, -5, "right", "top"),
     (0, 10, "center", "bottom"),
     (0, -10, "center", "top"),
+    (12, 14, "left", "bottom"),
+    (12, -14, "left", "top"),
+    (-12, 14, "right", "bottom"),
+    (-12, -14, "right", "top"),
 )
 """Where a label may stand beside its point: offset in points and alignment, best first."""
 
-SMALL_COLOUR = "#666666"
-"""Fragments too small to be named."""
+EDITABLE: Any = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "riftberg"}
+"""Settings of vector files: letters stay letters, which journals ask for, and two files of a picture are alike."""
 
-GROUND_COLOUR = "#A50026"
-"""Sea floor that the keel touches."""
+UNDATED: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+"""Entries without which two files of one picture differ."""
+
+
+def check_format(path: str | Path) -> str:
+    """Return the format that the ending of a picture's name says, empty where it has none.
+
+    Raises
+    ------
+    InputError
+        If pictures cannot be written so.
+    """
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    ending = Path(path).suffix.removeprefix(".").lower()
+    known = FigureCanvasBase.get_supported_filetypes()
+    if ending and ending not in known:
+        raise InputError(
+            f"no picture can be written as .{ending}", where=str(path), remedy=f"Use one of {', '.join(sorted(known))}"
+        )
+    return ending
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure into a file that is whole or not there; the ending of its name says the format."""
+    from matplotlib import rc_context
+
+    ending = check_format(path)
     with replacing(path) as part:
-        figure.savefig(part, format=Path(path).suffix.removeprefix(".") or None)
+        if ending in ("pdf", "ps", "eps", "svg"):
+            with rc_context(EDITABLE):
+                figure.savefig(part, format=ending, metadata=UNDATED.get(ending))
+        else:
+            figure.savefig(part, format=ending or None)
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:
@@ -49,18 +78,6 @@ def new_figure(width: float, height: float, dpi: int) -> Figure:
     figure = Figure(figsize=(width, height), dpi=dpi)
     FigureCanvasAgg(figure)
     return figure
-
-
-def speed_map(steps: int | None = None) -> Colormap:
-    """Return the colours of current speed: white to a middle blue, light enough for arrows and ice on top.
-
-    They are smooth, or so many steps.
-    """
-    from matplotlib import colormaps
-    from matplotlib.colors import LinearSegmentedColormap
-
-    smooth = LinearSegmentedColormap.from_list("speed", colormaps["Blues"](np.linspace(0.0, 0.68, 64)))
-    return smooth if steps is None else smooth.resampled(steps)
 
 
 def degree_label(value: float, positive: str, negative: str, decimals: int) -> str:
@@ -76,6 +93,7 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
     """Label the axes in degrees, or in km where positions are metres."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+    factor = metres_factor(ax)
     for axis, names in ((ax.xaxis, "EW"), (ax.yaxis, "NS")):
         axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
         if latlon:
@@ -83,11 +101,18 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
             decimals = max(0, -math.floor(math.log10(float(np.diff(places).min())) + 1e-9))
             axis.set_major_formatter(FuncFormatter(lambda v, _, n=names, d=decimals: degree_label(v, n[0], n[1], d)))
         else:
-            axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v / 1e3:g}"))
+            axis.set_major_formatter(FuncFormatter(lambda v, _, f=factor: f"{v / f:.10g}"))
     if not latlon and labels:
-        ax.set_xlabel("x (km)")
-        ax.set_ylabel("y (km)")
+        unit = "km" if factor > 1.0 else "m"
+        ax.set_xlabel(f"x ({unit})", fontsize=8, labelpad=2)
+        ax.set_ylabel(f"y ({unit})", fontsize=8, labelpad=2)
     ax.tick_params(labelsize=8, length=3)
+
+
+def metres_factor(ax: Axes) -> float:
+    """Return the metres in the unit of the axes of a map in metres: those of a kilometre, or 1 on a small map."""
+    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
+    return 1e3 if max(east - west, north - south) > 4e3 else 1.0
 
 
 def round_length(most: float) -> float:
@@ -105,19 +130,20 @@ def date_axis(ax: Axes) -> None:
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
 
 
-def scale_bar(ax: Axes, *, km: float, units_per_km: float) -> None:
-    """Draw a bar of ``km`` kilometres in the lower left corner; ``units_per_km`` along x."""
+def scale_bar(ax: Axes, *, km: float, units_per_km: float, place: tuple[float, float] | None = None) -> None:
+    """Draw a bar of ``km`` kilometres from a place on, by default the lower left corner; ``units_per_km`` along x."""
     from matplotlib.patheffects import withStroke
 
     (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
-    x, y = west + 0.05 * (east - west), south + 0.055 * (north - south)
+    x, y = place or (west + 0.05 * (east - west), south + 0.055 * (north - south))
     halo = [withStroke(linewidth=4.5, foreground="white")]
     ax.plot(
         [x, x + km * units_per_km], [y, y], color="black", lw=2.2, solid_capstyle="butt", path_effects=halo, zorder=9
     )
     ax.annotate(
-        f"{km:g} km", (x + 0.5 * km * units_per_km, y), (0, 3), textcoords="offset points", ha="center", va="bottom",
-        fontsize=8, path_effects=[withStroke(linewidth=2.5, foreground="white")], zorder=9,
+        f"{km:g} km" if km >= 0.9 else f"{1e3 * km:g} m", (x + 0.5 * km * units_per_km, y), (0, 3),
+        textcoords="offset points", ha="center", va="bottom", fontsize=8,
+        path_effects=[withStroke(linewidth=2.5, foreground="white")], zorder=9,
     )  # fmt: skip
 
 
@@ -127,32 +153,88 @@ class Labels:
     def __init__(self, ax: Axes) -> None:
         self.ax = ax
         self._taken: list[Any] = []
+        self._better_free: list[Any] = []
 
     def avoid(self, x: float, y: float, points: float = 5.0) -> None:
         """Keep labels off a mark at a point."""
+        self._taken.append(self._mark(x, y, points))
+
+    def prefer_off(self, x: float, y: float, points: float = 2.0) -> None:
+        """Keep labels off a point of a line where there is another place for them."""
+        self._better_free.append(self._mark(x, y, points))
+
+    def apart(self, first: tuple[float, float], second: tuple[float, float]) -> float:
+        """Return the distance of two places on the picture, points."""
+        (x0, y0), (x1, y1) = self.ax.transData.transform([first, second])
+        return math.hypot(x1 - x0, y1 - y0) * 72.0 / float(self.ax.figure.dpi)
+
+    def _mark(self, x: float, y: float, points: float) -> Any:
         from matplotlib.transforms import Bbox
 
         px, py = self.ax.transData.transform((x, y))
-        self._taken.append(Bbox.from_bounds(px - points, py - points, 2.0 * points, 2.0 * points))
+        pixels = points * self.ax.figure.dpi / 72.0
+        return Bbox.from_bounds(px - pixels, py - pixels, 2.0 * pixels, 2.0 * pixels)
 
     def put(self, text: str, x: float, y: float, **style: Any) -> bool:
         """Place a label; returns whether there was room."""
-        from matplotlib.patheffects import withStroke
-
-        renderer = self.ax.figure.canvas.get_renderer()  # type: ignore[attr-defined]
-        for dx, dy, ha, va in PLACES:
-            label = self.ax.annotate(
-                text, (x, y), (dx, dy), textcoords="offset points", ha=ha, va=va, zorder=10,
-                path_effects=[withStroke(linewidth=2.5, foreground="white")], **{"fontsize": 8, **style},
-            )  # fmt: skip
-            box = label.get_window_extent(renderer).expanded(1.03, 1.1)
-            inside = self.ax.bbox.fully_containsx(box.x0) and self.ax.bbox.fully_containsx(box.x1)
-            inside = inside and self.ax.bbox.fully_containsy(box.y0) and self.ax.bbox.fully_containsy(box.y1)
-            if inside and not any(box.overlaps(other) for other in self._taken):
+        spare = None
+        for place in PLACES:
+            label, box = self._tried(text, x, y, place, style)
+            if not self._inside(box) or any(box.overlaps(other) for other in self._taken):
+                label.remove()
+            elif not any(box.overlaps(other) for other in self._better_free):
+                if spare is not None:
+                    spare[0].remove()
                 self._taken.append(box)
                 return True
-            label.remove()
-        return False
+            elif spare is None:
+                spare = label, box
+            else:
+                label.remove()
+        if spare is not None:
+            self._taken.append(spare[1])
+        return spare is not None
+
+    def _tried(self, text: str, x: float, y: float, place: tuple[int, int, str, str], style: Any) -> tuple[Any, Any]:
+        from matplotlib.patheffects import withStroke
+
+        dx, dy, ha, va = place
+        label = self.ax.annotate(
+            text, (x, y), (dx, dy), textcoords="offset points", ha=ha, va=va, zorder=10,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")], **{"fontsize": 8, **style},
+        )  # fmt: skip
+        return label, label.get_window_extent().padded(0.03 * self.ax.figure.dpi)
+
+    def _inside(self, box: Any) -> bool:
+        frame = self.ax.bbox
+        return all((frame.containsx(box.x0), frame.containsx(box.x1), frame.containsy(box.y0), frame.containsy(box.y1)))
+
+
+def letter(ax: Axes, number: int) -> None:
+    """Name a panel by a letter, above its left end."""
+    ax.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[number % 26]})", loc="left", fontsize=10, fontweight="bold", pad=4)
+
+
+def outer_names(axes: Sequence[Axes], columns: int) -> None:
+    """Name x and y at the left and the lower panels of a table of panels alone; between panels they would collide."""
+    for k, ax in enumerate(axes):
+        if k % columns:
+            ax.set_ylabel("")
+        if k + columns < len(axes):
+            ax.set_xlabel("")
+
+
+def title_lines(figure: Figure, text: str, *, size: float = 12.0, left: float = 0.3) -> list[str]:
+    """Return the lines in which a title fits on a figure that begins ``left`` inches from its edge."""
+    return wrapped(text, figure.get_figwidth() - left - 0.3, size=size)
+
+
+def put_title(figure: Figure, text: str, *, size: float = 12.0, left: float = 0.3) -> float:
+    """Put a title at the top left of a figure, in as many lines as it takes; returns the height it takes, inches."""
+    lines = title_lines(figure, text, size=size, left=left)
+    width, height = figure.get_size_inches()
+    figure.suptitle("\n".join(lines), x=left / width, y=1.0 - 0.1 / height, va="top", ha="left", fontsize=size)
+    return 0.1 + len(lines) * size * 1.25 / 72.0
 
 
 def wrapped(text: str, width: float, *, size: float) -> list[str]:

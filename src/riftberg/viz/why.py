@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,15 +11,21 @@ import numpy as np
 from riftberg.diagnostics.breakup import Breakup, Reasons
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.forces import FORCES
+from riftberg.places import area_text
+from riftberg.viz import colours, style
 from riftberg.viz.style import new_figure, save_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from collections.abc import Sequence
 
-COLOURS: Final = dict(
-    zip(FORCES, cycle(("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#A50026", "#999999")), strict=False)
-)
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS: Final = colours.force_colours(FORCES)
 """One colour for each force in all panels."""
+
+SIDES: Final = ("fragment", "rest")
+"""The two parts that the cut parts."""
 
 
 def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int = 150) -> Path:
@@ -36,32 +41,48 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
     """
     shown = reasons.breakups[:most]
     rows = max(1, len(shown))
-    figure = new_figure(15.0, 4.3 * rows + 1.2, dpi)
-    grid = figure.subplots(rows, 3, squeeze=False, width_ratios=(1.0, 1.2, 1.0))
-    for axes, breakup in zip(grid, shown, strict=False):
+    figure = new_figure(15.0, 4.3 * rows + 1.5, dpi)
+    grid = figure.subplots(rows, 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
+    for row, (axes, breakup) in enumerate(zip(grid, shown, strict=False)):
         _draw_forces(axes[0], breakup)
         _draw_load(axes[1], breakup)
         _draw_first_bonds(axes[2], breakup)
+        for k, ax in enumerate(axes):
+            style.letter(ax, 3 * row + k)
     if not shown:
         for ax in grid[0]:
             ax.set_axis_off()
         grid[0, 1].text(0.5, 0.5, "nothing broke off", ha="center", fontsize=12)
     height = figure.get_figheight()
-    title = f"{reasons.experiment or 'Run'}: why it broke" + (
-        f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
-    )
-    figure.suptitle(title, x=0.05, y=1.0 - 0.12 / height, ha="left", va="top", fontsize=12)
+    forcing = f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
+    above = style.put_title(figure, f"{reasons.experiment or 'Run'}: why it broke{forcing}", left=0.75)
     figure.subplots_adjust(
-        left=0.06, right=0.985, top=1.0 - 1.15 / height, bottom=0.62 / height, wspace=0.36, hspace=0.42
+        left=0.06, right=0.895, top=1.0 - (above + 0.45) / height, bottom=1.0 / height, wspace=0.24, hspace=0.36
     )
+    if shown:
+        _legend(figure, shown)
     save_figure(figure, path)
     return Path(path)
+
+
+def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
+    """Explain colours and lines once, below all panels."""
+    from matplotlib.lines import Line2D
+
+    acting = [n for n in FORCES if any(math.hypot(*b.budgets[k].forces[n]) > 0.0 for b in shown for k in SIDES)]
+    handles = [Line2D([], [], color=COLOURS[name], lw=2.4, label=name) for name in acting]
+    handles += [
+        Line2D([], [], color="black", lw=2.4, label="other part of the berg (arrows), all forces (curves)"),
+        Line2D([], [], color=colours.STRENGTH, lw=2.4, label="arrow: on the fragment"),
+        Line2D([], [], color=colours.STRENGTH, lw=1.2, ls="--", label="arrow: on the rest"),
+    ]
+    figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.05, 0.0), ncols=5, frameon=False)
 
 
 def _draw_forces(ax: Axes, b: Breakup) -> None:
     """Draw the forces on fragment and rest as arrows from one point each."""
     reach = 0.0
-    for k, name in enumerate(("fragment", "rest")):
+    for k, name in enumerate(SIDES):
         budget = b.budgets[name]
         vectors: list[tuple[str, Any, str]] = [
             (n, f, COLOURS[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0
@@ -70,26 +91,22 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
             vectors.append(("other part", budget.residual, "#000000"))
         per_mass = [(label, np.array(force) / budget.mass * 1e6, colour) for label, force, colour in vectors]
         reach = max(reach, *(float(np.hypot(*v)) for _, v, _ in per_mass))
-        for label, vector, colour in per_mass:
+        for _, vector, colour in per_mass:
             ax.annotate("", xy=(vector[0], vector[1]), xytext=(0.0, 0.0),
                         arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.4 if k == 0 else 1.2,
                                     "ls": "-" if k == 0 else "--", "shrinkA": 0, "shrinkB": 0})  # fmt: skip
-            if k == 0:
-                ax.plot([], [], color=colour, lw=2.4, label=label)
     reach = 1.15 * (reach or 1.0)
     ax.set_xlim(-reach, reach)
     ax.set_ylim(-reach, reach)
     ax.set_aspect("equal", adjustable="box")
     ax.axhline(0.0, color="#DDDDDD", lw=0.6, zorder=0)
     ax.axvline(0.0, color="#DDDDDD", lw=0.6, zorder=0)
-    ax.plot([], [], color="#555555", lw=2.4, label="on the fragment")
-    ax.plot([], [], color="#555555", lw=1.2, ls="--", label="on the rest")
-    ax.legend(
-        fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), borderaxespad=0.2, frameon=False, handlelength=1.4
+    ax.set_title(f"      forces at {minute_text(b.decisive.time)}", fontsize=9)
+    size = area_text(1e6 * b.area_km2, squared="²")
+    ax.set_ylabel(
+        f"{b.name or f'fragment {b.fragment}'}, {size}\nforce per mass, north ($10^{{-6}}$ m s$^{{-2}}$)", fontsize=9
     )
-    ax.set_title(f"force per mass ($10^{{-6}}$ m s$^{{-2}}$), {minute_text(b.decisive.time)}", fontsize=9)
-    ax.set_ylabel(f"{b.name or f'fragment {b.fragment}'}, {b.area_km2:.0f} km²\nnorth", fontsize=9)
-    ax.set_xlabel("east", fontsize=9)
+    ax.set_xlabel("force per mass, east ($10^{-6}$ m s$^{-2}$)", fontsize=9)
     ax.tick_params(labelsize=7)
 
 
@@ -101,12 +118,12 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
         if np.abs(values).max() > 0.0:
             ax.plot(hours, values, color=COLOURS[name], lw=1.5, label=name)
     ax.plot(hours, [load.nominal / 1e3 for load in b.history], color="black", lw=2.2, label="all")
-    ax.axvline(_hours(b.first_break, b.time), color="#A50026", ls=":", lw=1.2)
-    ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color="#A50026", fontsize=7, ha="right", va="top",
+    ax.axvline(_hours(b.first_break, b.time), color=colours.GROUND, ls=":", lw=1.2)
+    ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color=colours.GROUND, fontsize=7, ha="right", va="top",
             transform=ax.get_xaxis_transform())  # fmt: skip
     ax.axhline(0.0, color="#BBBBBB", lw=0.6)
-    ax.legend(fontsize=7, loc="best", ncols=2, framealpha=0.85)
-    ax.set_title(f"nominal stress of the cut of {b.decisive.cut_km:.0f} km (kPa), by force", fontsize=9)
+    ax.set_title(f"load of the cut of {b.decisive.cut_km:.3g} km, by force", fontsize=9)
+    ax.set_ylabel("nominal stress (kPa)", fontsize=9)
     ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
@@ -121,15 +138,16 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
         ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute_text(bond.time)[5:]}")
         if bond.peak:
             ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
-        ax.plot(end, bond.strength / 1e3, "x", color="#A50026", ms=7, mew=1.8)
-    ax.axhline(strength, color="#555555", ls="--", lw=1.0)
+        ax.plot(end, bond.strength / 1e3, "x", color=colours.GROUND, ms=7, mew=1.8)
+    ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
     ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
     if b.first_bonds[0].peak:
         ax.plot([], [], lw=0.8, ls=":", color="#222222", label="at the records")
-    ax.legend(fontsize=7, loc="best", title="bonds, by time of failure", title_fontsize=7)
-    if b.first_bonds[0].peak:
-        ax.set_ylabel("largest between records", fontsize=8)
-    ax.set_title("tensile stress of the first bonds to fail (kPa)", fontsize=9)
+    ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, title="bonds, by time of failure",
+              title_fontsize=7)  # fmt: skip
+    which = "largest tensile stress between records (kPa)" if b.first_bonds[0].peak else "tensile stress (kPa)"
+    ax.set_ylabel(which, fontsize=9)
+    ax.set_title("the first bonds to fail", fontsize=9)
     ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 

@@ -1,0 +1,425 @@
+"""What the pictures show, read from their artists: places, moments, extents, colours and signs, not only that a file is there."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.quiver import QuiverKey
+
+from fakes import SIDE, FakeForcing, FakeModel
+from riftberg.diagnostics.score import Match, Score, ScoredDay
+from riftberg.errors import InputError
+from riftberg.parameters import A68A_2022, Parameters
+from riftberg.runs.background import stored_water
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
+from riftberg.viz import colours, plots, style
+from riftberg.viz import score as score_picture
+from riftberg.viz.map import draw_map
+from riftberg.viz.moments import moment_texts
+from riftberg.viz.panels import common_boxes
+from riftberg.viz.replay import ReplayContent
+
+
+class Channel(FakeModel):
+    """A berg in metres that goes around a channel of 60 km."""
+
+    period = 60e3
+
+    def __init__(self, **how: Any) -> None:
+        super().__init__(latlon=False, **how)
+        self.parameters = self.parameters.changed(earth={"period": self.period})
+
+    def _place(self) -> None:
+        super()._place()
+        self.elements.lon[:] = self.elements.lon % self.period
+
+
+class DateLine(FakeModel):
+    """A berg that crosses longitude 180, with longitudes from -180 to 180 or from 0 to 360."""
+
+    def __init__(self, west: float, **how: Any) -> None:
+        self.west = west
+        super().__init__(lon=179.9, lat=-70.0, **how)
+
+    def _place(self) -> None:
+        super()._place()
+        self.elements.lon[:] = (self.elements.lon - self.west) % 360.0 + self.west
+
+
+class Seconds(FakeModel):
+    """A run of seconds."""
+
+    def __init__(self) -> None:
+        super().__init__(parameters=A68A_2022.changed(stepping={"time_step": 1.0}))
+
+
+class NoFloor(FakeForcing):
+    """Depth 0 where no sea floor is known; the sea level is all that varies."""
+
+    def depth(self, lon: Any, lat: Any) -> Any:
+        """Return the sea level alone."""
+        return 0.3 * np.sin(np.asarray(lon)) + 0.0 * np.asarray(lat)
+
+
+def finished(model: FakeModel, folder: Path, days: float = 3.0, **how: Any) -> xr.Dataset:
+    """Run, and open the file."""
+    model.advance(days, recorders=[RunWriter(folder / "run.nc", **{"every_hours": 6, "experiment": "fake", **how})])
+    return open_run(folder)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Four days, a break after one."""
+    return finished(FakeModel(12, 5), tmp_path_factory.mktemp("drawn"), 4.0)
+
+
+@pytest.fixture(scope="module")
+def picture(run: xr.Dataset) -> Figure:
+    """Return the map of that run."""
+    return draw_map(run)
+
+
+def ice(figure: Figure) -> Iterator[np.ndarray]:
+    """Return the corners of the elements of each map of a figure."""
+    for ax in figure.axes:
+        for drawn in ax.collections:
+            if isinstance(drawn, PolyCollection) and len(drawn.get_paths()) > 10:
+                yield np.concatenate([path.vertices[:-1] for path in drawn.get_paths()])
+
+
+def figures_of(monkeypatch: pytest.MonkeyPatch, module: Any) -> list[Figure]:
+    """Return the list that will hold the figures a module makes."""
+    made: list[Figure] = []
+    new = style.new_figure
+    monkeypatch.setattr(module, "new_figure", lambda *size: made.append(new(*size)) or made[-1])
+    return made
+
+
+# ---- places ---------------------------------------------------------------------------------------------------------
+
+
+def test_metres_are_not_folded_by_the_period_of_degrees(tmp_path: Path) -> None:
+    """Bug: with the default period x was folded modulo 360 m; a beam along x stood upright in the picture."""
+    assert Parameters(earth={"latlon": False}).earth.period == 0.0
+    assert A68A_2022.changed(earth={"latlon": False}).earth.period == 0.0
+    assert Parameters(earth={"latlon": False, "period": 20e3}).earth.period == 20e3
+    assert Parameters().earth.period == 360.0
+    run = finished(FakeModel(20, 2, latlon=False, turn_per_day=0.0), tmp_path, 0.5)
+    # A file that was written before.
+    written = json.loads(run.attrs["parameters_json"])
+    run.attrs["parameters_json"] = json.dumps({**written, "earth": {**written["earth"], "period": 360.0}})
+    for corners in ice(draw_map(run)):
+        along, across = np.ptp(corners, axis=0)
+        assert along == pytest.approx(20 * SIDE, rel=1e-6)
+        assert across == pytest.approx(2 * SIDE, rel=1e-6)
+
+
+def test_no_line_crosses_the_seam_of_a_channel(tmp_path: Path) -> None:
+    """Bug: each time the berg came round, its track ran back through the whole channel, and so did its elements."""
+    run = finished(Channel(), tmp_path, 8.0)
+    assert float(np.ptp(run["x"].values)) > 0.9 * Channel.period  # the file itself is wrapped
+    scene = Scene(run)
+    assert np.abs(np.diff(scene.x, axis=0)).max() < 12e3
+    assert scene.x[-1].mean() - scene.x[0].mean() == pytest.approx(0.2 * 8 * 86_400.0, rel=0.25)
+    figure = draw_map(run)
+    drawn = [line for line in figure.axes[0].lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 4]
+    assert drawn
+    for line in drawn:
+        assert np.nanmax(np.abs(np.diff(line.get_xdata())), initial=0.0) < 12e3
+    for corners in ice(figure):
+        assert np.ptp(corners[:, 0]) < 90e3
+    water = stored_water(run)
+    assert water is not None
+    assert np.isfinite(water.currents(scene.x[-1], scene.y[-1], 0.0)[0]).all()
+
+
+@pytest.mark.parametrize("west", [-180.0, 0.0])
+def test_runs_across_longitude_180_stay_together(tmp_path: Path, west: float) -> None:
+    run = finished(DateLine(west), tmp_path)
+    for corners in ice(draw_map(run)):
+        assert np.ptp(corners[:, 0]) < 5.0
+    content = ReplayContent(run, title="", observed={})
+    x, _ = content.plane.forward(content.scene.x, content.scene.y)
+    assert np.ptp(x) < 200e3
+
+
+@pytest.mark.parametrize(("seen", "made"), [(179.9, -179.95), (-179.9, 179.9), (359.9, -0.05), (181.0, -179.1)])
+def test_the_score_of_a_run_across_a_seam_is_one_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seen: float, made: float
+) -> None:
+    """Bug: model and observations on two branches of longitude were drawn a globe apart."""
+    figures = figures_of(monkeypatch, score_picture)
+    days = []
+    for k in range(5):
+        ends = [(lon + 0.1 * k + 180.0) % 360.0 - 180.0 for lon in (seen, made)]
+        match = Match("a", [1], 3.0, 40.0, 50.0, -10.0, 90.0, 95.0, 0.7, ends[1], -70.0, ends[0], -70.05)
+        days.append(ScoredDay(f"2020-12-{10 + k}T12:00:00", [match], 1, []))
+    score_picture.draw_score(Score("track.csv", days), tmp_path / "score.png", dpi=40)
+    (ax,) = [ax for ax in figures[0].axes if ax.get_title("left") == "(a)"]
+    west, east = ax.get_xlim()
+    assert east - west < 5.0
+    for line in ax.lines[:-1]:
+        assert np.ptp(line.get_xdata()) < 2.0
+
+
+def test_tracks_have_a_gap_where_the_berg_broke(run: xr.Dataset, picture: Figure) -> None:
+    """Bug: at a break-up the track of the berg jumped to the centroid of what was left of it."""
+    scene = Scene(run)
+    x, _ = scene.track_line(1)
+    steps = np.abs(np.diff(x))
+    drift = 6 * 3600.0 * 0.25 / (111e3 * np.cos(np.radians(55.0)))
+    assert np.isnan(x).sum() == 1
+    assert np.nanmax(steps) < drift
+    plain, _, _ = scene.track(1)
+    assert np.abs(np.diff(plain)).min() < 0.5 * np.nanmin(steps)  # the centroid itself jumps back
+    overview = picture.axes[0]
+    assert sum(np.isnan(np.asarray(line.get_xdata(), float)).any() for line in overview.lines) == 1
+    assert np.isnan(scene.track_line(1, until=2)[0]).sum() == 0
+
+
+# ---- moments ---------------------------------------------------------------------------------------------------------
+
+
+def test_panels_of_a_short_run_tell_their_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bug: six panels of a run of ten seconds carried one minute."""
+    run = finished(Seconds(), tmp_path, 10.0 / 86_400.0, every_hours=1.0 / 3600.0)
+    titles = [ax.get_title() for ax in draw_map(run).axes if ax.get_title()]
+    assert titles == ["0 s", "2 s", "4 s", "6 s", "8 s", "10 s"]
+    figures = figures_of(monkeypatch, plots)
+    plots.draw_dates(run, tmp_path / "dates.png", dpi=30)
+    shown = [ax.get_title() for ax in figures[0].axes if ax.get_title()]
+    assert len(shown) == len(set(shown)) == 6
+    plots.draw_timeline(run, tmp_path / "timeline.png", dpi=30)
+    assert figures[1].axes[-1].get_xlabel() == "time since the start (s)"
+
+
+def test_moments_differ_and_are_as_short_as_can_be() -> None:
+    def texts(step: str, count: int, records: list[int], *, hour: bool = True) -> list[str]:
+        times = np.datetime64("2020-12-09T13:00", "ms") + np.timedelta64(1, step) * np.arange(count)
+        return moment_texts(times, records, hour=hour)
+
+    assert texts("D", 9, [0, 2], hour=False) == ["9 Dec", "11 Dec"]
+    assert texts("h", 90, [0, 2], hour=False) == ["9 Dec 13:00", "9 Dec 15:00"]
+    assert texts("s", 90_000, [0, 20]) == ["9 Dec 13:00:00", "9 Dec 13:00:20"]
+    assert texts("m", 91, [0, 45]) == ["0 min", "45 min"]
+    assert texts("ms", 4, [0, 3]) == ["0.000 s", "0.003 s"]
+    assert texts("h", 6, [0, 5]) == ["0 h", "5 h"]
+
+
+def test_dates_of_a_berg_that_stays_do_not_pile_up(tmp_path: Path) -> None:
+    """Bug: the dates of a berg that hardly moved were written around one mark."""
+    ax = draw_map(finished(Seconds(), tmp_path, 10.0 / 86_400.0, every_hours=1.0 / 3600.0)).axes[0]
+    assert [text.get_text() for text in ax.texts if text.get_text().endswith(" s")] == ["0 s"]
+
+
+# ---- sea floor -------------------------------------------------------------------------------------------------------
+
+
+def hatched(figure: Figure) -> bool:
+    return any(any(getattr(drawn, "hatches", None) or ()) for ax in figure.axes for drawn in ax.collections)
+
+
+def test_a_run_without_a_sea_floor_is_not_hatched_as_shallow(tmp_path: Path, run: xr.Dataset, picture: Figure) -> None:
+    """Bug: a depth of 0 and the sea level on top of it was drawn as a shoal from edge to edge."""
+    model = FakeModel()
+    model.forcing = NoFloor()
+    bare = finished(model, tmp_path)
+    assert not hatched(draw_map(bare, forcing=NoFloor()))
+    assert not hatched(draw_map(bare))
+    assert ReplayContent(bare, title="", observed={})._floor() is None
+    assert hatched(picture)  # where there is a shoal it is hatched
+    assert ReplayContent(run, title="", observed={}).data()["floor"]["shallow"]
+
+
+def test_a_floor_that_does_not_act_is_not_hatched(tmp_path: Path) -> None:
+    parameters = A68A_2022.changed(grounding={"coefficient": 0.0, "implicit": False})
+    quiet = finished(FakeModel(12, 5, parameters=parameters), tmp_path)
+    assert not Scene(quiet).has_floor
+    assert not hatched(draw_map(quiet))
+    assert not ReplayContent(quiet, title="", observed={}).data()["floor"]["shallow"]
+
+
+# ---- signs ------------------------------------------------------------------------------------------------------------
+
+
+def test_maps_have_letters_scales_a_key_and_one_extent(picture: Figure) -> None:
+    figure = picture
+    letters = [ax.get_title("left") for ax in figure.axes if ax.get_title("left")]
+    assert letters == [f"({letter})" for letter in "abcdefg"]
+    keys = [artist for ax in figure.axes for artist in ax.artists if isinstance(artist, QuiverKey)]
+    assert [key.text.get_text() for key in keys] == ["0.2 m s$^{-1}$"]
+    panels = [ax for ax in figure.axes if ax.get_title()]
+    assert len({round(float(np.ptp(ax.get_ylim())), 9) for ax in panels}) == 1
+    assert all(any("km" in text.get_text() for text in ax.texts) for ax in (figure.axes[0], *panels))
+    assert figure.axes[-1].get_xlabel() == "speed of the current (m s$^{-1}$)"
+
+
+def test_panels_that_are_compared_have_one_size(tmp_path: Path) -> None:
+    far = Scene(finished(FakeModel(), tmp_path, 12.0))
+    boxes = common_boxes(far, [0, 20, 47])
+    assert len({round(box.north - box.south, 9) for box in boxes}) == 1
+    assert boxes[0] != boxes[2]  # a berg that goes far is followed
+    near = common_boxes(far, [0, 1, 2])
+    assert near[0] == near[1] == near[2]
+
+
+def test_maps_in_metres_name_their_axes_at_the_rim_only(tmp_path: Path) -> None:
+    """Bug: the names of y lay on the ticks of the panel before."""
+    figure = draw_map(finished(FakeModel(latlon=False), tmp_path))
+    panels = [ax for ax in figure.axes if ax.get_title()]
+    assert [ax.get_ylabel() for ax in panels] == ["y (km)", "", ""] * 2
+    assert [ax.get_xlabel() for ax in panels] == [""] * 3 + ["x (km)"] * 3
+    assert figure.axes[0].get_xlabel() == "x (km)"
+
+
+def test_nothing_on_the_map_overprints(picture: Figure) -> None:
+    figure = picture
+    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    parts = [ax.get_tightbbox(renderer) for ax in figure.axes]
+    assert figure._suptitle is not None  # type: ignore[attr-defined]
+    parts.append(figure._suptitle.get_window_extent(renderer))  # type: ignore[attr-defined]
+    for (i, a), (j, b) in itertools.combinations(enumerate(parts), 2):
+        assert not a.overlaps(b), (i, a, j, b)
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert not legend.get_window_extent(renderer).overlaps(figure.axes[0].get_window_extent(renderer))
+    texts = [t.get_window_extent(renderer) for t in figure.axes[0].texts if t.get_text()]
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(texts, 2))
+
+
+def test_a_long_forcing_is_wrapped_in_every_title(
+    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bug: the picture of the stress cut the second line of its title at the edge."""
+    long = run.copy()
+    long.attrs["forcing_title"] = "currents of one product, wind of another, sea level of a third, " * 4
+    figures = figures_of(monkeypatch, plots)
+    for draw in (plots.draw_stress, plots.draw_timeline):
+        draw(long, tmp_path / "picture.png", dpi=30)
+    for figure in figures:
+        title = figure._suptitle  # type: ignore[attr-defined]
+        assert title is not None
+        assert title.get_window_extent().x1 <= figure.bbox.x1
+
+
+# ---- colours ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_fragment_has_one_colour_in_all_pictures(
+    run: xr.Dataset, picture: Figure, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    largest, second = colours.FRAGMENTS[:2]
+    figures = figures_of(monkeypatch, plots)
+    plots.draw_timeline(run, tmp_path / "timeline.png", dpi=30)
+    lines = [
+        to_hex(line.get_color()).upper() for line in figures[0].axes[0].lines if line.get_drawstyle() == "steps-post"
+    ]
+    assert lines == [largest, second]
+    tracks = {to_hex(line.get_color()).upper() for line in picture.axes[0].lines if line.get_label()[0] != "_"}
+    assert tracks == {largest, second}
+    assert largest == colours.MODEL
+    assert ReplayContent(run, title="", observed={}).data()["colours"][:2] == [largest, second]
+
+
+def test_the_replay_page_has_the_colours_of_the_pictures() -> None:
+    from importlib.resources import files
+
+    page = files("riftberg.viz").joinpath("replay_template.html").read_text(encoding="utf-8").lower()
+    for scale in (colours.stress_map(), colours.damage_map()):
+        assert to_hex(scale(0.0)) in page
+        assert to_hex(scale(1.0)) in page
+    assert colours.GROUND.lower() in page
+
+
+# Machado, Oliveira and Fernandes (2009), full severity, on linear RGB.
+BLIND = {
+    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+}
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+def lab(colour: str, seen: str) -> np.ndarray:
+    """Return a colour as somebody sees it, in CIE Lab."""
+    rgb = np.array(to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    xyz = XYZ @ np.clip(np.array(BLIND[seen]) @ linear, 0.0, 1.0) / [0.9505, 1.0, 1.089]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("seen", list(BLIND))
+def test_colours_are_told_apart_without_red_or_green(seen: str) -> None:
+    kinds = [
+        colours.FRAGMENTS[:5],
+        list(colours.force_colours(["ocean drag", "surface slope", "Coriolis", "wind drag", "waves"]).values()),
+    ]
+    for kind in kinds:
+        for a, b in itertools.combinations(kind, 2):
+            assert np.linalg.norm(lab(a, seen) - lab(b, seen)) > 12.0, (a, b)
+    assert (
+        np.linalg.norm(lab("#FF0000", seen) - lab("#7F5F00", seen)) < 40.0
+    )  # the yardstick itself knows red and olive
+    for scale in (colours.stress_map(), colours.damage_map(), colours.speed_map(), colours.depth_map()):
+        light = [lab(to_hex(scale(part)), seen)[0] for part in np.linspace(0.0, 1.0, 9)]
+        assert (np.diff(light) < 0.0).all()
+
+
+# ---- formats and axes of one's own ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ending", "begin"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml"), ("PDF", b"%PDF")]
+)
+def test_the_ending_says_the_format(run: xr.Dataset, tmp_path: Path, ending: str, begin: bytes) -> None:
+    path = plots.draw_timeline(run, tmp_path / f"timeline.{ending}", dpi=40)
+    content = path.read_bytes()
+    assert content.startswith(begin)
+    if ending == "svg":
+        assert "area (km" in content.decode()  # text stays text
+        plots.draw_timeline(run, tmp_path / "again.svg", dpi=40)
+        assert (tmp_path / "again.svg").read_bytes() == content
+
+
+def test_an_unknown_format_is_refused_before_anything_is_drawn(run: xr.Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no picture can be written as \.docx"):
+        draw_map(run, tmp_path / "map.docx")
+    with pytest.raises(InputError, match="no picture can be written"):
+        plots.draw_timeline(run, tmp_path / "timeline.xyz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_map_is_drawn_into_axes_of_ones_own(run: xr.Dataset) -> None:
+    figure = style.new_figure(9.0, 4.0, 60)
+    left, right = figure.subplots(1, 2)
+    assert draw_map(run, ax=left) is left
+    assert draw_map(run, ax=right, date="2020-12-11T13:00") is right
+    assert right.get_title("left") == "11 Dec 2020 13:00"
+    assert len(list(ice(figure))) == 3  # first and last record, and the date
+    names = [text.get_text() for text in left.legend().get_texts()]
+    assert [name.split(":")[0] for name in names] == ["fragment 2", "berg 1"]
+    scene = Scene(run)
+    (west, east), (south, north) = left.get_xlim(), left.get_ylim()
+    assert west < scene.x.min() < scene.x.max() < east
+    assert south < scene.y.min() < scene.y.max() < north
+
+
+def test_axes_that_cannot_hold_a_map_and_dates_outside_are_refused(run: xr.Dataset, tmp_path: Path) -> None:
+    figure = style.new_figure(4.0, 4.0, 60)
+    with pytest.raises(InputError, match="Give plain axes"):
+        draw_map(run, ax=figure.add_subplot(projection="polar"))
+    with pytest.raises(InputError, match="Give path or ax"):
+        draw_map(run, tmp_path / "map.png", ax=figure.add_subplot())  # type: ignore[call-overload]
+    with pytest.raises(InputError, match="is not in the run"):
+        draw_map(run, ax=figure.add_subplot(), date="2021-03-01")
