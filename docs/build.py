@@ -2,6 +2,8 @@
 
     python docs/build.py            reference pages, then figures (about two minutes)
     python docs/build.py --pages    reference pages only (a second)
+    python docs/build.py --site     the whole site in build/site, with the gallery run and the replay of A68a (some minutes)
+    python docs/build.py --site --quick     the same without running the gallery, and with a replay of a few hours
     python docs/build.py --check    exit with 1 if a reference page is out of date; write nothing
     python docs/build.py --trust F  put the tables of a test run into docs/explanation/trust.md; F holds the output of
                                     pytest -v -m "" tests/parity tests/verification
@@ -346,13 +348,62 @@ def take_tables(report: str) -> None:
     path.write_text(text, "utf-8")
 
 
+def write_replay_page(path: Path, days: float | None) -> None:
+    """Write the replay of the built-in A68a that the first page of the site plays."""
+    import tempfile
+
+    from riftberg.experiments import Options, build
+    from riftberg.runs.run_file import RunWriter, open_run
+    from riftberg.viz.replay import write_replay
+
+    model, info = build("a68a", Options(days=days))
+    with tempfile.TemporaryDirectory() as folder:
+        model.advance(days or info.days, recorders=[RunWriter(Path(folder) / "run.nc", every_hours=2.0, experiment="a68a")])
+        with open_run(folder) as run:
+            write_replay(run, path, title=info.title)
+
+
+REDIRECT = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=docs/index.html"><title>Riftberg</title>'
+"""First page of the site's folder: leads to that of the documentation."""
+
+
+def build_site(*, quick: bool) -> int:
+    """Build the site strictly: a warning, or a link that leads nowhere, is an error.
+
+    Parameters
+    ----------
+    quick : bool
+        Do not run the examples of the gallery.
+    """
+    import os
+    import shutil
+
+    from sphinx.cmd.build import build_main
+
+    made = DOCS.parent / "build"
+    extra = made / "site-extra"
+    extra.mkdir(parents=True, exist_ok=True)
+    (extra / "index.html").write_text(REDIRECT, "utf-8")
+    replay = extra / "replay.html"
+    if not quick or not replay.exists():
+        write_replay_page(replay, 0.1 if quick else None)
+    shutil.rmtree(made / "site-gallery", ignore_errors=True)
+    os.environ["RIFTBERG_GALLERY"] = "0" if quick else "1"
+    arguments = ["-W", "--keep-going", "-q", "-E", "-b", "html", "-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]
+    return int(build_main([*arguments, str(DOCS.parent), str(made / "site")]))
+
+
 def main() -> int:
     """Write the pages and the figures, or check the pages."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--check", action="store_true", help="tell which pages are out of date and write nothing")
     parser.add_argument("--pages", action="store_true", help="write the pages only, no figures")
     parser.add_argument("--trust", type=Path, help="file with the output of the parity and verification tests")
+    parser.add_argument("--site", action="store_true", help="build the site in build/site")
+    parser.add_argument("--quick", action="store_true", help="with --site: do not run the gallery")
     options = parser.parse_args()
+    if options.site:
+        return build_site(quick=options.quick)
     if options.trust:
         take_tables(options.trust.read_text("utf-8"))
         return 0

@@ -10,7 +10,6 @@ from typing import Any
 import netCDF4
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from riftberg.bergs.iceberg import Iceberg
@@ -187,13 +186,13 @@ def test_a_restart_of_the_layout_before_damage_is_read(tmp_path: Path) -> None:
     [("threshold", -0.1), ("threshold", 1.0), ("time_scale", 0.0), ("exponent", 0.0), ("exponent", float("nan"))],
 )
 def test_impossible_parameters_are_refused(name: str, value: float) -> None:
-    with pytest.raises(ValidationError, match=name):
+    with pytest.raises(InputError, match=name):
         Parameters(damage={name: value})
 
 
 @pytest.mark.parametrize("groups", [{"fracture": {"enabled": False}}, {"bonds": {"law": "spring"}}])
 def test_it_needs_bonds_that_can_break(groups: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError, match="damage lowers the strength of DEM bonds that can break"):
+    with pytest.raises(InputError, match="damage lowers the strength of DEM bonds that can break"):
         Parameters(damage={"enabled": True}, **groups)
 
 

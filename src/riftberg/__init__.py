@@ -14,6 +14,7 @@ The names below are loaded when they are first used, so that ``import riftberg``
 from __future__ import annotations
 
 import importlib
+import logging
 from typing import TYPE_CHECKING, Any
 
 from riftberg import moved
@@ -21,6 +22,8 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
+    from riftberg.ensembles.result import open_sweep
+    from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import GriddedForcing
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
     from riftberg.viz.map import draw_map
+    from riftberg.viz.sweep import draw_sweep
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
@@ -41,7 +45,10 @@ _HOMES = {
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.ready_made",
     "open_run": "riftberg.runs.run_file",
+    "open_sweep": "riftberg.ensembles.result",
+    "sweep": "riftberg.ensembles.sweep",
     "draw_map": "riftberg.viz.map",
+    "draw_sweep": "riftberg.viz.sweep",
 }
 
 __all__ = [
@@ -56,10 +63,21 @@ __all__ = [
     "Steady",
     "__version__",
     "draw_map",
+    "draw_sweep",
     "open_run",
+    "open_sweep",
+    "sweep",
 ]
 
 moved.install()
+
+
+logging.getLogger("riftberg").addHandler(logging.NullHandler())
+
+
+def __dir__() -> list[str]:
+    """Name what the package offers, also what is not loaded yet; tab completion asks for it."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
 
 
 def __getattr__(name: str) -> Any:

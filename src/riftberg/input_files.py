@@ -135,6 +135,11 @@ def shown(path: object) -> str:
     return text if len(text) <= 300 else f"{text[:140]} ... {text[-140:]}"
 
 
+def shortened(text: str, most: int) -> str:
+    """Return a text, or its beginning with an ellipsis."""
+    return text if len(text) <= most else f"{text[: most - 4]} ..."
+
+
 def value_shown(value: object) -> str:
     """Return a value as it may stand in a message: on one line, and short."""
     try:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, Final
@@ -33,6 +33,7 @@ class Hold:
     def __init__(self) -> None:
         self.requested = 0
         self._before: dict[int, Any] = {}
+        self._then: Callable[[], None] | None = None
 
     def take(self) -> None:
         """Take over the signals; a program that ignores them, or handles them itself, goes on doing so."""
@@ -41,6 +42,10 @@ class Hold:
             if handler in (signal.SIG_DFL, signal.default_int_handler):
                 self._before[number] = handler
                 signal.signal(number, self._note)
+
+    def then(self, action: Callable[[], None]) -> None:
+        """Name what is to be done as soon as a signal comes: something short, such as making a file."""
+        self._then = action
 
     def give_back(self) -> None:
         """Hand the signals back to whom they belonged."""
@@ -67,6 +72,8 @@ class Hold:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = number
+        if self._then is not None:
+            self._then()
         say("Stopping after this step; press Ctrl-C again to stop at once.")
 
 

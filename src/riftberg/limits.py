@@ -62,6 +62,11 @@ def allow_large(allowed: bool = True) -> Iterator[None]:
         _ALLOWED.reset(token)
 
 
+def large_allowed() -> bool:
+    """Whether runs and files beyond the limits are allowed here; for work that goes to another process."""
+    return _ALLOWED.get()
+
+
 def refuse_large(
     count: float, most: float, what: str, *, size: float = 0.0, where: str = "", remedy: str, kind: type[InputError]
 ) -> None:

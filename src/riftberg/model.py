@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
-from datetime import datetime
+from datetime import date, datetime
 from typing import Protocol, Self
 
 import numpy as np
@@ -15,7 +16,9 @@ import numpy as np
 from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.portrait import card, portrait
 from riftberg.errors import InputError, RunError
+from riftberg.input_files import shortened, value_shown
 from riftberg.interrupts import Hold, held
 from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
@@ -30,6 +33,9 @@ from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.substep_choice import assign_substeps
+from riftberg.values import moment, native, number
+
+_LOG = logging.getLogger(__name__)
 
 DEFAULT_START = datetime(2020, 12, 9, 13)
 
@@ -61,9 +67,15 @@ class BareModel(RunState):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
+<<<<<<< HEAD
         All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
     start : datetime.datetime, optional
         Date of time zero (UTC); by default that of the forcing, if it counts from a date.
+=======
+        All parameters; the published A68a physics with Riftberg's numerics by default.
+    start : date, optional
+        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp.
+>>>>>>> house
 
     Attributes
     ----------
@@ -92,10 +104,18 @@ class BareModel(RunState):
         berg: Iceberg,
         forcing: Forcing,
         parameters: Parameters | None = None,
+<<<<<<< HEAD
         start: datetime | None = None,
     ) -> None:
         start = start_of(forcing, start)
         given = Parameters() if parameters is None else parameters
+=======
+        start: datetime | date | str | np.datetime64 = DEFAULT_START,
+    ) -> None:
+        given = A68A_2022 if parameters is None else parameters
+        check_arguments(berg, forcing, given)
+        start = moment(start, where="start")
+>>>>>>> house
         check_coordinates(berg, forcing, given)
         check_balance(forcing, given)
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
@@ -315,7 +335,7 @@ class BareModel(RunState):
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
 
     def advance(
-        self, days: float | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
+        self, days: float | str | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
     ) -> None:
         """Run for some days, calling the recorders; see `run`.
 
@@ -343,6 +363,8 @@ class BareModel(RunState):
     def _record_steps(self, count: int, recorders: Sequence[Recorder], hold: Hold) -> None:
         """Take steps until they are done or a signal waits."""
         started: list[Recorder] = []
+        known = len(self.fragments.rows)
+        _LOG.info("%d steps from %s, %d sub-steps in each", count, f"{self.date:%Y-%m-%d %H:%M}", self.substeps)
         try:
             for recorder in recorders:
                 recorder.start(self)
@@ -351,20 +373,34 @@ class BareModel(RunState):
                 if hold.requested:
                     return
                 self.step()
+                known = self._log_breakups(known)
                 for recorder in recorders:
                     recorder.record(self)
         finally:
+            _LOG.info("stands at %s", f"{self.date:%Y-%m-%d %H:%M}")
             for recorder in started:
                 recorder.finish(self)
 
-    def _number_of_steps(self, days: float | None, steps: int | None) -> int:
+    def _log_breakups(self, known: int) -> int:
+        """Log the fragments that are new, and return how many there have been now."""
+        for row in self.fragments.rows[known:]:
+            if row.parent > 0:
+                _LOG.info(
+                    "%s: fragment %d of %.4g km2 broke off %d", f"{self.date:%Y-%m-%d %H:%M}", row.number,
+                    row.area / 1e6, row.parent,
+                )  # fmt: skip
+        return len(self.fragments.rows)
+
+    def _number_of_steps(self, days: float | str | None, steps: int | None) -> int:
         if (days is None) == (steps is None):
             raise InputError("give either days or steps", where="Model.run")
         if steps is not None:
-            if isinstance(steps, bool) or int(steps) != steps or steps < 1:
+            steps = native(steps)
+            if isinstance(steps, bool) or not isinstance(steps, int | float) or int(steps) != steps or steps < 1:
                 raise InputError(f"{steps!r} steps", where="Model.run", remedy="Give a whole number from 1")
             return int(steps)
         assert days is not None
+        days = number(days, "day", where="days")
         if not math.isfinite(days) or days <= 0.0:
             raise InputError(f"{days:g} days", where="Model.run", remedy="Give a finite number above 0")
         count = round(days * 86400.0 / self.parameters.stepping.time_step)
@@ -377,17 +413,26 @@ class BareModel(RunState):
         return count
 
     def describe(self) -> str:
-        """Return what this model is, in plain words."""
+        """Return what this model is, in plain words, with all parameters."""
+        return "\n".join([*self._heading(), f"  forcing: {self.forcing.describe()}", self.parameters.describe()])
+
+    def __repr__(self) -> str:
+        first, *others = self._heading()
+        forcing = shortened(" ".join(self.forcing.describe().split()), 200)
+        return "\n".join([f"<{first}", *others, f"  forcing: {forcing}>"])
+
+    def _repr_html_(self) -> str:
+        hexagonal = self.parameters.bonds.packing == "hexagonal"
+        picture = portrait(self.elements, latlon=self.parameters.earth.latlon, hexagonal=hexagonal)
+        return card(picture, "\n".join([repr(self)[1:-1], f"  parameters: {self.parameters!r}"]))
+
+    def _heading(self) -> list[str]:
         p = self.parameters
-        return "\n".join(
-            [
-                f"Model at {self.date:%Y-%m-%d %H:%M}, step {self.step_number} of {p.stepping.time_step:g} s "
-                f"({self.substeps} sub-steps, scheme {p.stepping.scheme})",
-                f"  {self.elements.mass.size} elements, {self.bonds.first.size} bonds, {self.bonds_broken} broken",
-                f"  forcing: {self.forcing.describe()}",
-                p.describe(),
-            ]
-        )
+        return [
+            f"Model at {self.date:%Y-%m-%d %H:%M}, step {self.step_number} of {p.stepping.time_step:g} s "
+            f"({self.substeps} sub-steps, scheme {p.stepping.scheme})",
+            f"  {self.elements.mass.size} elements, {self.bonds.first.size} bonds, {self.bonds_broken} broken",
+        ]
 
 
 def _nothing(model: BareModel) -> None:
@@ -415,12 +460,18 @@ def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Para
     return p.changed(bonds={"constant_length": length, "constant_width": width})
 
 
+<<<<<<< HEAD
 def start_of(forcing: Forcing, given: datetime | None) -> datetime:
     """Return the date of time zero: as given, or that from which the forcing counts.
+=======
+def check_arguments(berg: object, forcing: object, parameters: object) -> None:
+    """Refuse what is no berg, no forcing and no parameters, by name: they are easily given in another order.
+>>>>>>> house
 
     Raises
     ------
     InputError
+<<<<<<< HEAD
         If both are known and differ: the forcing would act at other dates than the run says.
     """
     own = getattr(forcing, "start", None)
@@ -431,6 +482,18 @@ def start_of(forcing: Forcing, given: datetime | None) -> datetime:
             remedy="Give both the same start",
         )
     return given or (own if isinstance(own, datetime) else DEFAULT_START)
+=======
+        Naming the argument.
+    """
+    good = {
+        "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
+        "forcing": (callable(getattr(forcing, "sample", None)), "a forcing, for example Steady(current=(0.2, 0.0))"),
+        "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
+    }
+    for (name, (fits, wanted)), value in zip(good.items(), (berg, forcing, parameters), strict=True):
+        if not fits:
+            raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {wanted}")
+>>>>>>> house
 
 
 def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:

@@ -11,6 +11,7 @@ that it waits for want the lock.
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -22,6 +23,8 @@ import netCDF4
 import xarray as xr
 from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 from xarray.backends.plugins import guess_engine
+
+_LOG = logging.getLogger(__name__)
 
 _NETCDF: Final = (b"CDF", b"\x89HDF")
 _LOCKED: Final = ("netcdf4", "h5netcdf")
@@ -101,6 +104,7 @@ def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[n
         If the machine does not let the file be written: the library says RuntimeError where a disk is full or a file may
         not grow, and nothing that could be told from an error of the program.
     """
+    _LOG.debug("opening %s (%s)", path, mode)
     try:
         with NETCDF, netCDF4.Dataset(str(path), mode, **options) as file:  # type: ignore[arg-type]
             yield file
@@ -120,6 +124,7 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     **options
         Further arguments of `xarray.open_dataset`.
     """
+    _LOG.debug("opening %s", source if isinstance(source, str | os.PathLike) else type(source).__name__)
     engine = options.pop("engine", None) or ("netcdf4" if _is_netcdf(source) else guess_engine(source))
     if engine not in _LOCKED:
         return xr.open_dataset(source, engine=engine, **options)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from riftberg import constants
+from riftberg import constants, values
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
@@ -27,9 +27,25 @@ def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) 
 
 
 class Group(BaseModel):
-    """Base of all parameter groups: immutable, unknown keys refused, numbers finite."""
+    """Base of all parameter groups: immutable, unknown keys refused, numbers finite.
+
+    Values may be texts with units (``"18 kPa"``) and numbers of NumPy; what is wrong is told as in an experiment file.
+
+    Raises
+    ------
+    InputError
+        Naming the parameter, the value and what is allowed.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **given: Any) -> None:
+        section = type(self)
+        plain = values.checked(section, given)
+        try:
+            super().__init__(**plain)
+        except ValidationError as error:
+            raise values.explained(error, section) from error
 
     def describe(self) -> str:
         """Return one line per parameter: name, value, unit and meaning."""

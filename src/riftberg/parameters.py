@@ -6,8 +6,14 @@ tuple of scalars that compiled code reads. The sets of the published run stand a
 
 from __future__ import annotations
 
+import html
 import math
+<<<<<<< HEAD
 from typing import Any, Final, NamedTuple
+=======
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+>>>>>>> house
 
 from pydantic import Field, model_validator
 
@@ -31,6 +37,7 @@ from riftberg.parameter_groups import (
     Stepping,
     quantity,
 )
+from riftberg.values import unit_of
 
 __all__ = [
     "A68A_2022",
@@ -209,15 +216,44 @@ class Parameters(Group):
                 "an ice shelf"
             )
 
+    def __repr__(self) -> str:
+        """Return what differs from the defaults; `describe` tells all."""
+        changes = []
+        for name in type(self).model_fields:
+            group = getattr(self, name)
+            values = {
+                key: value for key, field in type(group).model_fields.items()
+                if (value := getattr(group, key)) != field.get_default()
+            }  # fmt: skip
+            if values:
+                changes.append(f"{name}={{{', '.join(f'{key!r}: {value!r}' for key, value in values.items())}}}")
+        return f"Parameters({', '.join(changes)})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return a table of what differs from the defaults."""
+        rows = []
+        for name in type(self).model_fields:
+            group = getattr(self, name)
+            for key, field in type(group).model_fields.items():
+                value = getattr(group, key)
+                if value != field.get_default():
+                    cells = (f"{name}.{key}", f"{value} {unit_of(field)}", str(field.description or ""))
+                    rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
+        note = "all others have their defaults; describe() tells them"
+        return f"<table><caption>Parameters ({note})</caption>{''.join(rows)}</table>"
+
     def describe(self) -> str:
         """Return all groups, one line per parameter."""
         return "\n".join(getattr(self, name).describe() for name in type(self).model_fields)
 
     def changed(self, **groups: dict[str, Any]) -> Parameters:
         """Return a copy with some values of some groups changed, and checked again."""
-        values = self.model_dump()
+        values: dict[str, Any] = self.model_dump()
         for group, changes in groups.items():
-            values[group] = {**values[group], **changes}
+            merges = isinstance(changes, Mapping) and group in values
+            values[group] = {**values[group], **changes} if merges else changes
         return type(self)(**values)
 
     def kernel_values(self) -> KernelParameters:

@@ -18,3 +18,18 @@ class Section(BaseModel):
 def key(default: Any, unit: str, meaning: str, **limits: Any) -> Any:
     """Describe one key: default, unit, meaning and limits."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
+
+
+def refuse_beyond(section: Section, most: dict[str, float]) -> None:
+    """Raise `ValueError` where a value, or one of a pair, is larger than anything in nature."""
+    for name, limit in most.items():
+        beyond(type(section), name, getattr(section, name), limit)
+
+
+def beyond(section: type[Section], name: str, value: Any, limit: float) -> None:
+    """Raise `ValueError` where one value, or one of a pair, is larger than anything in nature."""
+    if any(abs(part) > limit for part in (value if isinstance(value, tuple) else (value,))):
+        extra = section.model_fields[name].json_schema_extra
+        unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+        named = "" if unit in ("", "1") else f" {unit}"
+        raise ValueError(f"{name} = {value} is not possible; the most is {limit:g}{named}")

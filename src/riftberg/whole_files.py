@@ -7,6 +7,7 @@ the next writer of the same file removes. Passing names are unique, so that two 
 from __future__ import annotations
 
 import itertools
+import logging
 import os
 import platform
 import re
@@ -16,6 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+_LOG = logging.getLogger(__name__)
 _COUNTER: Final = itertools.count(1)
 
 
@@ -45,6 +47,7 @@ def replacing(path: str | Path, *, copy: bool = False, to_disk: bool = False, en
             with part.open("r+b") as handle:
                 os.fsync(handle.fileno())
         os.replace(part, path)
+        _LOG.debug("wrote %s", path)
     finally:
         part.unlink(missing_ok=True)
 

@@ -15,8 +15,10 @@ from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, copy_state
+from riftberg.values import number
 
 
+<<<<<<< HEAD
 def check_name(name: Any) -> None:
     """Refuse what is no name of a berg.
 
@@ -29,6 +31,9 @@ def check_name(name: Any) -> None:
 
 
 @dataclass(frozen=True)
+=======
+@dataclass(frozen=True, repr=False)
+>>>>>>> house
 class BondedBerg:
     """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
 
@@ -114,6 +119,8 @@ class BondedBerg:
         BergError
             If no bond is crossed.
         """
+        strength = number(strength, "1", where="strength", kind=BergError)
+        threshold = number(threshold, "1", where="threshold", kind=BergError)
         elements, bonds = copy_state(self.elements, self.bonds)
         crossed = rifts.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
         rifts.weaken(elements, bonds, crossed, strength=strength, broken=broken)
@@ -158,6 +165,10 @@ class BondedBerg:
             )
         made: dict[str, Any]
         if drawn:
+            shape, spread = (
+                None if value is None else number(value, "1", where=name, kind=BergError)
+                for name, value in (("shape", shape), ("spread", spread))
+            )
             seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
             factors = strength.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
             made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}

@@ -13,7 +13,11 @@ from riftberg.bergs import outline as outlines
 from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at, within_pieces
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+<<<<<<< HEAD
 from riftberg.bergs.joining import join
+=======
+from riftberg.bergs.keys import LatticeRows, Rectangle
+>>>>>>> house
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.options import (
@@ -22,6 +26,7 @@ from riftberg.bergs.options import (
     RectangleOptions,
     ShapeOptions,
     TableOptions,
+    option,
     sorted_options,
 )
 from riftberg.bergs.placement import (
@@ -32,16 +37,22 @@ from riftberg.bergs.placement import (
     relax,
     turned,
 )
+from riftberg.bergs.portrait import card, portrait
 from riftberg.bergs.raster import Raster, joined, read_raster
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
+<<<<<<< HEAD
 from riftberg.bergs.report import describe
 from riftberg.constants import EARTH_RADIUS_A68
+=======
+from riftberg.bergs.report import describe, one_line
+>>>>>>> house
 from riftberg.errors import BergError
 from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
+from riftberg.values import given, numbers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Iceberg(BondedBerg):
     """A lattice of ice columns joined by bonds, made from an outline, a mask, a table, points or a rectangle.
 
@@ -61,9 +72,24 @@ class Iceberg(BondedBerg):
         Radius of the sphere, m.
     density : float
         Ice density, kg m-3.
+<<<<<<< HEAD
     bergs : tuple of (str, int)
         Name and number of elements of each berg, in the order of the rows; empty for one without a name.
+=======
+
+    Examples
+    --------
+    >>> Iceberg.rectangle("60 km", "20 km", thickness="200 m", placement=(-37.0, -56.0))
+    <Iceberg: 140 square elements of radius 1500 m, 1260 km2, 214.2 Gt, 253 bonds, 1 piece, at 56.001 S, 37.000 W>
+>>>>>>> house
     """
+
+    def __repr__(self) -> str:
+        return f"<Iceberg: {one_line(self)}>"
+
+    def _repr_html_(self) -> str:
+        picture = portrait(self.elements, latlon=self.latlon, hexagonal=self.packing == "hexagonal")
+        return card(picture, self.describe())
 
     def describe(self) -> str:
         """Return what the berg is, in plain words."""
@@ -225,6 +251,9 @@ class Iceberg(BondedBerg):
             may be one value per element.
         """
         material, layout = sorted_options(options, TableOptions, thickness)
+        placement = option("placement", placement, material.latlon)
+        table_radius = given(table_radius, LatticeRows, "cell_radius", where="table_radius", kind=BergError)
+        rows = given(rows, LatticeRows, "rows", kind=BergError)
         if options.get("radius") is None:
             material = material._replace(radius=table_radius)
         column, row = cells_of_rows(rows)
@@ -258,6 +287,9 @@ class Iceberg(BondedBerg):
             ``thickness`` may be one value per element.
         """
         material, layout = sorted_options(options, RectangleOptions, thickness)
+        placement = option("placement", placement, material.latlon)
+        length = given(length, Rectangle, "length", kind=BergError)
+        width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
         lattice = fill(region, material.radius, material.packing, layout.offset)
         x, y = turned(lattice.x, lattice.y, layout.rotation)
@@ -295,7 +327,9 @@ class Iceberg(BondedBerg):
             and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
         """
         material, _ = sorted_options(options, PointOptions, thickness)
-        lon, lat = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (lon, lat))
+        unit = "degree" if material.latlon else "m"
+        lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
+        lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
         if lon.shape != lat.shape or lon.ndim != 1:
             raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
         elements = make_elements(lon, lat, material, static=static)

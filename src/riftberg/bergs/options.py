@@ -9,9 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypedDict
 
+import numpy as np
+
+from riftberg.bergs.keys import MOST, BergKeys
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.errors import nearest
-from riftberg.parameters import Packing
+from riftberg.errors import BergError, nearest
+from riftberg.input_files import value_shown
+from riftberg.parameters import Earth, Ice, Packing
+from riftberg.sections import beyond
+from riftberg.units import looks_like_quantity
+from riftberg.values import check_degrees, check_place, given, native, number, numbers
 
 
 class Material(NamedTuple):
@@ -138,11 +145,82 @@ def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tu
     ------
     TypeError
         If one has another name, as for any argument.
+    BergError
+        If one is no such value, in the words that an experiment file gets.
     """
     known = kind.__annotations__
     for name in options:
         if name not in known:
             raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")
-    material = {name: value for name, value in options.items() if name in Material._fields}
-    layout = {name: value for name, value in options.items() if name in Placing._fields}
-    return Material(thickness, **material), Placing(**layout)
+    plain = {name: option(name, value, bool(options.get("latlon", True))) for name, value in options.items()}
+    material = {name: value for name, value in plain.items() if name in Material._fields}
+    layout = {name: value for name, value in plain.items() if name in Placing._fields}
+    return Material(plain_thickness(thickness), **material), Placing(**layout)
+
+
+def plain_thickness(thickness: Any) -> Any:
+    """Return a thickness with a unit, or a Series or list of thicknesses, in metres; maps and paths pass as they are."""
+    if isinstance(thickness, bool):
+        return given(thickness, BergKeys, "thickness", kind=BergError)
+    if isinstance(thickness, str):
+        return given(thickness, BergKeys, "thickness", kind=BergError) if looks_like_quantity(thickness) else thickness
+    if isinstance(thickness, list | tuple) or type(thickness).__module__.startswith("pandas"):
+        return numbers(thickness, "m", where="thickness", kind=BergError)
+    return thickness
+
+
+def option(name: str, value: Any, latlon: bool = True) -> Any:
+    """Return an option of a constructor without unit and of a plain kind, or refuse it.
+
+    Parameters
+    ----------
+    name : str
+        Of a field of `Material` or `Placing`.
+    value : object
+        As it was given.
+    latlon : bool
+        Whether positions are degrees.
+    """
+    if value is None or name in ("pieces", "offset"):
+        return native(value) if name == "offset" else value
+    if name in ("latlon", "conformal"):
+        return _flag(name, value)
+    if name == "density":
+        return given(value, Ice, "density", where=name, kind=BergError)
+    if name == "earth_radius":
+        return given(value, Earth, "radius", where=name, kind=BergError)
+    return _of_berg(name, value, latlon)
+
+
+def _of_berg(name: str, value: Any, latlon: bool) -> Any:
+    if name in ("radius", "velocity", "spin") and _one_per_element(value, name):
+        unit = {"radius": "m", "velocity": "m s-1", "spin": "rad s-1"}[name]
+        parts = [numbers(part, unit, where=name, kind=BergError) for part in (value if name == "velocity" else [value])]
+        return tuple(parts) if name == "velocity" else parts[0]
+    if name == "placement" and not latlon:
+        return tuple(number(part, "m", where=name, kind=BergError) for part in value)
+    plain = given(value, BergKeys, name, kind=BergError)
+    if name in MOST:
+        try:
+            beyond(BergKeys, name, plain, MOST[name])
+        except ValueError as error:
+            raise BergError(str(error), where=name) from error
+    if name == "placement":
+        check_place(plain, where=name, kind=BergError)
+    if name == "shift":
+        check_degrees(plain, where=name, kind=BergError)
+    return plain
+
+
+def _one_per_element(value: Any, name: str) -> bool:
+    """Whether an option holds one value for each element."""
+    if name == "velocity":
+        return isinstance(value, tuple | list) and any(np.ndim(part) > 0 for part in value)
+    return not isinstance(value, str) and np.ndim(value) > 0
+
+
+def _flag(name: str, value: Any) -> bool:
+    plain = native(value)
+    if not isinstance(plain, bool):
+        raise BergError(f"{value_shown(value)} is neither true nor false", where=name)
+    return plain

@@ -7,6 +7,7 @@ import numpy as np
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separation
 from riftberg.physics.floating import draft_of
+from riftberg.places import latitude, longitude
 from riftberg.state import Floats
 
 
@@ -42,6 +43,7 @@ def describe(berg: BondedBerg) -> str:
     return "\n".join(lines)
 
 
+<<<<<<< HEAD
 MOST_LISTED = 10
 """Bergs that are told of one by one."""
 
@@ -56,6 +58,18 @@ def _each(berg: BondedBerg) -> list[str]:
         row += count
     more = len(berg.bergs) - MOST_LISTED
     return [*lines, f"  and {more} more"] if more > 0 else lines
+=======
+def one_line(berg: BondedBerg) -> str:
+    """Return elements, size, bonds, pieces and place of a berg in one line."""
+    e = berg.elements
+    lon, lat = berg.centroid
+    place = f"{latitude(lat, 3)}, {longitude(lon, 3)}" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
+    bonds, pieces = int((berg.bonds.status == 0).sum()), int(e.berg.max())
+    return (
+        f"{len(e.id)} {berg.packing} elements of radius {berg.radius:g} m, {berg.area / 1e6:.6g} km2, "
+        f"{berg.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}"
+    )
+>>>>>>> house
 
 
 def _plan_area(berg: BondedBerg) -> str:

@@ -26,8 +26,8 @@ def kid(
     ] = False,
 ) -> None:
     """Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files."""
-    from riftberg.cli.progress import ProgressRecorder
     from riftberg.kid.run import load_case, run_kid
+    from riftberg.runs.progress import ProgressRecorder
 
     with allow_large(large):
         folder = output.parent if output is not None and not is_folder(output) else output

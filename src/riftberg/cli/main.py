@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, why
+from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, sweep, why
+from riftberg.cli.verbose import verbose
 from riftberg.version import __version__
 
 app = typer.Typer(
@@ -37,18 +38,19 @@ def _main(
     """Take the options that stand before the command."""
 
 
-app.command("run")(run.run)
-app.command("experiments")(run.experiments)
-app.command("kid")(kid.kid)
-app.command("bench")(bench.bench)
-app.command("plot")(plot.plot)
-app.command("animate")(animate.animate)
-app.command("replay")(replay.replay)
-app.command("score")(score.score)
-app.command("compare")(compare.compare)
-app.command("why")(why.why)
-app.command("doctor")(doctor.doctor)
-app.command("fetch")(fetch.fetch)
+app.command("run")(verbose(run.run))
+app.command("sweep")(verbose(sweep.sweep))
+app.command("experiments")(verbose(run.experiments))
+app.command("kid")(verbose(kid.kid))
+app.command("bench")(verbose(bench.bench))
+app.command("plot")(verbose(plot.plot))
+app.command("animate")(verbose(animate.animate))
+app.command("replay")(verbose(replay.replay))
+app.command("score")(verbose(score.score))
+app.command("compare")(verbose(compare.compare))
+app.command("why")(verbose(why.why))
+app.command("doctor")(verbose(doctor.doctor))
+app.command("fetch")(verbose(fetch.fetch))
 
 if __name__ == "__main__":
     app()

@@ -307,8 +307,9 @@ class Session:
 
     def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
-        from riftberg.cli.progress import Interrupt, ProgressRecorder
+        from riftberg.cli.progress import Interrupt
         from riftberg.diagnostics.summary import Stopwatch
+        from riftberg.runs.progress import ProgressRecorder
         from riftberg.runs.run_file import RunWriter
         from riftberg.runs.track import DailyTrack
 

@@ -130,9 +130,9 @@ def _control(
     """Run a control; ``split`` shortens the long step, the sub-step stays."""
     import numpy as np
 
-    from riftberg.cli.progress import ProgressRecorder
     from riftberg.experiments import Numerics, Options, build
     from riftberg.parameters import Parameters
+    from riftberg.runs.progress import ProgressRecorder
     from riftberg.runs.run_file import RunWriter, open_run
 
     times = run["time"].values

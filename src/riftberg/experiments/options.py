@@ -111,7 +111,7 @@ class Info:
     days: float = 1.0
     output_every_hours: float = 1.0
     seed: int | None = None
-    observed: Mapping[str, Any] = field(default_factory=dict)
+    observed: Mapping[str, Any] = field(default_factory=dict, repr=False)
     notices: tuple[str, ...] = ()
     output_forces: bool = False
     story: Story | None = None

@@ -10,24 +10,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+<<<<<<< HEAD
 from riftberg.experiments.formula_schema import FormulaForcing
+=======
+from riftberg.bergs.keys import BergKeys, LatticeRows, Rectangle
+>>>>>>> house
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.parameters import Packing
+from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.sections import Pair, Section, key
 
 SHAPES = ("outline", "mask", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""
-
-
-def refuse_beyond(section: Section, most: dict[str, float]) -> None:
-    """Raise `ValueError` where a value, or one of a pair, is larger than anything in nature."""
-    for name, limit in most.items():
-        value = getattr(section, name)
-        if any(abs(part) > limit for part in (value if isinstance(value, tuple) else (value,))):
-            extra = type(section).model_fields[name].json_schema_extra
-            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-            named = "" if unit in ("", "1") else f" {unit}"
-            raise ValueError(f"{name} = {value} is not possible; the most is {limit:g}{named}")
 
 
 class OutlineFile(Section):
@@ -49,20 +42,6 @@ class Mask(Section):
     variable: str | None = key(None, "", "variable of the file; of a GeoTIFF the number or description of a band")
     threshold: float | None = key(None, "", "value above which a point is ice")
     date: str | None = key(None, "", "time of the file")
-
-
-class Rectangle(Section):
-    """Idealised shape."""
-
-    length: float = key(..., "m", "extent to the east before rotation", gt=0)
-    width: float = key(..., "m", "extent to the north before rotation", gt=0)
-
-
-class LatticeRows(Section):
-    """Shape from the rows of a square lattice."""
-
-    rows: list[tuple[int, int, int]] = key(..., "", "row, first column and last column, from south to north")
-    cell_radius: float = key(1500.0, "m", "half the side of a cell of these rows", gt=0)
 
 
 class Rift(Section):
@@ -113,6 +92,7 @@ class Strength(Section):
         return self
 
 
+<<<<<<< HEAD
 class FieldOfBergs(Section):
     """Many bergs of one element each, at random places that do not overlap."""
 
@@ -125,6 +105,9 @@ class FieldOfBergs(Section):
 
 
 class Berg(Section):
+=======
+class Berg(BergKeys):
+>>>>>>> house
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
     name: str | None = key(None, "", "name of the berg, which its fragments bear too", min_length=1, max_length=60)
@@ -132,6 +115,7 @@ class Berg(Section):
     mask: Mask | None = None
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
+<<<<<<< HEAD
     field: FieldOfBergs | None = None
     thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
     radius: float = key(1500.0, "m", "half the width of an element", gt=0)
@@ -141,12 +125,13 @@ class Berg(Section):
     shift: Pair = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
     velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
     spin: float = key(0.0, "rad s-1", "angular velocity at the start, counter-clockwise")
+=======
+>>>>>>> house
     rifts: list[Rift] = key([], "", "weak or missing bonds where the berg lies at the start, a list of sections")
     strength: Strength | None = key(None, "", "scatter of the strength of the bonds, a section of its own")
 
     @model_validator(mode="after")
     def _one_shape(self) -> Berg:
-        refuse_beyond(self, {"velocity": 10.0, "spin": 0.01})
         shapes = [name for name in SHAPES if getattr(self, name) is not None]
         if len(shapes) != 1:
             count = f"has {len(shapes)} shapes ({', '.join(shapes)})" if shapes else "has no shape"
@@ -156,24 +141,6 @@ class Berg(Section):
         extra = sorted(self.model_fields_set - {"field", "thickness", "velocity"})
         if shapes[0] == "field" and extra:
             raise ValueError(f"a field of bergs has no {extra[0]}; beside field it may have thickness and velocity")
-        return self
-
-
-class ConstantForcing(Section):
-    """A uniform, steady environment."""
-
-    kind: Literal["constant"]
-    current: Pair = key((0.0, 0.0), "m s-1", "eastward and northward ocean current")
-    wind: Pair = key((0.0, 0.0), "m s-1", "eastward and northward wind")
-    slope: Pair = key((0.0, 0.0), "1", "eastward and northward slope of the sea surface")
-    sea_ice: tuple[float, float, float] = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice")
-    depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
-
-    @model_validator(mode="after")
-    def _possible(self) -> ConstantForcing:
-        refuse_beyond(self, {"current": 10.0, "wind": 150.0, "slope": 0.01, "sea_ice": 100.0})
-        if self.sea_ice[2] < 0.0:
-            raise ValueError(f"sea_ice has a thickness of {self.sea_ice[2]:g} m; it is 0 or more")
         return self
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import date, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, get_origin
 
@@ -13,15 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from riftberg.errors import BergError, InputError, nearest
-from riftberg.experiments.changes import (
-    allowed,
-    changed,
-    explained,
-    fields_of,
-    kinds_of,
-    plain_value,
-    reference_numerics,
-)
+from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
 from riftberg.experiments.formula_schema import FormulaForcing, sum_of
 from riftberg.experiments.options import Info, Options
@@ -29,7 +20,6 @@ from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
     PRESETS,
     Berg,
-    ConstantForcing,
     Experiment,
     ExperimentForcing,
     FieldOfBergs,
@@ -38,7 +28,19 @@ from riftberg.experiments.schema import (
 )
 from riftberg.input_files import value_shown
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.values import (
+    NORTHERNMOST,
+    SOUTHERNMOST,
+    UnfitError,
+    allowed,
+    check_degrees,
+    check_kind,
+    check_place,
+    kinds_of,
+    plain_value,
+)
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
@@ -110,6 +112,7 @@ def check_span(start: datetime, days: float, *, where: str) -> None:
         )  # fmt: skip
 
 
+<<<<<<< HEAD
 SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
 """Latitudes (degrees) between which there is sea, and a berg can be placed."""
 
@@ -129,6 +132,16 @@ def _check_place(berg: Berg, document: Document, where: Place) -> None:
             f"latitude {lat:g} has no sea for a berg: are longitude and latitude swapped?", (*where, "placement"),
             f"Write [longitude, latitude], with a latitude from {SOUTHERNMOST:g} to {NORTHERNMOST:g}",
         )  # fmt: skip
+=======
+def _check_place(berg: Berg, document: Document) -> None:
+    """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
+    for name, place in (("placement", berg.placement), ("shift", berg.shift)):
+        if place is not None:
+            check_degrees(place, where=document.where(("berg", name)))
+    if berg.placement is not None:
+        final = berg.placement[0], berg.placement[1] + berg.shift[1]
+        check_place(final, where=document.where(("berg", "placement")), south=SOUTHERNMOST, north=NORTHERNMOST)
+>>>>>>> house
 
 
 def _keys(section: type[BaseModel]) -> str:
@@ -178,23 +191,11 @@ def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> An
 
 
 def _check_kind(value: Any, field: FieldInfo, place: Place, document: Document) -> None:
-    """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value."""
-    kinds = kinds_of(field.annotation)
-    if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
-        raise document.error("a key that is no word", place, "Keys are plain words, such as fracture")
-    for item in value if isinstance(value, list) else [value]:
-        if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
-            raise document.error(f"{str(item).lower()} is no number, word or date", place, allowed(field))
-    written = isinstance(value, date) or (isinstance(value, str) and re.match(r"\d{4}-\d\d-\d\d(\D|$)", value))
-    if datetime in kinds and not written:
-        raise document.error(f"{value_shown(value)} is not a date", place, f"{allowed(field)}. {_DATE}")
-    if isinstance(value, date) and datetime not in kinds:
-        raise document.error(
-            f"{value} is a date", place, f"{allowed(field)}. Write it in quotes if it is meant as a text"
-        )
-
-
-_DATE = "Write it like 2020-12-09 13:00"
+    """Refuse what would silently pass for something else."""
+    try:
+        check_kind(value, field)
+    except UnfitError as error:
+        raise document.error(error.what, place, error.remedy) from error
 
 
 def _is_quantity(value: Any, field: FieldInfo) -> bool:
@@ -278,9 +279,9 @@ def _parameters(experiment: Experiment, document: Document) -> Parameters:
         return changed(base, changes, where=document.where(("parameters",)))
     except InputError as error:
         cause = error.__cause__
-        if isinstance(cause, ValidationError):
-            place = ("parameters", *cause.errors()[0]["loc"])
-            raise InputError(**explained(cause, document.where(place))) from cause
+        if isinstance(cause, InputError) and cause.where:
+            place = ("parameters", *cause.where.split("."))
+            raise document.error(cause.what, place, cause.remedy) from cause
         raise
 
 

@@ -9,8 +9,7 @@ import math
 import sys
 from typing import Any, Final
 
-from pydantic import ValidationError
-
+from riftberg.errors import InputError
 from riftberg.kid.life_groups import life_groups
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
 from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
@@ -36,11 +35,10 @@ def to_parameters(namelist: KidNamelist) -> Parameters:
     group = namelist.icebergs
     _check_scheme(group)
     try:
-        return Parameters.model_validate(_groups(group, time_step(namelist)))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise group.error(f"gives {place} = {first.get('input')!r}: {first['msg']}", "Correct that entry") from error
+        return Parameters(**_groups(group, time_step(namelist)))
+    except InputError as error:
+        place = f"{error.where}: " if error.where else ""
+        raise group.error(f"gives {place}{error.what}", "Correct that entry") from error
 
 
 def time_step(namelist: KidNamelist) -> float:

@@ -8,11 +8,25 @@ from typing import Any, Self
 import numpy as np
 
 from riftberg.constants import EARTH_ROTATION, GRAVITY
+<<<<<<< HEAD
 from riftberg.ocean.formulas import SUMMED, Formula
 from riftberg.state import Elements, Floats, new_elements
 
 
 class Steady(Formula):
+=======
+from riftberg.errors import ForcingError
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.shown import ShownForcing
+from riftberg.ocean.steady_schema import MOST, ConstantForcing, check_sea_ice
+from riftberg.parameters import Earth
+from riftberg.sections import beyond
+from riftberg.state import Elements, Floats
+from riftberg.values import given, native
+
+
+class Steady(ShownForcing):
+>>>>>>> house
     """A uniform, steady environment.
 
     Parameters
@@ -26,7 +40,17 @@ class Steady(Formula):
     sea_ice : tuple of float, optional
         Eastward and northward sea-ice velocity (m s-1) and its thickness (m).
     depth : float, optional
-        Depth of water, m.
+        Depth of water, m; 0 is dry ground.
+
+    Raises
+    ------
+    ForcingError
+        If one of them is not possible, or has a wrong unit.
+
+    Examples
+    --------
+    >>> Steady(current=("20 cm/s", 0.05), depth="0.5 km")
+    <Steady: steady and uniform: current (0.2, 0.05) m/s, wind (0.0, 0.0) m/s, depth 500 m>
     """
 
     def __init__(
@@ -37,7 +61,11 @@ class Steady(Formula):
         sea_ice: tuple[float, float, float] = (0.0, 0.0, 0.0),
         depth: float = 1e4,
     ) -> None:
-        self.current, self.wind, self.slope, self.sea_ice, self.water = current, wind, slope, sea_ice, depth
+        self.current: tuple[float, float] = steady("current", current)
+        self.wind: tuple[float, float] = steady("wind", wind)
+        self.slope: tuple[float, float] = steady("slope", slope)
+        self.sea_ice: tuple[float, float, float] = steady("sea_ice", sea_ice)
+        self.water: float = 0.0 if native(depth) == 0.0 else steady("depth", depth)
 
     @classmethod
     def balanced(cls, current: tuple[float, float], latitude: float, **others: Any) -> Self:
@@ -55,6 +83,8 @@ class Steady(Formula):
         **others
             Wind, sea ice and depth as for the class.
         """
+        latitude = given(latitude, Earth, "reference_latitude", where="latitude", kind=ForcingError)
+        current = steady("current", current)
         f = 2.0 * EARTH_ROTATION * math.sin(math.radians(latitude))
         return cls(current, slope=(f * current[1] / GRAVITY, -f * current[0] / GRAVITY), **others)
 
@@ -89,6 +119,18 @@ class Steady(Formula):
     def describe(self) -> str:
         """Return the values in words."""
         return f"steady and uniform: current {self.current} m/s, wind {self.wind} m/s, depth {self.water:g} m"
+
+
+def steady(name: str, value: Any) -> Any:
+    """Return a value of a steady environment without unit, or refuse it in the words that an experiment file gets."""
+    plain = given(value, ConstantForcing, name, kind=ForcingError)
+    if name in MOST:
+        try:
+            beyond(ConstantForcing, name, plain, MOST[name])
+            check_sea_ice(plain if name == "sea_ice" else (0.0, 0.0, 0.0))
+        except ValueError as error:
+            raise ForcingError(str(error), where=name) from error
+    return plain
 
 
 class Convergence(Steady):

@@ -6,7 +6,7 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import datetime
+from datetime import date, datetime
 from pathlib import PurePath
 from typing import Any, Final, NamedTuple
 
@@ -26,9 +26,12 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
+from riftberg.ocean.shown import ShownForcing
+from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
+from riftberg.values import given, moment, number
 
 FILLS: Final = {
     "uo": ("uo", "vo", "vorticity"),
@@ -98,7 +101,7 @@ def served(records: ProductRecords) -> tuple[str, ...]:
     return tuple(name for name in FILLS if name in records.names)
 
 
-class DatasetForcing:
+class DatasetForcing(ShownForcing):
     """Several products as one forcing; implements `riftberg.ocean.forcing.Forcing`.
 
     Parameters
@@ -136,7 +139,9 @@ class DatasetForcing:
         notices: Sequence[str] = (),
     ) -> None:
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
-        self.coastal_drift, self.draft, self._density = float(coastal_drift), float(draft), float(ice_density)
+        self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
+        self.draft = number(draft, "m", where="draft", kind=ForcingError)
+        self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
         served = [name for part in self.parts for name in part.serves]
         for name in served:
             if served.count(name) > 1:
@@ -146,7 +151,7 @@ class DatasetForcing:
 
     @classmethod
     def from_xarray(
-        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime, **options: Any
+        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | date | str | np.datetime64, **options: Any
     ) -> DatasetForcing:
         """Return the forcing that datasets in memory, or opened by xarray, give.
 
@@ -155,8 +160,8 @@ class DatasetForcing:
         datasets : xarray.Dataset or sequence of them
             Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
             its own grid and at its own times.
-        start : datetime.datetime
-            Date of the model's time 0 (UTC); give the same to `riftberg.Model`.
+        start : date
+            Date of the model's time 0 (UTC), as `riftberg.Model` takes it; give the same to `riftberg.Model`.
         **options
             As for the class.
 
@@ -167,13 +172,27 @@ class DatasetForcing:
 
         Examples
         --------
-        >>> forcing = DatasetForcing.from_xarray([currents, sea_level], start)          # doctest: +SKIP
-        >>> Model(berg, forcing, start=start).run(days=5)                               # doctest: +SKIP
+        >>> import numpy as np, xarray as xr
+        >>> axes = {"lat": [-58.0, -56.0, -54.0], "lon": [-40.0, -37.0, -34.0]}
+        >>> current = xr.Dataset(coords={name: (name, values, {"units": f"degrees_{way}"}) for (name, values), way
+        ...                              in zip(axes.items(), ("north", "east"))})
+        >>> for name, way in (("uo", "eastward"), ("vo", "northward")):
+        ...     attributes = {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"}
+        ...     current[name] = ("lat", "lon"), np.full((3, 3), 0.1), attributes
+        >>> forcing = DatasetForcing.from_xarray(current, "2020-12-09 13:00")
+        >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
+        (array([0.1]), array([0.1]))
         """
+<<<<<<< HEAD
         given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         forcing = cls([part_of(ds, start) for ds in in_memory(given)], **options)
         forcing.start = start
         return forcing
+=======
+        several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        begin = moment(start, where="start")
+        return cls([part_of(ds, begin) for ds in in_memory(several)], **options)
+>>>>>>> house
 
     @property
     def title(self) -> str:

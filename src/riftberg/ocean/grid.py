@@ -275,6 +275,9 @@ class Grid:
         g = self.arrays
         return np.s_[g.halo : g.halo + g.nj, g.halo : g.halo + g.ni]
 
+    def __repr__(self) -> str:
+        return f"<Grid: {self.describe()}>"
+
     def describe(self) -> str:
         """Return size, extent, spacing, land and periodicity in plain words."""
         g = self.arrays

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Set
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from typing import Literal
 
 import numpy as np
@@ -24,9 +24,11 @@ from riftberg.ocean.interpolation import (
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
 from riftberg.ocean.search import locate_points
+from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
+from riftberg.values import moment, number
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
@@ -44,7 +46,7 @@ TIME_TOLERANCE = 1e-6
 """Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
 
 
-class GriddedForcing:
+class GriddedForcing(ShownForcing):
     """Ocean, air, sea ice and sea floor from fields on a grid, constant or in records over time.
 
     Implements `riftberg.ocean.forcing.Forcing`.
@@ -75,7 +77,7 @@ class GriddedForcing:
     sea_level_gaps : bool
         Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
         reference (spec 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
-    start : datetime, optional
+    start : date, optional
         Date of time 0, named in messages.
     source : str
         Where the fields come from, for `describe`.
@@ -86,13 +88,16 @@ class GriddedForcing:
         zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
         coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
         sea_level_gaps: bool = False,
-        start: datetime | None = None, source: str = "",
+        start: datetime | date | str | np.datetime64 | None = None, source: str = "",
     ) -> None:  # fmt: skip
         self.grid: Grid | None = grid
         self._grid = grid
-        self.start, self.source = start, source
+        self.start, self.source = None if start is None else moment(start, where="start"), source
         self.notices: tuple[str, ...] = ()
-        self.coastal_drift, self.tidal_drift = float(coastal_drift), float(tidal_drift)
+        self.coastal_drift, self.tidal_drift = (
+            number(value, "m s-1", where=name, kind=ForcingError)
+            for name, value in (("coastal_drift", coastal_drift), ("tidal_drift", tidal_drift))
+        )
         self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
         self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
         self.sea_level_gaps = bool(sea_level_gaps)

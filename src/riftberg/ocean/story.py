@@ -29,6 +29,7 @@ import numpy as np
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.kernels import kernel
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.shown import ShownForcing
 from riftberg.state import Elements, Floats
 
 LATITUDE, LONGITUDE = -55.8, -37.4
@@ -220,7 +221,7 @@ def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
         vorticity[e] = curl
 
 
-class StoryOcean:
+class StoryOcean(ShownForcing):
     """The fitted ocean as forcing, evaluated at the elements themselves.
 
     Parameters

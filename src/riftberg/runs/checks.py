@@ -139,6 +139,11 @@ def read_parameters(text: Any, file: Path) -> Parameters:
         raise _error("missing, or no text", file, place)
     try:
         return Parameters.model_validate_json(text)
+    except InputError as error:
+        raise _error(
+            f"no parameters of Riftberg ({error.where}: {error.what[:100]})", file, place,
+            "The file is damaged, or was written by another version of Riftberg",
+        ) from error  # fmt: skip
     except ValidationError as error:
         first = error.errors()[0]
         found = ".".join(str(part) for part in first["loc"])

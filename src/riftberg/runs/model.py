@@ -8,12 +8,15 @@ from typing import Self
 
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import RiftbergError, RunError
 from riftberg.interrupts import held, say
 from riftberg.model import BareModel, Recorder
 from riftberg.ocean.forcing import Forcing
+from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
+from riftberg.values import number
 
 OWN_EXTRAS = ("substeps", "next_element", "next_bond")
 """What a restart file holds beside the state that no recorder has left there."""
@@ -29,9 +32,15 @@ class Model(BareModel):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
+<<<<<<< HEAD
         All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
     start : datetime.datetime, optional
         Date of time zero (UTC); by default that of the forcing, if it counts from a date.
+=======
+        All parameters; the published A68a physics with Riftberg's numerics by default.
+    start : date, optional
+        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp.
+>>>>>>> house
 
     Attributes
     ----------
@@ -51,38 +60,42 @@ class Model(BareModel):
     Examples
     --------
     >>> from riftberg import Iceberg, Model, Steady
-    >>> berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
-    >>> model = Model(berg, Steady(current=(0.2, 0.0)))
-    >>> model.run(days=1).sizes["trajectory"]
-    40
+    >>> berg = Iceberg.rectangle("12 km", "6 km", thickness="200 m", placement=(-37.0, -56.0))
+    >>> model = Model(berg, Steady(current=(0.2, 0.0)), start="2020-12-09 13:00")
+    >>> run = model.run("1 h")
+    >>> run.sizes["trajectory"]
+    8
     """
 
     def run(
         self,
-        days: float | None = None,
+        days: float | str | None = None,
         *,
         steps: int | None = None,
         recorders: Sequence[Recorder] = (),
         output: str | Path | None = None,
-        every_hours: float = 1.0,
+        every_hours: float | str = 1.0,
         forces: bool = False,
+        progress: bool = False,
     ) -> xr.Dataset:
         """Run for some days and return the trajectory.
 
         Parameters
         ----------
-        days : float
-            Length of the run; or give ``steps``.
+        days : float or str
+            Length of the run, days or with a unit (``"36 h"``); or give ``steps``.
         steps : int
             Number of long steps.
         recorders : sequence of Recorder
             Called after every long step.
         output : path, optional
             Run file to write; kept in memory only if left out.
-        every_hours : float
-            Interval of the records in the run file.
+        every_hours : float or str
+            Interval of the records in the run file, hours or with a unit (``"30 min"``).
         forces : bool, optional
             Record the mean force of each medium on each element too.
+        progress : bool, optional
+            Show how far the run is: a bar in a terminal or a notebook, lines elsewhere.
 
         Returns
         -------
@@ -101,10 +114,17 @@ class Model(BareModel):
             above. So it is with the SystemExit after a request to terminate.
         """
         before = self.step_number
+<<<<<<< HEAD
         end = self.time + self._number_of_steps(days, steps) * self.parameters.stepping.time_step
         with held(), memory_run(output, every_hours, forces) as writer:
+=======
+        hours = number(every_hours, "h", where="every_hours")
+        length = self._number_of_steps(days, steps) * self.parameters.stepping.time_step / SECONDS_PER_DAY
+        shown = [ProgressRecorder(length)] if progress else []
+        with held(), memory_run(output, hours, forces) as writer:
+>>>>>>> house
             try:
-                self.advance(days, steps=steps, recorders=[*recorders, writer])
+                self.advance(days, steps=steps, recorders=[*recorders, writer, *shown])
             except (KeyboardInterrupt, SystemExit):
                 say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
                 raise

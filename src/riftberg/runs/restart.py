@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -33,6 +34,8 @@ from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
+
+_LOG = logging.getLogger(__name__)
 
 FORMAT = 4
 """Number of the layout; raised when an older Riftberg could not read the file."""
@@ -136,6 +139,7 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         _write_fragments(file, fragment_rows(model))
         _write_meetings(file, model)
         _write_extra(file, extra or {})
+    _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
     return path
 
 

@@ -311,3 +311,36 @@ def elements_of(arrays: dict[str, NDArray[Any]]) -> Elements:
         group: kind(*(arrays[v.name] for v in ELEMENT_VARIABLES if v.group == group)) for group, kind in GROUPS.items()
     }
     return Elements(**groups)
+
+
+def brief(name: str, size: int, things: str, arrays: dict[str, NDArray[Any]]) -> str:
+    """Return a few lines on arrays, however long they are: the least and the largest of each, and its unit."""
+    units = {v.name: v.units for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES)}
+    wide = max(map(len, arrays), default=0)
+    lines = []
+    for key, array in arrays.items():
+        finite = array[np.isfinite(array)]
+        values = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "nothing known"
+        lines.append(f"  {key:{wide}}  {values} {'' if units[key] == '1' else units[key]}".rstrip())
+    return "\n".join([f"{name} of {size} {things}", *lines])
+
+
+def _brief_group(group: Any) -> str:
+    arrays = dict(zip(group._fields, group, strict=True))
+    return brief(type(group).__name__, len(group[0]), "elements", arrays)
+
+
+def _brief_elements(elements: Elements) -> str:
+    groups = [f"  {name}: {', '.join(kind.__annotations__)}" for name, kind in GROUPS.items()]
+    return "\n".join([f"Elements: {elements.size}", *groups])
+
+
+def _brief_bonds(bonds: Bonds) -> str:
+    return brief("Bonds", len(bonds.first), "pairs of elements", bonds.arrays())
+
+
+# Arrays of thousands of elements would fill many screens.
+for _kind in GROUPS.values():
+    _kind.__repr__ = _brief_group  # type: ignore[assignment, method-assign]
+Elements.__repr__ = _brief_elements  # type: ignore[assignment, method-assign]
+Bonds.__repr__ = _brief_bonds  # type: ignore[assignment, method-assign]

@@ -71,6 +71,9 @@ class FragmentTree:
         self.rows: list[Fragment] = list(rows or [])
         self.bergs = tuple(bergs)
 
+    def __repr__(self) -> str:
+        return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
+
     @property
     def breakups(self) -> list[Fragment]:
         """Fragments that split from a parent."""

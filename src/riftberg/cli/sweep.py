@@ -1,0 +1,168 @@
+"""``riftberg sweep``: many runs side by side, one result and its picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from riftberg.cli.compilation import announce_compilation
+from riftberg.cli.failures import reported, say
+from riftberg.cli.output import check_folder, results_folder
+from riftberg.cli.run import Data, Days, NumericsName, Settings, Without, make_options, output_folder
+from riftberg.cli.spans import positive
+from riftberg.errors import InputError, RunError
+from riftberg.limits import allow_large
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from riftberg.ensembles.sweep import Store
+
+RESULTS = ("sweep.nc", "sweep.json", "sweep.png")
+"""Files that a sweep writes into its folder, beside the folder ``members``."""
+
+
+@reported
+def sweep(
+    experiment: Annotated[
+        str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary", metavar="GROUP.NAME=VALUES",
+            help="What is varied: fracture.normal_strength=14..24kPa:11 for eleven values, or 14,18,24kPa. Again for more.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-sweep]")
+    ] = None,
+    settings: Settings = None,
+    days: Days = None,
+    data: Data = None,
+    without: Without = None,
+    numerics: NumericsName = None,
+    every: Annotated[float, typer.Option("--every", help="Hours of model time between positions of the tracks.")] = 6.0,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", help="Processes on this machine; 0 for none but this one.  [default: one for each core]"),
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option("--resume", metavar="FOLDER", help="Go on with the sweep in a folder.")
+    ] = None,
+    map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw sweep.png.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
+) -> None:  # fmt: skip
+    """Run an experiment for every combination of some values of its parameters, side by side, into one result."""
+    with allow_large(large):
+        if workers is not None and workers < 0:
+            raise InputError(f"{workers} processes", where="--workers", remedy="Give 0 or more")
+        positive(every, "--every", "hours", most=1e6)
+        announce_compilation(quiet)
+        if resume is not None:
+            store = _resumed(resume, experiment, vary, output)
+        else:
+            store = _new(experiment, vary, output, make_options(settings, days, data, without, numerics), every)
+        _run(store, scheduler, workers, draw=map_, quiet=quiet)
+
+
+def _new(experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float) -> Store:
+    """Return a sweep at its start, checked."""
+    from riftberg.ensembles.sweep import Store, planned
+
+    if experiment is None:
+        raise InputError(
+            "no experiment is named", where="sweep", remedy="Name one, or go on with one by --resume FOLDER"
+        )
+    if options.numerics == "both":
+        raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
+    plan = planned(experiment, vary or [], options, every)
+    folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
+    check_folder(folder, RESULTS)
+    return Store(folder, plan, resume=False)
+
+
+def _resumed(folder: Path, experiment: str | None, vary: list[str] | None, output: Path | None) -> Store:
+    """Return the sweep in a folder with what is done."""
+    from riftberg.ensembles.sweep import Store, planned, read_plan
+    from riftberg.experiments.options import Options
+
+    if vary or output is not None:
+        raise InputError(
+            "a sweep that goes on keeps what it varies, and its folder", where="--resume",
+            remedy="Leave --vary and --output out",
+        )  # fmt: skip
+    known = read_plan(folder)
+    if experiment is not None and Path(experiment).stem != Path(known["experiment"]).stem:
+        raise InputError(f"a sweep of {known['experiment']}, not of {experiment}", where=f"--resume {folder}")
+    options = Options(
+        changes=known["changes"], days=known["days"], data=None if known["data"] is None else Path(known["data"]),
+        without=frozenset(known["without"]), numerics=known["numerics"],
+    )  # fmt: skip
+    plan = planned(known["experiment"], known["vary"], options, known["every"] / 3600.0)
+    return Store(folder, plan, resume=True)
+
+
+def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool) -> None:
+    from riftberg.ensembles.sweep import run_sweep
+    from riftberg.runs.progress import SweepBar
+
+    if not quiet:
+        say(_size(store))
+    bar = None if quiet else SweepBar(len(store.plan.members))
+    with results_folder(store.folder, RESULTS):
+        try:
+            result = run_sweep(store, scheduler=scheduler, workers=workers, bar=bar)
+        except (KeyboardInterrupt, SystemExit):
+            say(f"{len(store.done)} of {len(store.plan.members)} members are done. "
+                f"Go on with: riftberg sweep --resume {store.folder}")  # fmt: skip
+            raise
+    files = ["sweep.nc", "sweep.json"]
+    if draw and (result["status"] == 0).any():
+        from riftberg.viz.sweep import draw_sweep
+
+        draw_sweep(result, store.folder / "sweep.png")
+        files.append("sweep.png")
+    for line in told(result):
+        typer.echo(line)
+    typer.echo(f"Written to {store.folder}: {', '.join(files)}")
+    if not (result["status"] == 0).any():
+        raise RunError("no member came to its end")
+
+
+def _size(store: Store) -> str:
+    plan = store.plan
+    varied = ", ".join(f"{len(v.values)} of {v.name}" for v in plan.varied)
+    done = f", {len(store.done)} are done" if store.done else ""
+    return f"{len(plan.members)} members ({varied}), {plan.days:g} days each{done}"
+
+
+def told(result: xr.Dataset) -> list[str]:
+    """Return a sweep in a few lines: what came of each member, and what failed."""
+    names = [str(name) for name in result.coords if "parameter" in result[name].attrs]
+    lines = []
+    for k in range(min(result.sizes["member"], 20)):
+        member = result.isel(member=k)
+        said = ", ".join(f"{member[name].attrs['parameter']} {_value(member[name])}" for name in names)
+        if int(member["status"]) == 0:
+            end = f"{float(member['pieces']):.0f} pieces, largest {float(member['largest_area']) / 1e6:.0f} km2"
+            date = str(member["first_breakup"].values)[:16].replace("T", " ")
+            lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date}"))
+        else:
+            lines.append(f"  {said}: failed: {member['message'].item()}")
+    if result.sizes["member"] > 20:
+        lines.append(f"  and {result.sizes['member'] - 20} more, see sweep.nc")
+    failed = int((result["status"] == 1).sum())
+    return [f"{result.attrs['title']}, {failed} failed", *lines]
+
+
+def _value(value: xr.DataArray) -> str:
+    item = value.item()
+    unit = value.attrs.get("units", "1")
+    return f"{item:g}{'' if unit == '1' else ' ' + unit}" if isinstance(item, float) else str(item)

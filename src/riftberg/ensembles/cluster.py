@@ -1,0 +1,160 @@
+"""Where the members of a sweep are computed: in this process, on a cluster of this machine, or on a scheduler's workers."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from riftberg.ensembles.member import Job, Outcome, run_member
+from riftberg.errors import InputError
+from riftberg.interrupts import Hold
+
+WAIT_SECONDS = 0.1
+"""Wall time between two looks for members that are done."""
+
+LOST_TIMES = 3
+"""Workers that a member may be lost with before it counts as failed."""
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any]:
+    """Give a client of dask.distributed; a cluster of this machine is started and closed here.
+
+    Parameters
+    ----------
+    scheduler : str or distributed.Client, optional
+        Address of a scheduler that runs already, or a client.
+    workers : int, optional
+        Processes of the local cluster; by default one for each core.
+    """
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        raise InputError(
+            "a sweep on several workers needs dask.distributed", where="sweep",
+            remedy="Install it: pip install 'riftberg[sweep]'; or give --workers 0",
+        ) from error  # fmt: skip
+    if isinstance(scheduler, distributed.Client):
+        yield scheduler
+        return
+    if scheduler is not None:
+        with _reached(distributed, str(scheduler)) as client:
+            yield client
+        return
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise InputError(
+            "a worker read the script that starts the sweep, and would start another", where="sweep",
+            remedy='Put the call under if __name__ == "__main__":',
+        )  # fmt: skip
+    alone = {"NUMBA_NUM_THREADS": 1, "OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1}
+    settings = {
+        "distributed.nanny.pre-spawn-environ": alone,
+        "distributed.scheduler.allowed-failures": LOST_TIMES,
+        "distributed.worker.daemon": True,
+        "logging.distributed": "critical",
+    }
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=workers or cores(), threads_per_worker=1, processes=True, dashboard_address=None,
+            silence_logs=50, memory_limit=0,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):  # fmt: skip
+        client.run(_ignore_interrupts)
+        yield client
+
+
+@contextmanager
+def _reached(distributed: Any, address: str) -> Iterator[Any]:
+    try:
+        client = distributed.Client(address, timeout="10s")
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(
+            "no scheduler of dask answers there", where=f"--scheduler {address}",
+            remedy="Start one with 'dask scheduler', workers with 'dask worker ADDRESS', and give its address",
+        ) from error  # fmt: skip
+    with client:
+        yield client
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that started the sweep; it asks the members to stop."""
+    with suppress(ValueError):  # not the main thread
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def computed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
+    """Give the outcomes of members as they come, until all have come or a signal waits.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+    client : distributed.Client or None
+        None computes here, one after the other.
+    hold : Hold
+        Signals that wait.
+    """
+    if client is None:
+        for job in jobs:
+            if hold.requested:
+                return
+            yield run_member(job)
+        return
+    yield from _distributed(jobs, client, hold)
+
+
+def _distributed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
+    import time
+
+    from distributed import as_completed
+
+    futures = {
+        client.submit(run_member, job, pure=False, key=f"member-{job.number:05d}-{id(jobs)}"): job for job in jobs
+    }
+    coming = as_completed(list(futures))
+    while coming.count() or coming.has_ready():
+        for future in coming.next_batch(block=False) if coming.has_ready() else ():
+            job = futures.pop(future)
+            yield _outcome(future, job)
+            future.release()
+        if hold.requested:
+            yield from _ended(futures, client)
+            return
+        time.sleep(WAIT_SECONDS)
+
+
+def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
+    """Drop the members that have not begun, and wait for the others, which save their states."""
+    from distributed import wait
+
+    running = {key for keys in client.processing().values() for key in keys}
+    begun = [future for future in futures if future.key in running]
+    client.cancel([future for future in futures if future.key not in running])
+    with suppress(TimeoutError):
+        wait(begun, timeout=60)
+    for future in begun:
+        if future.done() and not future.cancelled():
+            yield _outcome(future, futures[future])
+
+
+def _outcome(future: Any, job: Job) -> Outcome:
+    """Return what a member came to, also where its workers were lost again and again."""
+    error = future.exception()
+    if error is None:
+        outcome: Outcome = future.result()
+        return outcome
+    if type(error).__name__ == "KilledWorker":
+        message = f"its worker was lost {LOST_TIMES + 1} times: killed, or out of memory"
+        return Outcome(job.number, "failed", message)
+    return Outcome(job.number, "failed", f"{type(error).__name__}: {' '.join(str(error).split())}")

@@ -1,0 +1,305 @@
+"""One member of a sweep: built, run, kept restartable, and told in plain numbers that travel between machines.
+
+A member that is stopped, or whose machine is lost, goes on from the state that it saved last, or begins anew; both give
+the same digits, for a run that goes on from a restart file gives bit for bit the run that never stopped.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.ensembles.vary import grouped
+from riftberg.errors import InputError, RiftbergError
+from riftberg.experiments.options import Options
+from riftberg.input_files import value_shown
+from riftberg.limits import allow_large
+from riftberg.stepping.fragments import centroid
+
+if TYPE_CHECKING:
+    from riftberg.model import BareModel
+    from riftberg.runs.model import Model
+
+Maker = Callable[..., "Model"]
+"""A function that makes the model of a member from its values."""
+
+STOP: Final = "stop"
+"""File in the folder of a sweep that asks its members to stop."""
+
+LOOK_SECONDS: Final = 0.5
+"""Wall time between two looks for that file."""
+
+_REMEMBERED: Final = "sweep_track"
+_TOLERANCE: Final = 1e-6  # s
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker must know of a member.
+
+    Attributes
+    ----------
+    number : int
+        From 0.
+    values : dict
+        Values by name of what is varied.
+    experiment : str or callable
+        Name, YAML file, or a function that makes the model.
+    options : Options
+        What is changed for all members.
+    days : float
+        Length of the run.
+    every : float
+        Interval of the tracks, s.
+    folder : pathlib.Path
+        Where states are saved, and the file that asks to stop is looked for.
+    save_seconds : float
+        Wall time between two saved states, s.
+    large : bool
+        Runs beyond the limits are allowed.
+    """
+
+    number: int
+    values: Mapping[str, Any]
+    experiment: str | Maker
+    options: Options
+    days: float
+    every: float
+    folder: Path
+    save_seconds: float = 60.0
+    large: bool = False
+
+    @property
+    def state_file(self) -> Path:
+        """The state that the member saved last."""
+        return self.folder / f"{self.number:05d}.restart.nc"
+
+
+@dataclass
+class Outcome:
+    """What a member came to, in numbers and texts alone.
+
+    Attributes
+    ----------
+    number : int
+        Of the member.
+    status : str
+        "done", "failed", or "stopped" for one that can go on.
+    message : str
+        Why it failed.
+    time, wall_seconds : float
+        Model time reached, and wall time spent by the attempt that ended it, s.
+    totals : dict of str to float
+        Counts and sizes at the end.
+    fragments : dict of str to list
+        Table of bergs and fragments.
+    track : list of list of float
+        Rows of time, number, longitude, latitude and area.
+    """
+
+    number: int
+    status: str
+    message: str = ""
+    time: float = 0.0
+    wall_seconds: float = 0.0
+    totals: dict[str, float] = field(default_factory=dict)
+    fragments: dict[str, list[float]] = field(default_factory=dict)
+    track: list[list[float]] = field(default_factory=list)
+
+
+class StoppedError(RiftbergError):
+    """The sweep was asked to stop."""
+
+
+def build_member(job: Job) -> Model:
+    """Return the model of a member at its start."""
+    if not isinstance(job.experiment, str):
+        model = job.experiment(**job.values)
+        if not callable(getattr(model, "advance", None)):
+            raise InputError(
+                f"{value_shown(model)} is no model", where="sweep", remedy="The function must return a riftberg.Model"
+            )
+        return model
+    from riftberg.experiments import build
+
+    changes = {group: dict(values) for group, values in job.options.changes.items()}
+    for group, values in grouped(job.values).items():
+        changes[group] = {**changes.get(group, {}), **values}
+    return build(job.experiment, replace(job.options, changes=changes))[0]
+
+
+def run_member(job: Job) -> Outcome:
+    """Run a member to its end; whatever goes wrong becomes its message.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Outcome
+    """
+    began = clock.perf_counter()
+    track = Tracks(job.every)
+    try:
+        with allow_large(job.large):
+            if (job.folder / STOP).exists():
+                raise StoppedError("the sweep was asked to stop")
+            model = _begun(job)
+            left = job.days - model.time / SECONDS_PER_DAY
+            if left * SECONDS_PER_DAY > 0.5 * model.parameters.stepping.time_step:
+                _advance(model, left, track, job)
+            else:
+                track.start(model)
+            job.state_file.unlink(missing_ok=True)
+            outcome = outcome_of(job.number, model, track)
+    except StoppedError:
+        return Outcome(job.number, "stopped")
+    except Exception as error:  # a failed member is a result too: the others go on
+        outcome = Outcome(job.number, "failed", _sentence(error))
+    outcome.wall_seconds = clock.perf_counter() - began
+    return outcome
+
+
+def _sentence(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text if isinstance(error, RiftbergError) else f"{type(error).__name__}: {text}"
+
+
+def _begun(job: Job) -> Model:
+    """Return the model at the state that was saved last, or at its start."""
+    fresh = build_member(job)
+    if not job.state_file.exists():
+        return fresh
+    try:
+        model = type(fresh).resume(job.state_file, fresh.forcing)
+    except RiftbergError:  # a damaged file costs no more than the work that it stands for
+        return fresh
+    same = model.start == fresh.start and model.parameters == fresh.parameters
+    if not same or model.time > job.days * SECONDS_PER_DAY + _TOLERANCE:
+        return fresh
+    model.after_step = fresh.after_step
+    return model
+
+
+def _advance(model: Model, days: float, track: Tracks, job: Job) -> None:
+    keeper = Keeper(job, track)
+    try:
+        model.advance(days, recorders=[track, keeper])
+    except (StoppedError, KeyboardInterrupt, SystemExit):
+        keeper.save(model)
+        raise
+
+
+class Tracks:
+    """Recorder of the centroid and area of every fragment at equal intervals.
+
+    Parameters
+    ----------
+    every : float
+        Interval, s.
+    """
+
+    def __init__(self, every: float) -> None:
+        self.every = every
+        self.rows: list[list[float]] = []
+
+    def start(self, model: BareModel) -> None:
+        """Take the rows of the part that was run before, and the first position."""
+        known = model.remembered.get(_REMEMBERED)
+        self.rows = [] if known is None else np.asarray(known).tolist()
+        self.record(model)
+
+    def record(self, model: BareModel) -> None:
+        """Note where the fragments are when an interval is over."""
+        due = self.every * round(model.time / self.every)
+        last = self.rows[-1][0] if self.rows else -np.inf
+        if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:
+            return
+        e = model.elements
+        area = e.length * e.width
+        for number in np.unique(e.berg):
+            rows = e.berg == number
+            lon, lat = centroid(e.lon[rows], e.lat[rows], area[rows], model.constants.period)
+            self.rows.append([due, float(number), lon, lat, float(area[rows].sum())])
+
+    def finish(self, model: BareModel) -> None:
+        """Leave the rows as they are."""
+
+
+class Keeper:
+    """Recorder that saves the state now and then, and ends the run where the sweep is asked to stop.
+
+    Parameters
+    ----------
+    job : Job
+    track : Tracks
+        Whose rows belong to the state.
+    """
+
+    def __init__(self, job: Job, track: Tracks) -> None:
+        self.job, self.track = job, track
+        self._saved = self._looked = clock.monotonic()
+
+    def start(self, model: BareModel) -> None:
+        """Do nothing."""
+
+    def record(self, model: BareModel) -> None:
+        """Look whether to stop, and save the state where the last one is old enough."""
+        now = clock.monotonic()
+        if now - self._looked >= LOOK_SECONDS:
+            self._looked = now
+            if (self.job.folder / STOP).exists():
+                raise StoppedError("the sweep was asked to stop")
+        if now - self._saved >= self.job.save_seconds:
+            self.save(model)
+
+    def save(self, model: BareModel) -> None:
+        """Save state and track, where the folder of the sweep can be reached."""
+        self._saved = clock.monotonic()
+        if self.job.folder.is_dir() and hasattr(model, "save"):
+            model.remembered[_REMEMBERED] = np.array(self.track.rows, dtype=np.float64)
+            model.save(self.job.state_file)
+            del model.remembered[_REMEMBERED]
+
+    def finish(self, model: BareModel) -> None:
+        """Do nothing."""
+
+
+FRAGMENT: Final = (
+    "number",
+    "parent",
+    "birth_time",
+    "lon",
+    "lat",
+    "elements",
+    "area",
+    "mass",
+    "bonds_broken",
+    "grounded",
+)
+"""What is kept of a berg or fragment."""
+
+
+def outcome_of(number: int, model: BareModel, track: Tracks) -> Outcome:
+    """Return what a finished member came to."""
+    rows = model.fragments.rows
+    e = model.elements
+    numbers = np.unique(e.berg)
+    area = np.array([(e.length * e.width)[e.berg == k].sum() for k in numbers])
+    born = [row.birth_time for row in rows if row.parent > 0]
+    totals = {
+        "pieces": float(len(numbers)),
+        "bonds_broken": float(model.bonds_broken),
+        "breakups": float(len(born)),
+        "first_breakup": min(born, default=np.nan),
+        "largest_area": float(area.max()) if area.size else 0.0,
+    }
+    table = {name: [float(getattr(row, name)) for row in rows] for name in FRAGMENT}
+    return Outcome(number, "done", "", model.time, 0.0, totals, table, track.rows)

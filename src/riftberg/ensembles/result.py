@@ -1,0 +1,259 @@
+"""The result of a sweep as one dataset: a member dimension, what was varied, break-ups, fragments, tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg.ensembles.member import FRAGMENT, Outcome
+from riftberg.ensembles.vary import Varied
+from riftberg.errors import InputError
+from riftberg.input_files import check_file, is_folder, reading
+from riftberg.netcdf_lock import open_lazily
+from riftberg.state import Floats
+from riftberg.version import __version__
+from riftberg.whole_files import replacing
+
+STATUS: Final = {"done": 0, "failed": 1, "waiting": 2}
+"""Values of the variable ``status``."""
+
+MOST_LISTED: Final = 64
+"""Fragments of a member in the tables: of more, the bergs at the start and the largest."""
+
+TOTALS: Final = {
+    "pieces": ("1", "number of bergs and fragments at the end"),
+    "bonds_broken": ("1", "number of bonds that broke"),
+    "breakups": ("1", "number of fragments that broke off"),
+    "largest_area": ("m2", "plan area of the largest piece at the end"),
+}
+"""Whole numbers and sizes of a member: unit and meaning."""
+
+_ABOUT: Final = {
+    "parent": ("1", "fragment that it split from; 0 for a berg that was there at the start"),
+    "elements": ("1", "number of elements at birth"),
+    "area": ("m2", "plan area at birth"),
+    "mass": ("kg", "mass at birth"),
+    "bonds_broken": ("1", "broken bonds that joined it to the rest of its parent"),
+    "grounded": ("1", "1 where it broke off aground"),
+}
+
+
+def dataset_of(
+    varied: Sequence[Varied], members: Sequence[Mapping[str, Any]], outcomes: Mapping[int, Outcome], *,
+    start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str],
+) -> xr.Dataset:  # fmt: skip
+    """Return the result of a sweep.
+
+    Parameters
+    ----------
+    varied : sequence of Varied
+    members : sequence of mapping
+        Values by name of every member.
+    outcomes : mapping of int to Outcome
+        Of the members that are done or failed; the others are marked as waiting.
+    start : datetime.datetime
+        Date of time 0 (UTC).
+    days, every : float
+        Length of the runs, days, and interval of the tracks, s.
+    latlon : bool
+        Positions are degrees.
+    attributes : mapping
+        Global attributes.
+
+    Returns
+    -------
+    xarray.Dataset
+        With dimensions ``member``, ``fragment`` and ``time``.
+    """
+    count = len(members)
+    listed = {number: _listed(outcome) for number, outcome in outcomes.items()}
+    most = max((len(rows) for rows in listed.values()), default=0)
+    times = np.arange(0.0, days * 86400.0 + 0.5 * every, every)
+    ds = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "riftberg": __version__})
+    ds["member"] = ("member", np.arange(count), {"long_name": "number of the member", "standard_name": "realization"})
+    ds["fragment"] = ("fragment", np.arange(1, most + 1), {"long_name": "place of the fragment in the tables"})
+    ds["time"] = (
+        "time",
+        np.datetime64(start, "ns") + (times * 1e9).astype("timedelta64[ns]"),
+        {"standard_name": "time"},
+    )
+    _add_varied(ds, varied, members)
+    _add_ends(ds, outcomes, count, start)
+    _add_fragments(ds, outcomes, listed, start, latlon)
+    _add_tracks(ds, outcomes, listed, times, latlon)
+    return ds
+
+
+def _listed(outcome: Outcome) -> list[int]:
+    """Return the rows of the fragments that the tables hold, in order of birth."""
+    table = outcome.fragments
+    rows = range(len(table.get("number", ())))
+    if len(rows) <= MOST_LISTED:
+        return list(rows)
+    by_size = sorted(rows, key=lambda k: (table["parent"][k] != 0.0, -table["area"][k]))
+    return sorted(by_size[:MOST_LISTED])
+
+
+def variable_name(name: str) -> str:
+    """Return the name of the variable of a parameter: ``fracture_normal_strength``."""
+    return name.replace(".", "_")
+
+
+def _add_varied(ds: xr.Dataset, varied: Sequence[Varied], members: Sequence[Mapping[str, Any]]) -> None:
+    for v in varied:
+        values = [member[v.name] for member in members]
+        numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+        kept = (
+            np.array(values, dtype=np.float64) if numeric else np.array([str(value) for value in values], dtype=object)
+        )
+        about = {"long_name": v.meaning or v.name, "parameter": v.name}
+        if numeric:
+            about["units"] = v.unit or "1"
+        ds.coords[variable_name(v.name)] = ("member", kept, about)
+
+
+def _add_ends(ds: xr.Dataset, outcomes: Mapping[int, Outcome], count: int, start: datetime) -> None:
+    status = np.full(count, STATUS["waiting"], dtype="i4")
+    message = np.full(count, "", dtype=object)
+    first = np.full(count, np.nan)
+    totals = {name: np.full(count, np.nan) for name in TOTALS}
+    seconds = np.full(count, np.nan)
+    for number, outcome in outcomes.items():
+        status[number], message[number] = STATUS[outcome.status], outcome.message
+        first[number] = outcome.totals.get("first_breakup", np.nan)
+        seconds[number] = outcome.wall_seconds
+        for name in TOTALS:
+            totals[name][number] = outcome.totals.get(name, np.nan)
+    flags = {"flag_values": np.array(list(STATUS.values()), dtype="i4"), "flag_meanings": " ".join(STATUS)}
+    ds["status"] = ("member", status, {"long_name": "how the member ended", **flags})
+    ds["message"] = ("member", message, {"long_name": "why the member failed"})
+    for name, (unit, meaning) in TOTALS.items():
+        ds[name] = ("member", totals[name], {"units": unit, "long_name": meaning})
+    ds["first_breakup"] = (
+        "member",
+        _dates(first, start),
+        {"long_name": "time of the first break-up, missing where none"},
+    )
+    ds["wall_time"] = ("member", seconds, {"units": "s", "long_name": "wall time of the last attempt"})
+
+
+def _dates(seconds: Floats, start: datetime) -> np.ndarray[Any, Any]:
+    """Return times as dates; NaN as no date."""
+    known = np.isfinite(seconds)
+    moments = np.full(seconds.shape, np.datetime64("NaT", "ns"))
+    moments[known] = np.datetime64(start, "ns") + (seconds[known] * 1e9).astype("timedelta64[ns]")
+    return moments
+
+
+def _place(latlon: bool) -> dict[str, tuple[str, dict[str, str]]]:
+    """Return names and attributes of the two coordinates of a place."""
+    if latlon:
+        return {
+            "lon": ("lon", {"units": "degrees_east", "standard_name": "longitude", "long_name": "longitude"}),
+            "lat": ("lat", {"units": "degrees_north", "standard_name": "latitude", "long_name": "latitude"}),
+        }
+    return {
+        "lon": ("x", {"units": "m", "standard_name": "projection_x_coordinate", "long_name": "x"}),
+        "lat": ("y", {"units": "m", "standard_name": "projection_y_coordinate", "long_name": "y"}),
+    }
+
+
+def _add_fragments(
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], start: datetime, latlon: bool
+) -> None:
+    shape = ds.sizes["member"], ds.sizes["fragment"]
+    table = {name: np.full(shape, np.nan) for name in FRAGMENT}
+    for number, outcome in outcomes.items():
+        for place, row in enumerate(listed[number]):
+            for name in FRAGMENT:
+                table[name][number, place] = outcome.fragments[name][row]
+    dims = ("member", "fragment")
+    ds["fragment_number"] = (dims, table["number"], {"units": "1", "long_name": "number of the fragment in its member"})
+    for name, (unit, meaning) in _ABOUT.items():
+        ds[f"fragment_{name}"] = (dims, table[name], {"units": unit, "long_name": meaning})
+    birth = {"long_name": "time at which the fragment broke off; the start for a berg that was there"}
+    ds["fragment_birth_time"] = (dims, _dates(table["birth_time"], start), birth)
+    for name, (shown, about) in _place(latlon).items():
+        ds[f"fragment_{shown}"] = (dims, table[name], {**about, "long_name": f"{about['long_name']} at birth"})
+
+
+def _add_tracks(
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], times: Floats, latlon: bool
+) -> None:
+    shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
+    lon, lat, area = (np.full(shape, np.nan) for _ in range(3))
+    for number, outcome in outcomes.items():
+        places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
+        for time, fragment, x, y, size in outcome.track:
+            k = round(time / (times[1] if len(times) > 1 else 1.0))
+            if fragment in places and k < len(times):
+                at = number, places[fragment], k
+                lon[at], lat[at], area[at] = x, y, size
+    dims = ("member", "fragment", "time")
+    (x_name, x_about), (y_name, y_about) = _place(latlon).values()
+    ds[x_name], ds[y_name] = (dims, lon, x_about), (dims, lat, y_about)
+    ds["area"] = (
+        dims,
+        area,
+        {"units": "m2", "long_name": "plan area of the fragment", "coordinates": f"{y_name} {x_name}"},
+    )
+
+
+def write_sweep(ds: xr.Dataset, path: str | Path) -> Path:
+    """Write the result of a sweep: NetCDF, or Zarr where the name ends so (with the extra ``products``)."""
+    path = Path(path)
+    since = f"seconds since {ds['time'].values[0].astype('datetime64[s]').item():%Y-%m-%d %H:%M:%S}"
+    dated = {"units": since, "calendar": "proleptic_gregorian", "dtype": "float64"}
+    encoding: dict[str, dict[str, Any]] = {
+        name: dict(dated) for name in ("time", "first_breakup", "fragment_birth_time")
+    }
+    if path.suffix == ".zarr":
+        ds.to_zarr(path, mode="w", encoding=encoding, consolidated=False)
+        return path
+    for name, variable in ds.data_vars.items():
+        if variable.dtype.kind == "f":
+            encoding[str(name)] = {"zlib": variable.ndim > 1, "complevel": 1, "_FillValue": np.nan}
+    # xarray takes its own lock, which is part of ours and cannot be taken twice.
+    with replacing(path) as part:
+        ds.to_netcdf(part, engine="netcdf4", encoding=encoding)
+    return path
+
+
+def open_sweep(path: str | Path) -> xr.Dataset:
+    """Open the result of a sweep.
+
+    Parameters
+    ----------
+    path : path
+        ``sweep.nc`` or ``sweep.zarr``, or the folder that holds it.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory, with dimensions ``member``, ``fragment`` and ``time``.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    ds: xr.Dataset
+    path = Path(path)
+    remedy = "Name a folder that 'riftberg sweep' made"
+    if path.suffix == ".zarr":
+        with reading(path, "not readable as Zarr", remedy):
+            ds = xr.open_zarr(path, consolidated=False).load()
+    else:
+        file = path / "sweep.nc" if is_folder(path) else path
+        check_file(file, remedy=remedy)
+        with reading(file, "not readable as NetCDF", remedy):
+            ds = open_lazily(file).load()
+            ds.close()
+    if "member" not in ds.dims or "status" not in ds:
+        raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
+    return ds

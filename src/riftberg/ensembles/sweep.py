@@ -1,0 +1,378 @@
+"""A sweep: every combination of what is varied is run, wherever there is room, and the runs become one result."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import xarray as xr
+
+from riftberg.ensembles.cluster import computed, connected
+from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
+from riftberg.ensembles.result import dataset_of, write_sweep
+from riftberg.ensembles.vary import Varied, grouped, members_of, varied_of
+from riftberg.errors import InputError
+from riftberg.experiments.changes import changed
+from riftberg.experiments.options import Options
+from riftberg.input_files import check_file, is_folder, reading, value_shown
+from riftberg.interrupts import Hold, held
+from riftberg.limits import large_allowed
+from riftberg.runs.progress import SweepBar
+from riftberg.values import number
+from riftberg.whole_files import write_text
+
+if TYPE_CHECKING:
+    from riftberg.runs.model import Model
+
+_LOG = logging.getLogger(__name__)
+
+PLAN: Final = "sweep.json"
+"""File that says what a sweep is."""
+
+MEMBERS: Final = "members"
+"""Folder of what is done."""
+
+
+def sweep(
+    experiment: str | Path | Maker,
+    vary: Mapping[str, Any] | Iterable[str],
+    *,
+    days: float | str | None = None,
+    changes: Mapping[str, Mapping[str, Any]] | None = None,
+    without: Iterable[str] = (),
+    data: str | Path | None = None,
+    numerics: Literal["own", "reference"] | None = None,
+    every_hours: float | str = 6.0,
+    output: str | Path | None = None,
+    resume: bool = False,
+    scheduler: Any = None,
+    workers: int | None = None,
+    progress: bool = False,
+    save_seconds: float = 60.0,
+) -> xr.Dataset:
+    """Run an experiment for every combination of the values of some parameters, on many cores or machines.
+
+    Parameters
+    ----------
+    experiment : str, path or callable
+        Built-in experiment or YAML file; or a function that takes what is varied by name and returns a `riftberg.Model`.
+    vary : mapping, or iterable of str
+        Values by ``group.name``: a list, an array, or a text such as ``"14..24kPa:11"`` (eleven values) or
+        ``"14, 18, 24 kPa"``. The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
+    days : float or str, optional
+        Length of the runs; needed where a function makes the models.
+    changes : mapping, optional
+        Parameters by group and name that are the same for all members.
+    without, data, numerics
+        As for ``riftberg run``.
+    every_hours : float or str
+        Interval of the tracks.
+    output : path, optional
+        Folder for ``sweep.nc`` and for what is done so far; without it nothing is kept on disk. Workers on other machines
+        must reach it to save states there.
+    resume : bool
+        Go on with the sweep in ``output``: members that are done stay, those that failed are tried again.
+    scheduler : str or distributed.Client, optional
+        Address of a dask scheduler, or a client; by default a cluster of this machine is started.
+    workers : int, optional
+        Processes of that cluster, one for each core by default; 0 runs one member after the other in this process.
+    progress : bool, optional
+        Show how many members are done.
+    save_seconds : float
+        Wall time between two saved states of a member, s.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``member``, ``fragment`` and ``time``; see `riftberg.ensembles.result`. A member that failed has status 1
+        and its message; the others are not touched by it.
+
+    Raises
+    ------
+    InputError
+        If what is varied is not possible; before the first run.
+    KeyboardInterrupt
+        After Ctrl-C, when the members under way have saved their states; `resume` goes on.
+
+    Examples
+    --------
+    >>> from riftberg import Iceberg, Model, Steady
+    >>> def drifting(speed):
+    ...     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    ...     return Model(berg, Steady(current=(speed, 0.0)))
+    >>> result = sweep(drifting, {"speed": [0.1, 0.2]}, days="1 h", every_hours=1, workers=0)
+    >>> result.sizes["member"], result["status"].values.tolist()
+    (2, [0, 0])
+    """
+    options = Options(
+        changes=dict(changes or {}), days=None if days is None else number(days, "day", where="days"),
+        data=None if data is None else Path(data), without=frozenset(without), numerics=numerics,
+    )  # fmt: skip
+    plan = planned(experiment, vary, options, number(every_hours, "h", where="every_hours"))
+    with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
+        store = Store(Path(folder).absolute(), plan, resume=resume)
+        bar = SweepBar(len(plan.members)) if progress else None
+        return run_sweep(store, scheduler=scheduler, workers=workers, save_seconds=save_seconds, bar=bar)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a sweep is, checked.
+
+    Attributes
+    ----------
+    experiment : str or callable
+    options : Options
+        Common to all members.
+    varied : tuple of Varied
+    members : list of dict
+        Values by name of each member.
+    first : Model
+        Of the first member, at its start.
+    days, every : float
+        Length of the runs, days, and interval of the tracks, s.
+    """
+
+    experiment: str | Maker
+    options: Options
+    varied: tuple[Varied, ...]
+    members: list[dict[str, Any]]
+    first: Model
+    days: float
+    every: float
+
+    @property
+    def named(self) -> str:
+        """Name of the experiment."""
+        if isinstance(self.experiment, str):
+            return self.experiment
+        return str(getattr(self.experiment, "__qualname__", self.experiment))
+
+    def described(self) -> dict[str, Any]:
+        """Return what a sweep that goes on must have in common with the one before, as JSON holds it."""
+        o = self.options
+        return {
+            "experiment": self.named,
+            "days": self.days,
+            "every": self.every,
+            "changes": {group: dict(values) for group, values in o.changes.items()},
+            "without": sorted(o.without),
+            "data": None if o.data is None else str(o.data),
+            "numerics": o.numerics,
+            "vary": {v.name: list(v.values) for v in self.varied},
+        }
+
+    def job(self, number: int, folder: Path, save_seconds: float) -> Job:
+        """Return what a worker must know of a member."""
+        return Job(
+            number, self.members[number], self.experiment, self.options, self.days, self.every, folder, save_seconds,
+            large_allowed(),
+        )  # fmt: skip
+
+
+def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float) -> Plan:
+    """Check all of a sweep that can be checked before its first run.
+
+    Raises
+    ------
+    InputError
+        Naming what is wrong.
+    """
+    named: Any = experiment if callable(experiment) else str(experiment)
+    if isinstance(named, str) and named.endswith((".yaml", ".yml")):
+        named = str(Path(named).absolute())
+    varied = varied_of(vary, free=callable(experiment))
+    members = members_of(varied)
+    length = options.days
+    if isinstance(named, str):
+        from riftberg.experiments import build
+
+        first, info = build(named, _first_options(options, members[0]))
+        length = info.days if length is None else length
+        _check_members(first, members)
+        last, _ = build(named, _first_options(options, members[-1]))
+        for model, values in ((first, members[0]), (last, members[-1])):
+            _check_taken(model, values, named)
+    elif length is None:
+        raise InputError("the length of the runs is missing", where="days", remedy="Give days")
+    else:
+        first = build_member(Job(0, members[0], named, options, length, 1.0, Path()))
+    if not 0.0 < length < 1e6:
+        raise InputError(f"{length:g} days", where="days", remedy="Give a finite number above 0")
+    if not 0.0 < every_hours <= 24.0 * length:
+        raise InputError(
+            f"a position every {every_hours:g} h in runs of {length:g} days", where="every_hours",
+            remedy="Give a number above 0, at most the length of the runs",
+        )  # fmt: skip
+    return Plan(named, options, varied, members, first, length, 3600.0 * every_hours)
+
+
+def _first_options(options: Options, values: Mapping[str, Any]) -> Options:
+    from dataclasses import replace
+
+    merged = {group: dict(inner) for group, inner in options.changes.items()}
+    for group, inner in grouped(values).items():
+        merged[group] = {**merged.get(group, {}), **inner}
+    return replace(options, changes=merged)
+
+
+def _check_members(first: Model, members: list[dict[str, Any]]) -> None:
+    """Refuse combinations of values that no run can have."""
+    for values in members:
+        said = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
+        changed(first.parameters, grouped(values), where=f"--vary, member with {said}")
+
+
+def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
+    """Refuse to vary what the experiment sets itself, such as the packing of its berg."""
+    for group, inner in grouped(values).items():
+        for key, value in inner.items():
+            found = getattr(getattr(model.parameters, group), key)
+            if found != value and value:  # 0 and none mean: find it
+                raise InputError(
+                    f"{named} keeps {group}.{key} = {value_shown(found)} whatever is given", where=f"--vary {group}.{key}",
+                    remedy="Vary another parameter, or give a function that makes the models",
+                )  # fmt: skip
+
+
+class Store:
+    """The folder of a sweep: its plan, and what is done.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    plan : Plan
+    resume : bool
+        Take what is done already.
+
+    Raises
+    ------
+    InputError
+        If the folder holds another sweep, or one although none is to be gone on with.
+    """
+
+    def __init__(self, folder: Path, plan: Plan, *, resume: bool) -> None:
+        self.folder, self.plan = folder, plan
+        self.members = folder / MEMBERS
+        self.done: dict[int, Outcome] = {}
+        described = json.loads(json.dumps(plan.described(), default=str))
+        where = str(folder)
+        if (folder / PLAN).exists():
+            known = read_plan(folder)
+            if not resume:
+                raise InputError(
+                    "holds a sweep already", where=where, remedy="Go on with it by --resume, or name another"
+                )
+            different = sorted(key for key in described if known.get(key) != described[key])
+            if different:
+                raise InputError(
+                    f"holds another sweep: {different[0]} is {value_shown(known.get(different[0]))}", where=where,
+                    remedy=f"Here it is {value_shown(described[different[0]])}; name another folder",
+                )  # fmt: skip
+            self.done = self._read()
+        elif resume:
+            raise InputError("holds no sweep that could be gone on with", where=where, remedy="Leave --resume out")
+        self._described = described
+
+    def begin(self) -> None:
+        """Make the folder and write the plan."""
+        self.members.mkdir(parents=True, exist_ok=True)
+        (self.members / STOP).unlink(missing_ok=True)
+        write_text(self.folder / PLAN, json.dumps(self._described, indent=1) + "\n")
+
+    def _read(self) -> dict[int, Outcome]:
+        """Return the members that are done; what cannot be read is done again."""
+        found = {}
+        for path in sorted(self.members.glob("*.json")):
+            try:
+                outcome = Outcome(**json.loads(path.read_text("utf-8")))
+            except (ValueError, TypeError, OSError):
+                continue
+            if outcome.status == "done" and 0 <= outcome.number < len(self.plan.members):
+                found[outcome.number] = outcome
+        return found
+
+    def keep(self, outcome: Outcome) -> None:
+        """Keep what a member came to."""
+        self.done[outcome.number] = outcome
+        write_text(self.members / f"{outcome.number:05d}.json", json.dumps(asdict(outcome)))
+
+    def waiting(self) -> list[int]:
+        """Return the members that are still to be run."""
+        return [k for k in range(len(self.plan.members)) if k not in self.done]
+
+    def stop(self) -> None:
+        """Ask the members under way to save their states and stop."""
+        (self.members / STOP).touch()
+
+    def result(self) -> xr.Dataset:
+        """Return what there is, as one dataset."""
+        plan = self.plan
+        title = f"Sweep of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
+        about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
+                 "comment": "parameters_json holds the parameters of the first member"}  # fmt: skip
+        return dataset_of(
+            plan.varied, plan.members, self.done, start=plan.first.start, days=plan.days, every=plan.every,
+            latlon=plan.first.parameters.earth.latlon, attributes=about,
+        )  # fmt: skip
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """Return what the sweep in a folder is."""
+    file = folder / PLAN if is_folder(folder) else folder
+    check_file(file, remedy="Name a folder that 'riftberg sweep' made", missing="holds no sweep")
+    with reading(file, "not the plan of a sweep", "Name a folder that 'riftberg sweep' made"):
+        plan: dict[str, Any] = dict(json.loads(file.read_text("utf-8")))
+        plan["vary"], plan["experiment"], plan["days"]
+    return plan
+
+
+def run_sweep(
+    store: Store, *, scheduler: Any = None, workers: int | None = None, save_seconds: float = 60.0,
+    bar: SweepBar | None = None,
+) -> xr.Dataset:  # fmt: skip
+    """Run the members that wait, and return and write the result.
+
+    Parameters
+    ----------
+    store : Store
+    scheduler, workers, save_seconds
+        As for `sweep`.
+    bar : SweepBar, optional
+        Shows how many members are done.
+    """
+    numbers = store.waiting()
+    jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
+    _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
+    alone = (workers == 0 and scheduler is None) or not jobs
+    result = xr.Dataset()
+    with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client:
+        store.begin()
+        try:
+            _collect(store, jobs, client, hold, bar)
+        finally:  # what is done is kept, also after Ctrl-C
+            (store.members / STOP).unlink(missing_ok=True)
+            result = store.result()
+            write_sweep(result, store.folder / "sweep.nc")
+            if bar is not None:
+                bar.stop()
+    return result
+
+
+def _collect(store: Store, jobs: list[Job], client: Any, hold: Hold, bar: SweepBar | None) -> None:
+    if bar is not None:
+        bar.show(store.done)
+    hold.then(store.stop)
+    for outcome in computed(jobs, client, hold):
+        if outcome.status == "stopped":
+            continue
+        store.keep(outcome)
+        _LOG.info("member %d %s %s", outcome.number, outcome.status, outcome.message)
+        if bar is not None:
+            bar.show(store.done)

@@ -1,0 +1,187 @@
+"""How far a run is: a bar on a terminal and in a notebook, lines in a log."""
+
+from __future__ import annotations
+
+import html
+import sys
+import time as clock
+from collections.abc import Mapping
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any, Final
+
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.interrupts import say
+
+if TYPE_CHECKING:
+    from riftberg.model import BareModel
+
+REFRESH_SECONDS: Final = 0.2
+LOG_SECONDS: Final = 10.0
+
+
+class ProgressRecorder:
+    """Recorder that shows model date, speed, fragments and broken bonds.
+
+    Parameters
+    ----------
+    days : float
+        Length of this run, days.
+    quiet : bool, optional
+        Show nothing.
+    terminal : bool, optional
+        Draw a bar instead of lines; by default where the error stream is a terminal.
+    """
+
+    def __init__(self, days: float, *, quiet: bool = False, terminal: bool | None = None) -> None:
+        self.days, self.quiet = days, quiet
+        self._notebook = terminal is None and in_notebook()
+        self.terminal = (sys.stderr.isatty() or self._notebook) if terminal is None else terminal
+        self._bar: Any = None
+        self._shown = self._began = 0.0
+        self._first_day = self._speed_day = 0.0
+
+    def start(self, model: BareModel) -> None:
+        """Note the time, and put up the bar."""
+        self._began = self._shown = clock.monotonic()
+        self._first_day = self._speed_day = model.time / SECONDS_PER_DAY
+        if self.terminal and not self.quiet:
+            self._put_up_bar()
+
+    def record(self, model: BareModel) -> None:
+        """Show the state where the last look is long enough ago."""
+        now = clock.monotonic()
+        if self._speed_day == self._first_day:
+            # The first step may have compiled for a minute; it says nothing about speed.
+            self._began, self._speed_day = now, model.time / SECONDS_PER_DAY
+        wait = REFRESH_SECONDS if self.terminal else LOG_SECONDS
+        if not self.quiet and now - self._shown >= wait:
+            self._shown = now
+            self._show(model)
+
+    def finish(self, model: BareModel) -> None:
+        """Show the last state and take the bar down."""
+        if self.quiet:
+            return
+        self._show(model)
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _put_up_bar(self) -> None:
+        self._bar = NotebookBar(self.days) if self._notebook else TerminalBar(self.days)
+
+    def _show(self, model: BareModel) -> None:
+        done = model.time / SECONDS_PER_DAY - self._first_day
+        if self._bar is not None:
+            self._bar.show(done, self.line(model))
+        else:
+            say(f"{100.0 * done / self.days:5.1f} %  {self.line(model)}")
+
+    def line(self, model: BareModel) -> str:
+        """Return the state in one line."""
+        date = model.start + timedelta(seconds=model.time)
+        days, spent = model.time / SECONDS_PER_DAY - self._speed_day, clock.monotonic() - self._began
+        # A run of seconds or hours is not told in seconds per day.
+        rate = f"{spent / days:.3g} s per day" if self.days >= 0.5 else f"{spent:.3g} s"
+        speed = rate if days > 0.0 and spent > 0.0 else "first step"
+        count, broken = model.fragment_count, model.bonds_broken
+        return (
+            f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "
+            f"{broken} bond{'s' if broken != 1 else ''} broken"
+        )
+
+
+class SweepBar:
+    """How many members of a sweep are done: a bar on a terminal and in a notebook, lines in a log.
+
+    Parameters
+    ----------
+    total : int
+        Members.
+    """
+
+    def __init__(self, total: int) -> None:
+        self.total, self._shown = total, 0.0
+        self._bar: Any = None
+        if in_notebook():
+            self._bar = NotebookBar(total)
+        elif sys.stderr.isatty():
+            self._bar = TerminalBar(total)
+
+    def show(self, done: Mapping[int, Any]) -> None:
+        """Show how many outcomes there are."""
+        failed = sum(outcome.status == "failed" for outcome in done.values())
+        text = f"{len(done)} of {self.total} members" + (f", {failed} failed" if failed else "")
+        if self._bar is not None:
+            self._bar.show(len(done), text)
+        elif (now := clock.monotonic()) - self._shown >= LOG_SECONDS or len(done) == self.total:
+            self._shown = now
+            say(text)
+
+    def stop(self) -> None:
+        """Leave the bar as it stands."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a notebook: IPython is loaded and its shell talks to a page."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return shell is not None and type(shell).__name__ not in ("TerminalInteractiveShell", "NoneType")
+
+
+class TerminalBar:
+    """A bar that is drawn over itself in a terminal.
+
+    Parameters
+    ----------
+    total : float
+        What is to be done.
+    """
+
+    def __init__(self, total: float) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+        columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
+        self._bar = Progress(*columns, console=Console(stderr=True), auto_refresh=False)
+        self._task = self._bar.add_task("", total=total)
+        self._bar.start()
+
+    def show(self, done: float, text: str) -> None:
+        """Draw what is done."""
+        self._bar.update(self._task, completed=done, description=text, refresh=True)
+
+    def stop(self) -> None:
+        """Leave the bar as it stands."""
+        self._bar.stop()
+
+
+class NotebookBar:
+    """A bar in a notebook: plain HTML that is exchanged in place, without widgets.
+
+    Parameters
+    ----------
+    total : float
+        What is to be done.
+    """
+
+    def __init__(self, total: float) -> None:
+        from IPython.display import HTML, display
+
+        self._html, self.total = HTML, total
+        self._handle = display(HTML(self._page(0.0, "")), display_id=True)
+
+    def _page(self, done: float, text: str) -> str:
+        return (
+            f'<progress value="{done:g}" max="{self.total:g}" style="width:16em"></progress> '
+            f"{100.0 * done / self.total:.0f} % &nbsp; {html.escape(text)}"
+        )
+
+    def show(self, done: float, text: str) -> None:
+        """Exchange the bar for one that shows what is done."""
+        if self._handle is not None:
+            self._handle.update(self._html(self._page(done, text)))
+
+    def stop(self) -> None:
+        """Leave the bar as it stands."""

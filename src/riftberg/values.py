@@ -1,0 +1,407 @@
+"""Values as people give them, in Python, in files and on the command line: one check and one wording for all.
+
+A parameter, a key of an experiment file and an argument of a constructor are each described by a field: kind, unit, limits,
+meaning. What is given for it may be a number, a text with a unit (``"25 kPa"``), a number of NumPy or pandas, a date as
+text. Here it becomes the plain value, or is refused in a sentence that says what is allowed.
+"""
+
+from __future__ import annotations
+
+import re
+import types
+from collections.abc import Mapping
+from datetime import UTC, date, datetime, timedelta
+from functools import cache
+from typing import Annotated, Any, Final, Union, get_args, get_origin
+
+import numpy as np
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+
+from riftberg.errors import InputError, nearest
+from riftberg.input_files import value_shown
+from riftberg.units import looks_like_quantity, to_unit
+
+DATE_REMEDY: Final = "Write it like 2020-12-09 13:00"
+
+SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
+"""Latitudes (degrees) between which there is sea, and a berg of an experiment file can be placed."""
+
+
+class UnfitError(ValueError):
+    """A value that a field cannot hold.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, with the value met.
+    remedy : str
+        What would be right.
+    """
+
+    def __init__(self, what: str, remedy: str = "") -> None:
+        self.what, self.remedy = what, remedy
+        super().__init__(what)
+
+
+def unit_of(field: FieldInfo) -> str:
+    """Return the unit of a field, empty where it has none."""
+    extra = field.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def kinds_of(annotation: Any) -> tuple[Any, ...]:
+    """Return the alternatives of an annotation, without None."""
+    if get_origin(annotation) in (Union, types.UnionType):
+        return tuple(kind for kind in get_args(annotation) if kind is not type(None))
+    return (annotation,)
+
+
+def native(value: Any) -> Any:
+    """Return numbers, dates and lists of NumPy, pandas and xarray as those of Python.
+
+    Texts, paths and everything else pass as they are.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> native(np.float32(2.0)), native(np.array([1, 2]))
+    (2.0, [1, 2])
+    >>> native(np.datetime64("2020-12-09T13"))
+    datetime.datetime(2020, 12, 9, 13, 0)
+    """
+    if isinstance(value, np.datetime64):
+        moment = value.astype("datetime64[us]").item()
+        return moment if isinstance(moment, datetime) else value
+    if isinstance(value, datetime) and type(value) is not datetime:  # a Timestamp of pandas
+        return value.to_pydatetime(warn=False) if hasattr(value, "to_pydatetime") else value
+    if isinstance(value, np.timedelta64):
+        return value.astype("timedelta64[us]").item()
+    if isinstance(value, timedelta) and type(value) is not timedelta:  # a Timedelta of pandas
+        return timedelta(seconds=value.total_seconds())
+    if isinstance(value, np.generic):
+        return value.item()
+    if hasattr(value, "__array__") and not isinstance(value, type):
+        array = np.asarray(value)
+        return native(array[()]) if array.ndim == 0 else [native(part) for part in array]
+    if type(value) is tuple or type(value) is list:
+        return type(value)(native(part) for part in value)
+    return value
+
+
+def plain_value(value: Any, field: FieldInfo) -> Any:
+    """Turn a text into what the field holds: quantities into numbers in its unit, words into flags and lists.
+
+    Raises
+    ------
+    ValueError
+        If a quantity has a wrong unit, or is no number where one is needed.
+    """
+    if isinstance(value, list | tuple):
+        if any(get_origin(kind) is list for kind in kinds_of(field.annotation)):
+            return value  # names of files or of parts, and rows of whole numbers, carry no units
+        return [_number_of_field(item, field) if isinstance(item, str) else item for item in value]
+    if not isinstance(value, str):
+        return value
+    kinds = kinds_of(field.annotation)
+    optional = type(None) in get_args(field.annotation)
+    if optional and value.lower() in ("none", "null", "auto", ""):
+        return None
+    if bool in kinds:
+        return _flag(value)
+    if any(get_origin(kind) is tuple for kind in kinds):
+        return [_number_of_field(part, field) for part in value.strip("()[] ").split(",")]
+    if float in kinds or int in kinds:
+        return _number_of_field(value, field)
+    return value
+
+
+def _flag(text: str) -> bool:
+    words = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
+    if text.lower() not in words:
+        raise ValueError(f"{text!r} is neither true nor false")
+    return words[text.lower()]
+
+
+def _number_of_field(text: str, field: FieldInfo) -> float | int:
+    if not looks_like_quantity(text):
+        raise ValueError(f"{text!r} is not a number")
+    number = to_unit(text, unit_of(field))
+    return int(number) if int in kinds_of(field.annotation) and number.is_integer() else number
+
+
+def check_kind(value: Any, field: FieldInfo) -> None:
+    """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value.
+
+    Raises
+    ------
+    UnfitError
+        With what is allowed.
+    """
+    kinds = kinds_of(field.annotation)
+    if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
+        raise UnfitError("a key that is no word", "Keys are plain words, such as fracture")
+    for item in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
+            raise UnfitError(f"{str(item).lower()} is no number, word or date", allowed(field))
+    written = isinstance(value, date) or (isinstance(value, str) and re.match(r"\d{4}-\d\d-\d\d(\D|$)", value))
+    if datetime in kinds and not written:
+        raise UnfitError(f"{value_shown(value)} is not a date", f"{allowed(field)}. {DATE_REMEDY}")
+    if isinstance(value, date) and datetime not in kinds:
+        raise UnfitError(f"{value} is a date", f"{allowed(field)}. Write it in quotes if it is meant as a text")
+
+
+def allowed(field: FieldInfo) -> str:
+    """Return in words what a field may hold."""
+    limits = []
+    for item in field.metadata:
+        for name, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
+            limit = getattr(item, name, None)
+            if limit is not None:
+                limits.append(f"{sign} {limit:g}")
+    kinds = [_kind_name(kind) for kind in kinds_of(field.annotation)]
+    text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
+    unit = unit_of(field)
+    text += f", in {unit}" if unit not in ("", "1") else ""
+    return text + (f" ({field.description})" if field.description else "")
+
+
+def _kind_name(kind: Any) -> str:
+    plain = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", datetime: "a date"}
+    if kind in plain:
+        return plain[kind]
+    if get_origin(kind) is tuple:
+        return f"{len(get_args(kind))} numbers"
+    if get_origin(kind) is list:
+        return "a list"
+    options = [repr(option) for option in get_args(kind)]
+    return ", ".join(options) if options else str(getattr(kind, "__name__", kind))
+
+
+def given(
+    value: Any, section: type[BaseModel], name: str, *, where: str = "", kind: type[InputError] = InputError
+) -> Any:
+    """Return a value as the field ``name`` of a section holds it.
+
+    Parameters
+    ----------
+    value : object
+        A number, a text with a unit, a list of such; also of NumPy and pandas.
+    section : type
+        Section of a file or group of parameters that has this field.
+    name : str
+        The field.
+    where : str, optional
+        Where the value stands, for messages; by default the name.
+    kind : type, optional
+        Error to raise.
+
+    Raises
+    ------
+    InputError
+        In the words that a file with this value gets.
+    """
+    field, where = section.model_fields[name], where or name
+    plain = _prepared(value, field, where, kind)
+    try:
+        return _adapter(section, name).validate_python(plain)
+    except ValidationError as error:
+        message = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+        raise kind(f"{value_shown(plain)} is not possible ({message})", where=where, remedy=allowed(field)) from error
+
+
+@cache
+def _adapter(section: type[BaseModel], name: str) -> TypeAdapter[Any]:
+    field = section.model_fields[name]
+    limits = (field.annotation, *field.metadata)
+    annotation: Any = Annotated[limits] if field.metadata else field.annotation
+    return TypeAdapter(annotation, config={"allow_inf_nan": False})
+
+
+def _prepared(value: Any, field: FieldInfo, where: str, kind: type[InputError] = InputError) -> Any:
+    """Return a value without unit and of a plain kind, or refuse it."""
+    plain = native(value)
+    try:
+        check_kind(plain, field)
+        return plain_value(plain, field)
+    except UnfitError as error:
+        raise kind(error.what, where=where, remedy=error.remedy) from error
+    except ValueError as error:
+        raise kind(str(error), where=where, remedy=allowed(field)) from error
+
+
+def checked(section: type[BaseModel], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments of a group of parameters without units and of plain kinds; the names must be known.
+
+    Raises
+    ------
+    InputError
+        Naming the argument, the value and what is allowed.
+    """
+    fields, result = section.model_fields, {}
+    for name, value in values.items():
+        if name not in fields:
+            raise _unknown(section, name)
+        inner = _section_in(fields[name])
+        if inner is None:
+            result[name] = _prepared(value, fields[name], f"{section.__name__}.{name}")
+        elif isinstance(value, Mapping):
+            result[name] = _inner(inner, name, value)
+        elif isinstance(value, inner):
+            result[name] = value
+        else:
+            raise InputError(
+                f"{value_shown(value)} is no group of parameters", where=name,
+                remedy=f"Give {inner.__name__}(...) or a dict with {', '.join(inner.model_fields)}",
+            )  # fmt: skip
+    return result
+
+
+def _unknown(section: type[BaseModel], name: str) -> InputError:
+    fields = section.model_fields
+    hint = nearest(name, fields)
+    if any(_section_in(field) for field in fields.values()):
+        return InputError(
+            "there is no such group of parameters", where=name, remedy=f"{hint}Groups are {', '.join(fields)}"
+        )
+    return InputError(
+        "there is no such parameter", where=f"{section.__name__}.{name}",
+        remedy=f"{hint}{section.__name__} has {', '.join(fields)}",
+    )  # fmt: skip
+
+
+def _section_in(field: FieldInfo) -> type[BaseModel] | None:
+    kind = field.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def _inner(section: type[BaseModel], name: str, values: Mapping[str, Any]) -> BaseModel:
+    """Make a section within another, which errors name as the outer one does."""
+    try:
+        return section(**values)
+    except InputError as error:
+        place = name + error.where.removeprefix(section.__name__)
+        remedy = error.remedy.replace(f"{section.__name__} has ", f"{name} has ")
+        raise InputError(error.what, where=place, remedy=remedy) from error
+
+
+def explained(error: ValidationError, section: type[BaseModel]) -> InputError:
+    """Turn the first finding of pydantic in a section into what, where and remedy."""
+    first = error.errors()[0]
+    message = str(first["msg"]).removeprefix("Value error, ")
+    if not first["loc"]:
+        return InputError(message)
+    name = str(first["loc"][0])
+    field = section.model_fields.get(name)
+    place = f"{section.__name__}.{'.'.join(str(part) for part in first['loc'])}"
+    if field is None:
+        return InputError(message, where=place)
+    return InputError(f"{value_shown(first['input'])} is not possible", where=place, remedy=allowed(field))
+
+
+def moment(value: Any, *, where: str) -> datetime:
+    """Return a date as UTC without zone: from a date, a text, a datetime64 or a Timestamp.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+
+    Examples
+    --------
+    >>> moment("2020-12-09 13:00", where="start")
+    datetime.datetime(2020, 12, 9, 13, 0)
+    """
+    plain = native(value)
+    wrong = InputError(f"{value_shown(value)} is not a date", where=where, remedy=DATE_REMEDY)
+    if isinstance(plain, str):
+        try:
+            plain = datetime.fromisoformat(plain.strip().replace("Z", "+00:00"))
+        except ValueError as error:
+            raise wrong from error
+    if not isinstance(plain, date) or plain != plain:  # NaT differs from itself
+        raise wrong
+    if not isinstance(plain, datetime):
+        return datetime(plain.year, plain.month, plain.day)
+    return plain if plain.tzinfo is None else plain.astimezone(UTC).replace(tzinfo=None)
+
+
+def check_degrees(place: tuple[float, float], *, where: str, kind: type[InputError] = InputError) -> None:
+    """Refuse two numbers that cannot be degrees of longitude and latitude."""
+    if not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
+        raise kind(
+            f"{list(place)} is no longitude and latitude in degrees", where=where, remedy="Longitude stands first"
+        )
+
+
+def check_place(
+    place: tuple[float, float], *, where: str, kind: type[InputError] = InputError, south: float = -90.0,
+    north: float = 90.0,
+) -> None:  # fmt: skip
+    """Refuse a place that is none on Earth, where only swapped coordinates put a berg.
+
+    Parameters
+    ----------
+    place : tuple of float
+        Longitude and latitude, degrees.
+    where : str
+        Where it is given.
+    kind : type, optional
+        Error to raise.
+    south, north : float, optional
+        Latitudes between which a berg may lie.
+    """
+    check_degrees(place, where=where, kind=kind)
+    if not south <= place[1] <= north:
+        raise kind(
+            f"latitude {place[1]:g} has no sea for a berg: are longitude and latitude swapped?", where=where,
+            remedy=f"Write [longitude, latitude], with a latitude from {south:g} to {north:g}",
+        )  # fmt: skip
+
+
+def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> float:
+    """Return one number in a unit; a text with a unit and numbers of NumPy are taken.
+
+    Raises
+    ------
+    InputError
+        If it is no number or has a wrong unit.
+    """
+    try:
+        return _number_in(value, unit)
+    except ValueError as error:
+        measured = f", in {unit}" if unit not in ("", "1") else ""
+        raise kind(str(error), where=where, remedy=f"Allowed: a number{measured}") from error
+
+
+def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> np.ndarray[Any, Any]:
+    """Return a number or an array of numbers in a unit; texts with units, Series and DataArrays are taken.
+
+    Raises
+    ------
+    InputError
+        If one of them is no number or has a wrong unit.
+    """
+    try:
+        if isinstance(value, str):
+            return np.asarray(_number_in(value, unit))
+        array = np.asarray(value)
+        if array.dtype.kind in "OUS":
+            array = np.array([_number_in(part, unit) for part in array.ravel().tolist()]).reshape(array.shape)
+        if array.dtype.kind not in "fiu":
+            raise ValueError(f"{value_shown(value)} is no number")
+        return array.astype(np.float64)
+    except ValueError as error:
+        measured = f", in {unit}" if unit not in ("", "1") else ""
+        raise kind(str(error), where=where, remedy=f"Allowed: a number or an array of numbers{measured}") from error
+
+
+def _number_in(value: Any, unit: str) -> float:
+    plain = native(value)
+    if isinstance(plain, str):
+        return to_unit(plain, unit)
+    if isinstance(plain, timedelta):
+        return to_unit(f"{plain.total_seconds()!r} s", unit)
+    if isinstance(plain, bool) or not isinstance(plain, int | float):
+        raise ValueError(f"{value_shown(plain)} is no number")
+    return float(plain)

@@ -1,0 +1,286 @@
+"""Sweeps: members side by side, each restartable; what fails is kept, what is lost is done again with the same result."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import riftberg
+from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_sweep, sweep
+from riftberg.cli.main import app
+from riftberg.ensembles.member import Job, build_member, run_member
+from riftberg.ensembles.result import MOST_LISTED, write_sweep
+from riftberg.ensembles.sweep import planned
+from riftberg.errors import InputError, RunError
+from riftberg.experiments import Options
+
+SPEEDS = [0.1, 0.2, 0.3]
+
+
+def drifting(speed: float, fail: bool = False) -> Model:
+    """Return a model that costs nothing: one element in a current."""
+    if fail:
+        raise RunError("this member cannot be")
+    berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+
+
+def halting(speed: float, folder: str) -> Model:
+    """Return a model whose sweep is told to stop at its sixth step, once."""
+    model = drifting(speed)
+
+    def halt(now: Any) -> None:
+        marker = Path(folder) / "halted"
+        if now.step_number == 5 and speed == SPEEDS[1] and not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGINT)
+
+    model.after_step.append(halt)
+    return model
+
+
+def dying(speed: float, folder: str) -> Model:
+    """Return a model whose process is killed once, in the middle of the run."""
+    model = drifting(speed)
+
+    def die(now: Any) -> None:
+        marker = Path(folder) / "died"
+        if now.step_number == 5 and speed == SPEEDS[1] and not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    model.after_step.append(die)
+    return model
+
+
+def same(first: xr.Dataset, second: xr.Dataset) -> bool:
+    """Whether two results agree to the last digit, but for wall times and arguments that are no physics."""
+    names = set(first.variables) - {"wall_time", "folder"}
+    assert names == set(second.variables) - {"wall_time", "folder"}
+    for name in names:
+        a, b = first[name].values, second[name].values
+        text = a.dtype.kind in "OUT"
+        assert a.astype(str).tolist() == b.astype(str).tolist() if text else np.array_equal(a, b, equal_nan=True), name
+    return True
+
+
+@pytest.fixture(scope="module")
+def alone() -> xr.Dataset:
+    """The sweep in this process."""
+    return sweep(drifting, {"speed": SPEEDS}, days="6 h", every_hours=1, workers=0)
+
+
+def test_members_are_what_single_runs_are(alone: xr.Dataset) -> None:
+    assert dict(alone.sizes) == {"member": 3, "fragment": 1, "time": 7}
+    for k, speed in enumerate(SPEEDS):
+        run = drifting(speed).run("6 h", every_hours=1)
+        assert alone["lon"].values[k, 0] == pytest.approx(run["lon"].values[0], abs=1e-12)
+        assert alone["lat"].values[k, 0] == pytest.approx(run["lat"].values[0], abs=1e-12)
+    assert alone["speed"].values.tolist() == SPEEDS
+    assert alone["status"].values.tolist() == [0, 0, 0]
+    assert alone["time"].values[-1] == np.datetime64("2020-12-09T06:00")
+
+
+def test_a_failed_member_is_kept_with_its_message(tmp_path: Path) -> None:
+    result = sweep(
+        drifting, {"speed": [0.1, 0.2], "fail": [False, True]}, days="1 h", every_hours=1, workers=0, output=tmp_path
+    )
+    assert result["status"].values.tolist() == [0, 1, 0, 1]
+    assert result["message"].values.tolist() == ["", "this member cannot be", "", "this member cannot be"]
+    assert np.isfinite(result["lon"].values[[0, 2]]).all()
+    assert np.isnan(result["lon"].values[[1, 3]]).all()
+    assert same(open_sweep(tmp_path), result)
+
+
+def test_the_file_speaks_cf(alone: xr.Dataset, tmp_path: Path) -> None:
+    path = write_sweep(alone, tmp_path / "sweep.nc")
+    with xr.open_dataset(path, decode_times=False) as raw:
+        assert raw.attrs["Conventions"] == "CF-1.11"
+        assert raw["member"].attrs["standard_name"] == "realization"
+        assert raw["time"].attrs["units"].startswith("seconds since 2020-12-09")
+        assert raw["lon"].attrs["standard_name"] == "longitude"
+        for name, variable in raw.data_vars.items():
+            assert "long_name" in variable.attrs or "standard_name" in variable.attrs, name
+            if variable.dtype.kind == "f":
+                assert "units" in variable.attrs, name
+    assert same(open_sweep(path), alone)
+    zarr = write_sweep(alone, tmp_path / "sweep.zarr")
+    assert np.array_equal(open_sweep(zarr)["lon"], alone["lon"], equal_nan=True)
+
+
+def test_a_sweep_goes_on_and_keeps_what_is_done(alone: xr.Dataset, tmp_path: Path) -> None:
+    """Ctrl-C in the middle of the second member: it goes on from its state, the first is not run again."""
+    vary = {"speed": SPEEDS, "folder": [str(tmp_path)]}
+    options: dict[str, Any] = {"days": "6 h", "every_hours": 1, "workers": 0, "output": tmp_path / "out"}
+    with pytest.raises(KeyboardInterrupt):
+        sweep(halting, vary, **options)
+    members = tmp_path / "out" / "members"
+    assert sorted(path.name for path in members.iterdir()) == ["00000.json", "00001.restart.nc"]
+    assert open_sweep(tmp_path / "out")["status"].values.tolist() == [0, 2, 2]
+    first = (members / "00000.json").stat().st_mtime_ns
+    with pytest.raises(InputError, match="holds a sweep already"):
+        sweep(halting, vary, **options)
+    result = sweep(halting, vary, **options, resume=True)
+    assert (members / "00000.json").stat().st_mtime_ns == first
+    assert same(result, alone)
+    assert sorted(path.suffix for path in members.iterdir()) == [".json"] * 3
+
+
+def test_a_member_goes_on_from_the_state_that_it_saved(tmp_path: Path) -> None:
+    job = Job(0, {"speed": 0.2}, drifting, Options(), 0.25, 3600.0, tmp_path, save_seconds=0.0)
+    whole = run_member(job)
+    model = build_member(job)
+    from riftberg.ensembles.member import Keeper, Tracks
+
+    track = Tracks(job.every)
+    model.advance(steps=5, recorders=[track, Keeper(job, track)])
+    assert job.state_file.exists()
+    again = run_member(job)
+    assert (again.track, again.fragments, again.totals) == (whole.track, whole.fragments, whole.totals)
+    assert not job.state_file.exists()
+    job.state_file.write_bytes(b"no state")
+    assert run_member(job).track == whole.track
+
+
+def test_another_sweep_in_the_folder_is_not_gone_on_with(tmp_path: Path) -> None:
+    sweep(drifting, {"speed": [0.1]}, days="1 h", every_hours=1, workers=0, output=tmp_path)
+    with pytest.raises(InputError, match="holds another sweep: vary is"):
+        sweep(drifting, {"speed": [0.2]}, days="1 h", every_hours=1, workers=0, output=tmp_path, resume=True)
+    with pytest.raises(InputError, match="holds no sweep"):
+        sweep(drifting, {"speed": [0.2]}, days="1 h", every_hours=1, output=tmp_path / "new", resume=True)
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"days": None}, "the length of the runs is missing"),
+        ({"days": "3 kPa"}, "days: '3 kPa' is in kPa"),
+        ({"days": -1}, "-1 days"),
+        ({"every_hours": 0}, "a position every 0 h"),
+        ({"every_hours": 100}, "a position every 100 h"),
+        ({"scheduler": "nowhere"}, "no scheduler of dask answers there"),
+    ],
+)
+def test_a_bad_sweep_is_refused_before_its_first_run(options: dict[str, Any], message: str, tmp_path: Path) -> None:
+    given = {"days": 0.1, "every_hours": 1, "output": tmp_path / "out", **options}
+    with pytest.raises(InputError, match=message):
+        sweep(drifting, {"speed": [0.1, 0.2]}, **given)
+    assert not (tmp_path / "out").exists()
+
+
+def test_impossible_combinations_and_what_an_experiment_keeps_are_refused() -> None:
+    with pytest.raises(InputError, match=r"member with .*grounding.law = 'quadratic'.*quadratic_coefficient > 0"):
+        planned("a68a", ["grounding.law=linear,quadratic"], Options(), 6.0)
+    with pytest.raises(InputError, match=r"a68a keeps bonds.packing|overlap"):
+        planned("a68a", ["bonds.packing=square,hexagonal"], Options(), 6.0)
+    with pytest.raises(InputError, match="no experiment of this name"):
+        planned("a86a", ["fracture.normal_strength=14,18kPa"], Options(), 6.0)
+
+
+def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
+    out = str(tmp_path / "out")
+    for words, said in [
+        (["a68a", "--vary", "fracture.normal_strength=24..14kPa:3"], "is not below"),
+        (["a68a"], "nothing is varied"),
+        ([], "no experiment is named"),
+        (["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--workers", "-1"], "-1 processes"),
+    ]:
+        result = CliRunner().invoke(app, ["sweep", *words, "--output", out])
+        assert result.exit_code == 2, words
+        assert said in result.stderr
+        assert "Traceback" not in result.stderr
+    assert not Path(out).exists()
+
+
+def test_many_fragments_are_listed_by_size() -> None:
+    from riftberg.ensembles.member import FRAGMENT, Outcome
+    from riftberg.ensembles.result import _listed
+
+    count = MOST_LISTED + 20
+    table = {name: [0.0] * count for name in FRAGMENT}
+    table["number"] = [float(k + 1) for k in range(count)]
+    table["parent"] = [0.0] + [1.0] * (count - 1)
+    table["area"] = [float(k) for k in range(count)]
+    rows = _listed(Outcome(0, "done", fragments=table))
+    assert len(rows) == MOST_LISTED
+    assert rows[0] == 0  # the berg at the start stays, however small
+    assert rows == sorted(rows)
+    assert rows[1] == 21
+
+
+def test_the_picture_is_drawn(alone: xr.Dataset, tmp_path: Path) -> None:
+    for ending in ("png", "pdf", "svg"):
+        assert draw_sweep(alone, tmp_path / f"sweep.{ending}").stat().st_size > 5000
+    failed = alone.assign(status=("member", np.ones(3, dtype="i4")))
+    with pytest.raises(InputError, match="no member of this sweep is done"):
+        draw_sweep(failed, tmp_path / "none.png")
+
+
+def test_a_lost_worker_costs_time_and_nothing_else(alone: xr.Dataset, tmp_path: Path) -> None:
+    """Two processes; one is killed in the middle of a member, which another one does again with the same digits."""
+    vary = {"speed": SPEEDS, "folder": [str(tmp_path)]}
+    result = sweep(dying, vary, days="6 h", every_hours=1, workers=2, output=tmp_path / "out")
+    assert (tmp_path / "died").exists()
+    assert same(result, alone)
+
+
+def test_members_run_on_the_workers_of_a_scheduler(alone: xr.Dataset) -> None:
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+        result = sweep(
+            drifting, {"speed": SPEEDS}, days="6 h", every_hours=1, scheduler=cluster.scheduler_address, progress=True
+        )
+    assert same(result, alone)
+
+
+def test_a_script_without_guard_is_told_so(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import riftberg\nriftberg.sweep('a68a', ['fracture.normal_strength=14,18kPa'], days=0.1, every_hours=1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", "import multiprocessing as m; m.current_process()._inheriting = True; "
+         f"exec(open({str(script)!r}).read())"], capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert 'if __name__ == "__main__":' in done.stderr
+
+
+@pytest.mark.slow
+def test_the_command_runs_is_interrupted_and_goes_on(tmp_path: Path) -> None:
+    """`riftberg sweep` of the collision on two processes; Ctrl-C after the first member, then --resume."""
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "riftberg", "sweep"]
+    new = ["a68a", "--vary", "fracture.normal_strength=16..20kPa:6", "--days", "2", "--workers", "2", "-o", str(out)]
+    running = subprocess.Popen([*command, *new], stderr=subprocess.PIPE, text=True)
+    limit = time.monotonic() + 600
+    while not list((out / "members").glob("*.json")) and time.monotonic() < limit:
+        time.sleep(0.2)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=120)
+    assert running.returncode == 130
+    assert f"riftberg sweep --resume {out}" in said
+    before = len(list((out / "members").glob("*.json")))
+    assert 1 <= before < 6
+    subprocess.run([*command, "--resume", str(out)], check=True, timeout=600)
+    result = open_sweep(out)
+    assert (result["status"] == 0).all()
+    assert (out / "sweep.png").stat().st_size > 20_000
+    single = riftberg.experiments.build("a68a", Options({"fracture": {"normal_strength": 16e3}}))[0]  # type: ignore[attr-defined]
+    single.advance(2.0)
+    assert result["lon"].values[0, 0, -1] == pytest.approx(
+        np.average(single.elements.lon, weights=single.elements.length**2)
+    )
+    assert json.loads((out / "sweep.json").read_text())["days"] == 2.0

@@ -1,0 +1,82 @@
+"""What is varied is read and checked before the first run, in one sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg.ensembles.vary import members_of, varied_of
+from riftberg.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("fracture.normal_strength=14..24kPa:11", tuple(1e3 * k for k in range(14, 25))),
+        ("fracture.normal_strength=14 kPa..24 kPa:3", (14e3, 19e3, 24e3)),
+        ("fracture.normal_strength=14000..24000:2", (14e3, 24e3)),
+        ("fracture.normal_strength=14,18,24kPa", (14e3, 18e3, 24e3)),
+        ("fracture.normal_strength=14 Pa, 0.1 MPa", (14.0, 1e5)),
+        ("damage.enabled=true,false", (True, False)),
+        ("grounding.law=linear,quadratic", ("linear", "quadratic")),
+        ("stepping.substeps=30..90:3", (30, 60, 90)),
+        ("stepping.time_step=15..30min:2", (900.0, 1800.0)),
+        ("bonds.poisson=-0.1..0.3:3", (-0.1, 0.1, 0.3)),
+    ],
+)
+def test_values(text: str, values: tuple[Any, ...]) -> None:
+    (varied,) = varied_of([text])
+    assert varied.values == pytest.approx(values) if isinstance(values[0], float) else varied.values == values
+
+
+def test_lists_arrays_and_texts_in_python() -> None:
+    strengths = np.linspace(14e3, 24e3, 3)
+    vary = {
+        "fracture.normal_strength": strengths,
+        "damage.threshold": "0.1..0.3:2",
+        "stepping.time_step": ["15 min", 1800],
+    }
+    members = members_of(varied_of(vary))
+    assert len(members) == 12
+    assert members[0] == {"fracture.normal_strength": 14e3, "damage.threshold": 0.1, "stepping.time_step": 900.0}
+    assert members[1]["stepping.time_step"] == 1800.0  # the last one changes fastest
+    assert members[-1] == {"fracture.normal_strength": 24e3, "damage.threshold": 0.3, "stepping.time_step": 1800.0}
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ([], "nothing is varied"),
+        (["fracture.normal_strength"], "not of the form group.name=values"),
+        (["strength=1,2"], "not of the form group.name"),
+        (["fracture.normal_strenth=1,2"], "no parameter 'normal_strenth'. Did you mean 'normal_strength'"),
+        (["fractur.normal_strength=1,2"], "no group of parameters is called 'fractur'"),
+        (["fracture.normal_strength=14..24kPa"], "does not say how many values"),
+        (["fracture.normal_strength=14..24kPa:1"], "'1' is no number of values"),
+        (["fracture.normal_strength=14..24kPa:2.5"], "'2.5' is no number of values"),
+        (["fracture.normal_strength=24..14kPa:3"], "is not below"),
+        (["fracture.normal_strength=14..24m:3"], "is in m, but this is measured in Pa"),
+        (["fracture.normal_strength=14..24parsec:3"], "is not a unit that Riftberg knows"),
+        (["fracture.normal_strength=soft..hard:3"], "'soft' is not a number"),
+        (["fracture.normal_strength=14,14"], "stands twice"),
+        (["fracture.normal_strength=14,15", "fracture.normal_strength=16,17"], "is varied twice"),
+        (["stepping.time_step=-5,900"], "-5.0 is not possible"),
+        (["stepping.substeps=1..2:3"], "no whole numbers"),
+        (["fracture.enabled=0..1:2"], "a range of what is no number"),
+        (["grounding.law=linear,cubic"], "'cubic' is not possible"),
+        (["stepping.fixed_velocity=1,2"], "holds several numbers"),
+        (["fracture.normal_strength=14..24kPa:100000"], "this asks for 100000 members"),
+        (["fracture.normal_strength=1..2:200", "fracture.shear_strength=1..2:200"], "this asks for 40000 members"),
+        ({"fracture.normal_strength": 5.0}, "is no list of values"),
+        ({"fracture.normal_strength": []}, "no values"),
+        ({"fracture.normal_strength": [True]}, "true is no number"),
+        ([5], "5 is no text"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_varied_is_refused(vary: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        members_of(varied_of(vary))
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500

@@ -1,0 +1,231 @@
+"""Values as people give them: numbers of any kind, texts with units, dates; the same words in Python as in YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from riftberg import A68A_2022, DatasetForcing, Iceberg, Model, Parameters, Steady
+from riftberg.errors import BergError, ForcingError, InputError
+from riftberg.experiments.options import Options
+from riftberg.experiments.yaml_file import build_file
+from riftberg.values import moment, native, number, numbers
+
+NOON = datetime(2020, 12, 9, 12)
+
+
+def block(**options: Any) -> Iceberg:
+    return Iceberg.rectangle(
+        **{"length": 6e3, "width": 6e3, "thickness": 200.0, "placement": (-37.0, -56.0), **options}
+    )
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        NOON, "2020-12-09 12:00", "2020-12-09T12:00:00Z", np.datetime64("2020-12-09T12"), pd.Timestamp(NOON),
+        pd.Timestamp("2020-12-09 13:00", tz="Europe/Paris"), NOON.replace(tzinfo=UTC), xr.DataArray(np.datetime64(NOON)),
+        np.array("2020-12-09T12", dtype="datetime64[ns]"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_dates_of_every_kind(given: Any) -> None:
+    assert moment(given, where="start") == NOON
+    assert Model(block(), Steady(), start=given).start == NOON
+
+
+def test_a_day_begins_at_midnight() -> None:
+    assert moment(date(2020, 12, 9), where="start") == moment("2020-12-09", where="start") == datetime(2020, 12, 9)
+
+
+@pytest.mark.parametrize("given", ["tomorrow", "2020-02-31", 5, None, pd.NaT, np.datetime64("NaT"), True, [NOON]])
+def test_what_is_no_date_is_refused(given: Any) -> None:
+    with pytest.raises(InputError, match=r"start: .* is not a date. Write it like 2020-12-09 13:00"):
+        Model(block(), Steady(), start=given)
+
+
+@pytest.mark.parametrize(
+    "length",
+    [6e3, 6000, "6 km", np.float32(6e3), np.int16(6000), np.array(6e3), pd.Series([6e3])[0], xr.DataArray(6e3)],
+)
+def test_a_length_of_every_kind(length: Any) -> None:
+    assert block(length=length).area == pytest.approx(36e6)
+
+
+@pytest.mark.parametrize(
+    "thickness",
+    [200, "200 m", "0.2 km", np.float32(200), [200.0] * 4, pd.Series([200.0] * 4), np.full(4, 200), ["200 m"] * 4,
+     xr.DataArray(200.0).item()],
+    ids=str,
+)  # fmt: skip
+def test_a_thickness_of_every_kind(thickness: Any) -> None:
+    assert block(thickness=thickness).elements.thickness.tolist() == [200.0] * 4
+
+
+def test_points_from_a_table() -> None:
+    table = pd.DataFrame({"lon": [0.0, 3000.0], "lat": [0.0, 0.0], "h": [200, 210]})
+    berg = Iceberg.from_points(table["lon"], table["lat"], thickness=table["h"], latlon=False, radius="1.5 km")
+    assert berg.elements.thickness.tolist() == [200.0, 210.0]
+    assert len(berg.bonds.first) == 1
+
+
+def test_units_in_every_constructor() -> None:
+    assert Parameters(fracture={"normal_strength": "25 kPa"}).fracture.normal_strength == 25e3
+    assert A68A_2022.changed(stepping={"time_step": "15 min"}).stepping.time_step == 900.0
+    sea = Steady(current=("20 cm/s", np.float32(0.5)), wind=pd.Series([5, -2]), depth="0.5 km")
+    assert (sea.current, sea.wind, sea.water) == ((0.2, 0.5), (5.0, -2.0), 500.0)
+    assert Steady.balanced(("0.2 m/s", 0.0), latitude="-56 deg").slope == Steady.balanced((0.2, 0.0), -56.0).slope
+    berg = block(velocity=("20 cm/s", 0.0), rotation="0.5 rad", spin="1e-6 rad/s", radius="750 m", density="0.9 t/m3")
+    assert berg.elements.u[0] == 0.2
+    assert berg.radius == 750.0
+    assert berg.density == 900.0
+
+
+@pytest.mark.parametrize("days", ["1 h", 1 / 24, np.float64(1 / 24), pd.Timedelta("1h"), timedelta(hours=1)], ids=str)
+def test_the_length_of_a_run_of_every_kind(days: Any) -> None:
+    model = Model(block(), Steady())
+    model.advance(days)
+    assert model.step_number == 2
+
+
+MISTAKES: list[tuple[str, str, Callable[[Any], object]]] = [
+    # What stands in a file after "berg:" and the like, and the same in Python.
+    ("  rectangle: {length: VALUE, width: 6 km}", "berg.rectangle.length", lambda v: block(length=v)),
+    ("  rectangle: {length: 6 km, width: VALUE}", "berg.rectangle.width", lambda v: block(width=v)),
+    ("  radius: VALUE", "berg.radius", lambda v: block(radius=v)),
+    ("  velocity: [VALUE, 0]", "berg.velocity", lambda v: block(velocity=(v, 0))),
+    ("  rotation: VALUE", "berg.rotation", lambda v: block(rotation=v)),
+    ("  packing: VALUE", "berg.packing", lambda v: block(packing=v)),
+    ("current: [VALUE, 0]", "forcing.current", lambda v: Steady(current=(v, 0.0))),
+    ("wind: [0, VALUE]", "forcing.wind", lambda v: Steady(wind=(0.0, v))),
+    ("depth: VALUE", "forcing.depth", lambda v: Steady(depth=v)),
+    ("fracture: {normal_strength: VALUE}", "parameters.fracture.normal_strength",
+     lambda v: Parameters(fracture={"normal_strength": v})),
+    ("fracture: {enabled: VALUE}", "parameters.fracture.enabled", lambda v: A68A_2022.changed(fracture={"enabled": v})),
+    ("stepping: {time_step: VALUE}", "parameters.stepping.time_step",
+     lambda v: A68A_2022.changed(stepping={"time_step": v})),
+]  # fmt: skip
+
+FILE = """start: 2020-12-09
+days: 1
+berg:
+  placement: [-37, -56]
+{berg}
+forcing:
+  kind: constant
+  {forcing}
+parameters:
+  {parameters}
+"""
+
+
+def said_of_file(tmp_path: Path, line: str, value: str) -> str:
+    """Return what is said of a file with a value, without the place."""
+    line = line.replace("VALUE", value)
+    shape = "" if "rectangle" in line else "  rectangle: {length: 6 km, width: 6 km}\n"
+    kind = "berg" if line.startswith("  ") else "parameters" if "{" in line else "forcing"
+    parts = {"berg": shape.rstrip(), "forcing": "slope: [0, 0]", "parameters": "preset: a68a-2022"}
+    parts[kind] = shape + line if kind == "berg" else line
+    path = tmp_path / "case.yaml"
+    path.write_text(FILE.format(**parts))
+    with pytest.raises(InputError) as caught:
+        build_file(path, Options())
+    return f"{caught.value.what}. {caught.value.remedy}"
+
+
+@pytest.mark.parametrize(("line", "key", "python"), MISTAKES, ids=[key for _, key, _ in MISTAKES])
+@pytest.mark.parametrize(("text", "value"), [("25 kN", "25 kN"), ("many", "many"), ("2 parsec", "2 parsec")])
+def test_a_mistake_gets_the_same_words_in_python_as_in_a_file(
+    line: str, key: str, python: Callable[[Any], object], text: str, value: Any, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        python(value)
+    assert f"{caught.value.what}. {caught.value.remedy}" == said_of_file(tmp_path, line, text)
+    assert key.endswith(caught.value.where)
+
+
+@pytest.mark.parametrize(
+    ("line", "value", "python"),
+    [
+        ("  radius: VALUE", -3, lambda v: block(radius=v)),
+        ("  radius: VALUE", True, lambda v: block(radius=v)),
+        ("  velocity: [VALUE, 0]", 50, lambda v: block(velocity=(v, 0))),
+        ("  rectangle: {length: 6 km, width: VALUE}", 0, lambda v: block(width=v)),
+        ("depth: VALUE", -5, lambda v: Steady(depth=v)),
+        ("wind: [VALUE, 0]", 500, lambda v: Steady(wind=(v, 0.0))),
+        ("sea_ice: [0, 0, VALUE]", -1, lambda v: Steady(sea_ice=(0.0, 0.0, v))),
+        ("stepping: {time_step: VALUE}", -3, lambda v: Parameters(stepping={"time_step": v})),
+        ("fracture: {normal_strength: VALUE}", True, lambda v: Parameters(fracture={"normal_strength": v})),
+    ],
+)
+def test_an_impossible_number_gets_the_same_words(
+    line: str, value: Any, python: Callable[[Any], object], tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        python(value)
+    said = said_of_file(tmp_path, line, str(value).lower())
+    assert f"{caught.value.what}. {caught.value.remedy}".replace(".0", "") == said.replace(".0", "")
+
+
+@pytest.mark.parametrize("place", [(-56.0, -137.0), (10.0, 95.0), (0.0, 90.5)])
+def test_latitudes_beyond_the_pole_are_refused(place: tuple[float, float]) -> None:
+    with pytest.raises(BergError, match="has no sea for a berg: are longitude and latitude swapped"):
+        block(placement=place)
+    with pytest.raises(BergError, match="has no sea for a berg"):
+        Iceberg.from_table([(0, 0, 1)], thickness=200.0, placement=place)
+    with pytest.raises(ForcingError, match=r"latitude: .* is not possible"):
+        Steady.balanced((0.1, 0.0), latitude=place[1])
+
+
+def test_arguments_in_the_wrong_order_are_named() -> None:
+    berg = block()
+    with pytest.raises(InputError, match=r"Model, berg: .* is no berg. Give an Iceberg"):
+        Model(Steady(), berg)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"Model, forcing: .* is no forcing"):
+        Model(berg, A68A_2022)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"Model, parameters: .* is no parameters"):
+        Model(berg, Steady(), {"fracture": {}})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("groups", "message"),
+    [
+        ({"fractur": {}}, "fractur: there is no such group of parameters. Did you mean 'fracture'?"),
+        ({"fracture": {"strength": 1.0}}, "fracture.strength: there is no such parameter.*fracture has enabled"),
+        ({"fracture": 5}, "fracture: 5 is no group of parameters"),
+    ],
+)
+def test_unknown_parameters_are_named(groups: dict[str, Any], message: str) -> None:
+    for make in (lambda: Parameters(**groups), lambda: A68A_2022.changed(**groups)):
+        with pytest.raises(InputError, match=message):
+            make()
+
+
+def test_forcing_from_datasets_takes_dates_as_text() -> None:
+    time = pd.date_range("2020-12-09", periods=3)
+    axes = {"time": time, "lat": [-58.0, -56.0, -54.0], "lon": [-40.0, -37.0, -34.0]}
+    names = {"uo": "eastward_sea_water_velocity", "vo": "northward_sea_water_velocity"}
+    ds = xr.Dataset(
+        {n: (tuple(axes), np.full((3, 3, 3), 0.1), {"standard_name": s, "units": "m s-1"}) for n, s in names.items()},
+        {**axes, "lat": ("lat", axes["lat"], {"units": "degrees_north"}), "lon": ("lon", axes["lon"], {"units": "degrees_east"})},
+    )  # fmt: skip
+    forcing = DatasetForcing.from_xarray(ds, "2020-12-09", draft="150 m")
+    assert forcing.draft == 150.0
+    with pytest.raises(InputError, match="start: 'soon' is not a date"):
+        DatasetForcing.from_xarray(ds, "soon")
+
+
+def test_what_is_native_stays() -> None:
+    assert native("25 kPa") == "25 kPa"
+    assert native((np.float64(1.0), [np.int8(2)])) == (1.0, [2])
+    assert number(np.timedelta64(90, "m"), "h", where="every") == 1.5
+    assert numbers(["1 km", 5], "m", where="x").tolist() == [1000.0, 5.0]
+    with pytest.raises(InputError, match="x: True is no number"):
+        numbers([True, 1.0][0], "m", where="x")
