@@ -67,15 +67,10 @@ class BareModel(RunState):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
-<<<<<<< HEAD
         All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
-    start : datetime.datetime, optional
-        Date of time zero (UTC); by default that of the forcing, if it counts from a date.
-=======
-        All parameters; the published A68a physics with Riftberg's numerics by default.
     start : date, optional
-        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp.
->>>>>>> house
+        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
+        that of the forcing, if it counts from a date.
 
     Attributes
     ----------
@@ -104,25 +99,18 @@ class BareModel(RunState):
         berg: Iceberg,
         forcing: Forcing,
         parameters: Parameters | None = None,
-<<<<<<< HEAD
-        start: datetime | None = None,
+        start: datetime | date | str | np.datetime64 | None = None,
     ) -> None:
-        start = start_of(forcing, start)
         given = Parameters() if parameters is None else parameters
-=======
-        start: datetime | date | str | np.datetime64 = DEFAULT_START,
-    ) -> None:
-        given = A68A_2022 if parameters is None else parameters
         check_arguments(berg, forcing, given)
-        start = moment(start, where="start")
->>>>>>> house
+        began = start_of(forcing, None if start is None else moment(start, where="start"))
         check_coordinates(berg, forcing, given)
         check_balance(forcing, given)
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
         packed = given.changed(bonds={"packing": berg.packing}) if berg.packing != given.bonds.packing else given
         elements, bonds = copy_state(berg.elements, berg.bonds)
         self._begin(
-            Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), start, bergs=berg.bergs
+            Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), began, bergs=berg.bergs
         )
         if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = given.earth
@@ -460,29 +448,12 @@ def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Para
     return p.changed(bonds={"constant_length": length, "constant_width": width})
 
 
-<<<<<<< HEAD
-def start_of(forcing: Forcing, given: datetime | None) -> datetime:
-    """Return the date of time zero: as given, or that from which the forcing counts.
-=======
 def check_arguments(berg: object, forcing: object, parameters: object) -> None:
     """Refuse what is no berg, no forcing and no parameters, by name: they are easily given in another order.
->>>>>>> house
 
     Raises
     ------
     InputError
-<<<<<<< HEAD
-        If both are known and differ: the forcing would act at other dates than the run says.
-    """
-    own = getattr(forcing, "start", None)
-    if given is not None and isinstance(own, datetime) and own != given:
-        raise InputError(
-            f"the forcing counts its time from {own}, the model from {given}",
-            where="start",
-            remedy="Give both the same start",
-        )
-    return given or (own if isinstance(own, datetime) else DEFAULT_START)
-=======
         Naming the argument.
     """
     good = {
@@ -493,7 +464,24 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
     for (name, (fits, wanted)), value in zip(good.items(), (berg, forcing, parameters), strict=True):
         if not fits:
             raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {wanted}")
->>>>>>> house
+
+
+def start_of(forcing: Forcing, given: datetime | None) -> datetime:
+    """Return the date of time zero: as given, or that from which the forcing counts.
+
+    Raises
+    ------
+    InputError
+        If both are known and differ: the forcing would act at other dates than the run says.
+    """
+    own = getattr(forcing, "start", None)
+    if given is not None and isinstance(own, datetime) and own != given:
+        raise InputError(
+            f"the forcing counts its time from {own}, the model from {given}",
+            where="start",
+            remedy="Give both the same start",
+        )
+    return given or (own if isinstance(own, datetime) else DEFAULT_START)
 
 
 def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:

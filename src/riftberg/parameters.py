@@ -8,12 +8,8 @@ from __future__ import annotations
 
 import html
 import math
-<<<<<<< HEAD
-from typing import Any, Final, NamedTuple
-=======
 from collections.abc import Mapping
-from typing import Any, NamedTuple
->>>>>>> house
+from typing import Any, Final, NamedTuple
 
 from pydantic import Field, model_validator
 

@@ -18,7 +18,6 @@ from riftberg.state import Bonds, Elements, copy_state
 from riftberg.values import number
 
 
-<<<<<<< HEAD
 def check_name(name: Any) -> None:
     """Refuse what is no name of a berg.
 
@@ -30,10 +29,7 @@ def check_name(name: Any) -> None:
         raise BergError(f"{name!r} is no name"[:120], where="name", remedy="Give a short text, such as A68a")
 
 
-@dataclass(frozen=True)
-=======
 @dataclass(frozen=True, repr=False)
->>>>>>> house
 class BondedBerg:
     """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
 

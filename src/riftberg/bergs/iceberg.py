@@ -13,11 +13,8 @@ from riftberg.bergs import outline as outlines
 from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at, within_pieces
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
-<<<<<<< HEAD
 from riftberg.bergs.joining import join
-=======
 from riftberg.bergs.keys import LatticeRows, Rectangle
->>>>>>> house
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.options import (
@@ -40,12 +37,8 @@ from riftberg.bergs.placement import (
 from riftberg.bergs.portrait import card, portrait
 from riftberg.bergs.raster import Raster, joined, read_raster
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
-<<<<<<< HEAD
-from riftberg.bergs.report import describe
-from riftberg.constants import EARTH_RADIUS_A68
-=======
 from riftberg.bergs.report import describe, one_line
->>>>>>> house
+from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
@@ -72,16 +65,13 @@ class Iceberg(BondedBerg):
         Radius of the sphere, m.
     density : float
         Ice density, kg m-3.
-<<<<<<< HEAD
     bergs : tuple of (str, int)
         Name and number of elements of each berg, in the order of the rows; empty for one without a name.
-=======
 
     Examples
     --------
     >>> Iceberg.rectangle("60 km", "20 km", thickness="200 m", placement=(-37.0, -56.0))
     <Iceberg: 140 square elements of radius 1500 m, 1260 km2, 214.2 Gt, 253 bonds, 1 piece, at 56.001 S, 37.000 W>
->>>>>>> house
     """
 
     def __repr__(self) -> str:

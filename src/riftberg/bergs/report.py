@@ -43,7 +43,6 @@ def describe(berg: BondedBerg) -> str:
     return "\n".join(lines)
 
 
-<<<<<<< HEAD
 MOST_LISTED = 10
 """Bergs that are told of one by one."""
 
@@ -58,7 +57,8 @@ def _each(berg: BondedBerg) -> list[str]:
         row += count
     more = len(berg.bergs) - MOST_LISTED
     return [*lines, f"  and {more} more"] if more > 0 else lines
-=======
+
+
 def one_line(berg: BondedBerg) -> str:
     """Return elements, size, bonds, pieces and place of a berg in one line."""
     e = berg.elements
@@ -69,7 +69,6 @@ def one_line(berg: BondedBerg) -> str:
         f"{len(e.id)} {berg.packing} elements of radius {berg.radius:g} m, {berg.area / 1e6:.6g} km2, "
         f"{berg.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}"
     )
->>>>>>> house
 
 
 def _plan_area(berg: BondedBerg) -> str:

@@ -10,11 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-<<<<<<< HEAD
-from riftberg.experiments.formula_schema import FormulaForcing
-=======
 from riftberg.bergs.keys import BergKeys, LatticeRows, Rectangle
->>>>>>> house
+from riftberg.experiments.formula_schema import FormulaForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.sections import Pair, Section, key
@@ -92,7 +89,6 @@ class Strength(Section):
         return self
 
 
-<<<<<<< HEAD
 class FieldOfBergs(Section):
     """Many bergs of one element each, at random places that do not overlap."""
 
@@ -104,10 +100,7 @@ class FieldOfBergs(Section):
     seed: int = key(1, "", "the same seed gives the same field", ge=0)
 
 
-class Berg(Section):
-=======
 class Berg(BergKeys):
->>>>>>> house
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
     name: str | None = key(None, "", "name of the berg, which its fragments bear too", min_length=1, max_length=60)
@@ -115,18 +108,7 @@ class Berg(BergKeys):
     mask: Mask | None = None
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
-<<<<<<< HEAD
     field: FieldOfBergs | None = None
-    thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
-    radius: float = key(1500.0, "m", "half the width of an element", gt=0)
-    packing: Packing = key("square", "", "square or hexagonal elements")
-    placement: Pair | None = key(None, "degree", "longitude and latitude of the centre")
-    rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
-    shift: Pair = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
-    velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
-    spin: float = key(0.0, "rad s-1", "angular velocity at the start, counter-clockwise")
-=======
->>>>>>> house
     rifts: list[Rift] = key([], "", "weak or missing bonds where the berg lies at the start, a list of sections")
     strength: Strength | None = key(None, "", "scatter of the strength of the bonds, a section of its own")
 

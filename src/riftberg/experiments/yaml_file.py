@@ -112,36 +112,14 @@ def check_span(start: datetime, days: float, *, where: str) -> None:
         )  # fmt: skip
 
 
-<<<<<<< HEAD
-SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
-"""Latitudes (degrees) between which there is sea, and a berg can be placed."""
-
-
 def _check_place(berg: Berg, document: Document, where: Place) -> None:
     """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
     for name, place in (("placement", berg.placement), ("shift", berg.shift)):
-        if place is not None and not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
-            raise document.error(
-                f"{list(place)} is no longitude and latitude in degrees", (*where, name), "Longitude stands first"
-            )
-    if berg.placement is None:
-        return
-    lat = berg.placement[1] + berg.shift[1]
-    if not SOUTHERNMOST <= lat <= NORTHERNMOST:
-        raise document.error(
-            f"latitude {lat:g} has no sea for a berg: are longitude and latitude swapped?", (*where, "placement"),
-            f"Write [longitude, latitude], with a latitude from {SOUTHERNMOST:g} to {NORTHERNMOST:g}",
-        )  # fmt: skip
-=======
-def _check_place(berg: Berg, document: Document) -> None:
-    """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
-    for name, place in (("placement", berg.placement), ("shift", berg.shift)):
         if place is not None:
-            check_degrees(place, where=document.where(("berg", name)))
+            check_degrees(place, where=document.where((*where, name)))
     if berg.placement is not None:
         final = berg.placement[0], berg.placement[1] + berg.shift[1]
-        check_place(final, where=document.where(("berg", "placement")), south=SOUTHERNMOST, north=NORTHERNMOST)
->>>>>>> house
+        check_place(final, where=document.where((*where, "placement")), south=SOUTHERNMOST, north=NORTHERNMOST)
 
 
 def _keys(section: type[BaseModel]) -> str:

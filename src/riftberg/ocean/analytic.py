@@ -8,25 +8,16 @@ from typing import Any, Self
 import numpy as np
 
 from riftberg.constants import EARTH_ROTATION, GRAVITY
-<<<<<<< HEAD
-from riftberg.ocean.formulas import SUMMED, Formula
-from riftberg.state import Elements, Floats, new_elements
-
-
-class Steady(Formula):
-=======
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.shown import ShownForcing
+from riftberg.ocean.formulas import SUMMED, Formula
 from riftberg.ocean.steady_schema import MOST, ConstantForcing, check_sea_ice
 from riftberg.parameters import Earth
 from riftberg.sections import beyond
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, new_elements
 from riftberg.values import given, native
 
 
-class Steady(ShownForcing):
->>>>>>> house
+class Steady(Formula):
     """A uniform, steady environment.
 
     Parameters

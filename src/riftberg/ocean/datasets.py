@@ -183,16 +183,11 @@ class DatasetForcing(ShownForcing):
         >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
         (array([0.1]), array([0.1]))
         """
-<<<<<<< HEAD
-        given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        forcing = cls([part_of(ds, start) for ds in in_memory(given)], **options)
-        forcing.start = start
-        return forcing
-=======
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
-        return cls([part_of(ds, begin) for ds in in_memory(several)], **options)
->>>>>>> house
+        forcing = cls([part_of(ds, begin) for ds in in_memory(several)], **options)
+        forcing.start = begin
+        return forcing
 
     @property
     def title(self) -> str:

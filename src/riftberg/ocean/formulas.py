@@ -26,6 +26,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
+from riftberg.ocean.shown import ShownForcing
 from riftberg.state import Elements, Floats
 
 SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")
@@ -34,7 +35,7 @@ SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_
 Pair = tuple[float, float]
 
 
-class Formula:
+class Formula(ShownForcing):
     """Forcing that formulas give at the elements themselves, and that can be added to other forcing.
 
     A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are

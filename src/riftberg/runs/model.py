@@ -32,15 +32,10 @@ class Model(BareModel):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
-<<<<<<< HEAD
         All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
-    start : datetime.datetime, optional
-        Date of time zero (UTC); by default that of the forcing, if it counts from a date.
-=======
-        All parameters; the published A68a physics with Riftberg's numerics by default.
     start : date, optional
-        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp.
->>>>>>> house
+        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
+        that of the forcing, if it counts from a date.
 
     Attributes
     ----------
@@ -114,15 +109,11 @@ class Model(BareModel):
             above. So it is with the SystemExit after a request to terminate.
         """
         before = self.step_number
-<<<<<<< HEAD
-        end = self.time + self._number_of_steps(days, steps) * self.parameters.stepping.time_step
-        with held(), memory_run(output, every_hours, forces) as writer:
-=======
         hours = number(every_hours, "h", where="every_hours")
-        length = self._number_of_steps(days, steps) * self.parameters.stepping.time_step / SECONDS_PER_DAY
+        left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
+        length, end = left / SECONDS_PER_DAY, self.time + left
         shown = [ProgressRecorder(length)] if progress else []
         with held(), memory_run(output, hours, forces) as writer:
->>>>>>> house
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer, *shown])
             except (KeyboardInterrupt, SystemExit):
