@@ -77,8 +77,9 @@ def parameters_page() -> str:
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
         "the default. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
-        "preset take the defaults, `Parameters()`, which hold for bergs of any size. Sources named *spec* are sections of the written specification of KID/iKID's dynamics from which",
-        "Riftberg was made; Q numbers are explained in",
+        "preset take the defaults, `Parameters()`, which hold for bergs of any size. Sources are sections of [the equations](../explanation/equations.md)",
+        "and of those of [melt, calving and files](../explanation/equations-of-life.md), or names in KID's namelist;",
+        "Q numbers stand in",
         "[differences from the reference](../explanation/differences-from-the-reference.md).\n",
     ]
     for group in Parameters.model_fields:
@@ -367,11 +368,13 @@ REDIRECT = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" cont
 """First page of the site's folder: leads to that of the documentation."""
 
 
-def build_site(*, quick: bool) -> int:
+def build_site(made: Path, *, quick: bool) -> int:
     """Build the site strictly: a warning, or a link that leads nowhere, is an error.
 
     Parameters
     ----------
+    made : Path
+        Folder for the site and what is made on the way.
     quick : bool
         Do not run the examples of the gallery.
     """
@@ -380,16 +383,17 @@ def build_site(*, quick: bool) -> int:
 
     from sphinx.cmd.build import build_main
 
-    made = DOCS.parent / "build"
     extra = made / "site-extra"
     extra.mkdir(parents=True, exist_ok=True)
     (extra / "index.html").write_text(REDIRECT, "utf-8")
     replay = extra / "replay.html"
     if not quick or not replay.exists():
         write_replay_page(replay, 0.1 if quick else None)
-    shutil.rmtree(made / "site-gallery", ignore_errors=True)
+    shutil.rmtree(DOCS / "made-gallery", ignore_errors=True)
+    os.environ["RIFTBERG_SITE_EXTRA"] = str(extra)
     os.environ["RIFTBERG_GALLERY"] = "0" if quick else "1"
-    arguments = ["-W", "--keep-going", "-q", "-E", "-b", "html", "-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]
+    places = ["-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]
+    arguments = ["-W", "--keep-going", "-q", "-E", "-b", "html", *places]
     return int(build_main([*arguments, str(DOCS.parent), str(made / "site")]))
 
 
@@ -401,9 +405,10 @@ def main() -> int:
     parser.add_argument("--trust", type=Path, help="file with the output of the parity and verification tests")
     parser.add_argument("--site", action="store_true", help="build the site in build/site")
     parser.add_argument("--quick", action="store_true", help="with --site: do not run the gallery")
+    parser.add_argument("--into", type=Path, default=DOCS.parent / "build", help="with --site: folder for it")
     options = parser.parse_args()
     if options.site:
-        return build_site(quick=options.quick)
+        return build_site(options.into, quick=options.quick)
     if options.trust:
         take_tables(options.trust.read_text("utf-8"))
         return 0

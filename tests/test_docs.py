@@ -136,3 +136,67 @@ def test_every_quirk_is_told() -> None:
 @pytest.mark.parametrize("switch", Compatibility.model_fields)
 def test_every_switch_of_the_quirks_is_told(switch: str) -> None:
     assert f"`compatibility.{switch}`" in QUIRKS.read_text("utf-8")
+
+
+EQUATIONS = {"equations": DOCS / "explanation" / "equations.md", "files": DOCS / "explanation" / "equations-of-life.md"}
+SOURCES = sorted(path for room in ("src", "tests", "docs", "benchmarks") for path in (ROOT / room).rglob("*.py"))
+
+
+def numbered_sections(page: Path) -> set[str]:
+    """Return the numbers of the sections of a page."""
+    return set(re.findall(r"^#+ (\d+(?:\.\d+)*)\.? ", page.read_text("utf-8"), flags=re.MULTILINE))
+
+
+@pytest.mark.parametrize("name", EQUATIONS)
+def test_sections_of_the_equations_that_are_named_are_there(name: str) -> None:
+    known = numbered_sections(EQUATIONS[name])
+    for path in [*SOURCES, *PAGES]:
+        for text in re.findall(rf"\({name} (\d[\d., ]*)\)", path.read_text("utf-8")):
+            for number in re.findall(r"\d+(?:\.\d+)*", text):
+                assert number in known, f"{path.relative_to(ROOT)} names {name} {number}"
+
+
+def test_nothing_refers_to_a_text_that_is_not_here() -> None:
+    """Sections of the specification that the project was written from are not in the repository."""
+    for path in [*SOURCES, *PAGES]:
+        if path != Path(__file__):
+            found = re.search(r"\bspec \d|specification of the (dynamics|files)", path.read_text("utf-8"))
+            assert found is None, f"{path.relative_to(ROOT)}: {found}"
+
+
+def test_the_gallery_has_examples_with_a_picture_and_a_number() -> None:
+    examples = sorted((DOCS / "gallery").glob("*.py"))
+    assert len(examples) >= 12
+    for path in examples:
+        text = path.read_text("utf-8")
+        assert re.search(r'\.png"', text), path.name
+        assert re.search(r"^assert ", text, flags=re.MULTILINE), path.name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(path.name for path in (DOCS / "gallery").glob("*.py")))
+def test_example_of_the_gallery_runs(name: str, tmp_path: Path) -> None:
+    subprocess.run([sys.executable, str(DOCS / "gallery" / name)], cwd=tmp_path, check=True)
+    assert list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.compiled
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    """Strictly: warnings and links that lead nowhere are errors; the examples of the gallery are not run."""
+    done = subprocess.run(
+        [sys.executable, str(DOCS / "build.py"), "--site", "--quick", "--into", str(tmp_path)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    first = (tmp_path / "site" / "docs" / "index.html").read_text("utf-8")
+    assert "replay.html#play" in first
+    assert (tmp_path / "site" / "replay.html").stat().st_size > 50_000
+    assert "\\(" in (tmp_path / "site" / "docs" / "explanation" / "equations.html").read_text("utf-8")
+    assert (tmp_path / "site" / "search.html").exists()
+    assert "Iceberg.rectangle" in (tmp_path / "site" / "docs" / "reference" / "api.html").read_text("utf-8")
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 50
+    for page in pages:
+        for target in re.findall(r'(?:href|src)="([^"#?]+)', page.read_text("utf-8")):
+            if not re.match(r"[a-z]+:|//", target):
+                assert (page.parent / target).exists(), f"{page.relative_to(tmp_path)} leads to {target}"

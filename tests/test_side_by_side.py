@@ -136,8 +136,7 @@ def field_file(path: Path) -> Path:
             "longitude": ("longitude", lon, {"units": "degrees_east", "standard_name": "longitude"}),
         },
     )
-    with NETCDF:
-        ds.to_netcdf(path, encoding={name: {"zlib": True, "chunksizes": (1, 20, 30)} for name in names})
+    ds.to_netcdf(path, encoding={name: {"zlib": True, "chunksizes": (1, 20, 30)} for name in names})
     return path
 
 
@@ -177,8 +176,7 @@ def test_forcing_files_are_read_from_several_threads(tmp_path: Path) -> None:
 def test_lazy_data_of_the_program_itself_stay_apart_from_runs(tmp_path: Path) -> None:
     """Datasets that were opened by xarray as they are, with and without dask, are read while runs write."""
     own = field_file(tmp_path / "currents.nc")
-    with NETCDF:
-        plain, chunked = xr.open_dataset(own), xr.open_dataset(own, chunks={"time": 1})
+    plain, chunked = xr.open_dataset(own), xr.open_dataset(own, chunks={"time": 1})
     alone = in_turn(tmp_path, 2)
     with ThreadPoolExecutor(4) as pool:
         sums = [pool.submit(lambda ds=ds: float(ds["uo"].isel(time=slice(0, 40)).sum())) for ds in (plain, chunked)]
@@ -197,7 +195,7 @@ def kid_digest(case: Path, output: str) -> str:
 def test_kid_runs_in_threads(tmp_path: Path) -> None:
     from kid.conftest import write_case
 
-    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0})
+    case = write_case(tmp_path / "case", {"ibhrs": 24}, {"traj_write_hrs": 1.0, "mts_sub_steps": 40})
     alone = kid_digest(case, str(tmp_path / "alone.nc"))
     with ThreadPoolExecutor(3) as pool:
         together = set(pool.map(kid_digest, [case] * 3, [str(tmp_path / f"{n}.nc") for n in range(3)]))

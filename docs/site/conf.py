@@ -22,9 +22,9 @@ copyright = author  # noqa: A001
 root_doc = "docs/index"
 include_patterns = [
     "docs/*.md", "docs/tutorials/*.md", "docs/howto/*.md", "docs/explanation/*.md", "docs/reference/*.md",
-    "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md", "build/site-gallery/*.rst", "build/site-gallery/**/*.rst",
+    "CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/README.md", "docs/made-gallery/*.rst", "docs/made-gallery/**/*.rst",
 ]  # fmt: skip
-exclude_patterns = [".venv", ".git", "src", "tests", "build/site", "build/site-extra", "build/site-doctrees", "**/sg_execution_times.rst",
+exclude_patterns = [".venv", ".git", "src", "tests", "build", "**/sg_execution_times.rst",
                     "sg_execution_times.rst"]  # fmt: skip
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_design", "sphinx_copybutton",
@@ -42,7 +42,7 @@ napoleon_use_ivar = True
 
 sphinx_gallery_conf: dict[str, Any] = {
     "examples_dirs": str(ROOT / "docs" / "gallery"),
-    "gallery_dirs": str(ROOT / "build" / "site-gallery"),
+    "gallery_dirs": str(ROOT / "docs" / "made-gallery"),
     "filename_pattern": r"/[a-z]",
     "ignore_pattern": r"__init__\.py",
     "plot_gallery": os.environ.get("RIFTBERG_GALLERY", "1") == "1",
@@ -58,7 +58,7 @@ sphinx_gallery_conf: dict[str, Any] = {
 
 html_theme = "pydata_sphinx_theme"
 html_title = "Riftberg"
-html_extra_path = [str(ROOT / "build" / "site-extra")]
+html_extra_path = [os.environ["RIFTBERG_SITE_EXTRA"]]
 html_show_sourcelink = False
 html_theme_options = {
     "show_prev_next": False,

@@ -81,8 +81,6 @@ NAMES: Final = {
     "viz.panels.day_text": "viz.moments.day_text",
     "viz.panels.stress_map": "viz.colours.stress_map",
     "viz.plots.OBSERVED_COLOURS": "viz.colours.OBSERVED_DAYS",
-    "viz.score.MODEL": "viz.colours.MODEL",
-    "viz.score.OBSERVED": "viz.colours.OBSERVED",
     "viz.style.FRAGMENT_COLOURS": "viz.colours.FRAGMENTS",
     "viz.style.GROUND_COLOUR": "viz.colours.GROUND",
     "viz.style.SMALL_COLOUR": "viz.colours.SMALL",

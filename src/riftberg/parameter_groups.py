@@ -14,6 +14,7 @@ from riftberg import constants, values
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 GroundingLaw = Literal["linear", "quadratic"]
+Criterion = Literal["bond", "averaged", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
 BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
@@ -61,24 +62,22 @@ class Ice(Group):
     """Properties of the ice."""
 
     density: float = quantity(
-        850.0, "kg m-3", "ice density, sets draft and freeboard", "spec 0.2 rho_bergs", gt=0, lt=constants.RHO_SEAWATER
+        850.0, "kg m-3", "ice density, sets draft and freeboard", "KID's rho_bergs", gt=0, lt=constants.RHO_SEAWATER
     )
 
 
 class Drag(Group):
     """Drag of water, air and sea ice on an element."""
 
-    ocean_scale: float = quantity(
-        1.0, "1", "multiplies both ocean drag coefficients", "spec 0.2 ocean_drag_scale", ge=0
-    )
+    ocean_scale: float = quantity(1.0, "1", "multiplies both ocean drag coefficients", "KID's ocean_drag_scale", ge=0)
     sides_by_bonds: bool = quantity(
-        True, "", "side drag only on sides that no bond covers", "spec 4.1 internal_bergs_for_drag"
+        True, "", "side drag only on sides that no bond covers", "equations 4.1, KID's internal_bergs_for_drag"
     )
     radius_based: bool = quantity(
-        False, "", "side face from the diameter of hexagonal DEM elements", "spec 4 radius_based_drag"
+        False, "", "side face from the diameter of hexagonal DEM elements", "equations 4, KID's radius_based_drag"
     )
-    coastal_drift: float = quantity(0.0, "m s-1", "current added away from land cells", "spec 3.2", ge=0)
-    tidal_drift: float = quantity(0.0, "m s-1", "amplitude of a random current near land", "spec 3.2", ge=0)
+    coastal_drift: float = quantity(0.0, "m s-1", "current added away from land cells", "equations 3.2", ge=0)
+    tidal_drift: float = quantity(0.0, "m s-1", "amplitude of a random current near land", "equations 3.2", ge=0)
     rotational: bool = quantity(
         True,
         "",
@@ -94,13 +93,13 @@ class Grounding(Group):
         "linear",
         "",
         "linear in speed, or quadratic: with the square of the speed and the draft in excess of the depth",
-        "spec 4.1; quadratic: Riftberg",
+        "equations 4.1; quadratic: Riftberg",
     )
     coefficient: float = quantity(
         1e4,
         "kg m-2 s-1",
         "grounding drag per base area and speed; 0 leaves the sea floor out",
-        "spec 0.2 cdrag_grounding; paper",
+        "KID's cdrag_grounding; paper",
         ge=0,
     )
     quadratic_coefficient: float = quantity(
@@ -110,16 +109,14 @@ class Grounding(Group):
         "Riftberg",
         ge=0,
     )
-    ramp_height: float = quantity(
-        0.0, "m", "clearance over which the drag sets in", "spec 0.2 h_to_init_grounding", ge=0
-    )
+    ramp_height: float = quantity(0.0, "m", "clearance over which the drag sets in", "KID's h_to_init_grounding", ge=0)
     on_substeps: bool = quantity(
-        True, "", "apply in every sub-step (explicit ones of mts) instead of the long step", "spec 6.4 3b"
+        True, "", "apply in every sub-step (explicit ones of mts) instead of the long step", "equations 6.4 3b"
     )
     implicit: bool = quantity(
         True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg"
     )
-    torque: bool = quantity(False, "", "sea floor also damps rotation", "spec 6.4 3c use_grounding_torque")
+    torque: bool = quantity(False, "", "sea floor also damps rotation", "equations 6.4 3c use_grounding_torque")
 
 
 class Contact(Group):
@@ -129,14 +126,14 @@ class Contact(Group):
         None,
         "s-2",
         "stiffness between different bergs; none means that of the ice between both centres, E / (rho (R1 + R2)^2)",
-        "spec 0.2 contact_spring_coef; none: Riftberg",
+        "KID's contact_spring_coef; none: Riftberg",
         ge=0,
     )
     distance: float = quantity(
         0.0,
         "m",
         "contact starts at max(this, R1 + R2): at 0 where the elements touch",
-        "spec 0.2 contact_distance",
+        "KID's contact_distance",
         ge=0,
     )
     on_substeps: bool = quantity(
@@ -145,72 +142,98 @@ class Contact(Group):
         "contact between bergs acts in the explicit sub-steps of mts; otherwise in the long step, which stiff ice needs shorter",
         "Riftberg; reference: long step",
     )
-    critical_damping: bool = quantity(True, "", "radial damping 2 sqrt(k)", "spec 5.2")
-    tangential_critical_damping: bool = quantity(False, "", "tangential damping a quarter of critical", "spec 5.2")
-    radial_damping: float = quantity(
-        0.0, "s-1", "radial damping where not critical", "spec 0.2 radial_damping_coef", ge=0
-    )
+    critical_damping: bool = quantity(True, "", "radial damping 2 sqrt(k)", "equations 5.2")
+    tangential_critical_damping: bool = quantity(False, "", "tangential damping a quarter of critical", "equations 5.2")
+    radial_damping: float = quantity(0.0, "s-1", "radial damping where not critical", "KID's radial_damping_coef", ge=0)
     tangential_damping: float = quantity(
-        0.0, "s-1", "tangential damping where not critical", "spec 0.2 tangental_damping_coef", ge=0
+        0.0, "s-1", "tangential damping where not critical", "KID's tangental_damping_coef", ge=0
     )
     damping_by_speed: bool = quantity(
         False,
         "",
         "multiply damping by the projected relative speed (makes it quadratic)",
-        "spec 5.2 scale_damping_by_pmag",
+        "equations 5.2, KID's scale_damping_by_pmag",
     )
-    iterate: bool = quantity(True, "", "iterate the velocity coupling to convergence", "spec 6.4 force_convergence")
-    tolerance: float = quantity(1e-4, "1", "tolerance of that iteration", "spec 6.4 convergence_tolerance", gt=0)
+    iterate: bool = quantity(
+        True, "", "iterate the velocity coupling to convergence", "equations 6.4, KID's force_convergence"
+    )
+    tolerance: float = quantity(
+        1e-4, "1", "tolerance of that iteration", "equations 6.4, KID's convergence_tolerance", gt=0
+    )
     max_iterations: int = quantity(10_000, "1", "the run stops with an error beyond this many", "Riftberg", ge=1)
 
 
 class BondParameters(Group):
     """Bonds between the elements of a berg."""
 
-    law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "spec 5")
-    packing: Packing = quantity("square", "", "square or hexagonal elements", "spec 1.4")
+    law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
+    packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4")
     spring: float | None = quantity(
         None,
         "s-2",
         "stiffness of spring bonds and of contact inside a berg; none means that of the ice between both centres, "
         "E / (rho (R1 + R2)^2)",
-        "spec 0.2 spring_coef; none: Riftberg",
+        "KID's spring_coef; none: Riftberg",
         ge=0,
     )
-    youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "spec 0.2 dem_spring_coef", ge=0)
-    poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "spec 0.2", gt=-1, lt=0.5)
-    damping: float = quantity(1.0, "1", "damping ratio of DEM bonds", "spec 0.2 dem_damping_coef", ge=0)
+    youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0)
+    poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "equations 0.2", gt=-1, lt=0.5)
+    damping: float = quantity(1.0, "1", "damping ratio of DEM bonds", "KID's dem_damping_coef", ge=0)
     objective_damping: bool = quantity(
         True, "", "damp relative motion at the contact only, so that rigid rotation is free", "Riftberg; quirk Q43"
     )
-    no_shear: bool = quantity(False, "", "leave out shear forces", "spec 5.4 ignore_tangential_force")
+    no_shear: bool = quantity(False, "", "leave out shear forces", "equations 5.4, KID's ignore_tangential_force")
     linear_bending: bool = quantity(
-        True, "", "bending moment from the angle instead of its sine", "spec 5.4 orig_dem_moment_of_inertia"
+        True, "", "bending moment from the angle instead of its sine", "equations 5.4, KID's orig_dem_moment_of_inertia"
     )
     max_bonds: int | None = quantity(
-        None, "1", "bonds of an interior element; none means 4 for squares and 6 for hexagons", "spec 0.2", ge=0, le=12
+        None,
+        "1",
+        "bonds of an interior element; none means 4 for squares and 6 for hexagons",
+        "equations 0.2",
+        ge=0,
+        le=12,
     )
     constant_size: bool = quantity(
-        False, "", "use one length and width for all interactions", "spec 1.4 constant_interaction_LW"
+        False, "", "use one length and width for all interactions", "equations 1.4, KID's constant_interaction_LW"
     )
-    constant_length: float = quantity(0.0, "m", "that length; 0 means the mean of all elements", "spec 1.4", ge=0)
-    constant_width: float = quantity(0.0, "m", "that width; 0 means the mean of all elements", "spec 1.4", ge=0)
+    constant_length: float = quantity(0.0, "m", "that length; 0 means the mean of all elements", "equations 1.4", ge=0)
+    constant_width: float = quantity(0.0, "m", "that width; 0 means the mean of all elements", "equations 1.4", ge=0)
 
 
 class Fracture(Group):
     """When a bond breaks."""
 
-    enabled: bool = quantity(True, "", "bonds can break", "spec 7 fracture_criterion")
-    normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; spec 10.5")
-    shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "spec 10.5")
-    on_substeps: bool = quantity(True, "", "test in every sub-step instead of after the long step", "spec 7.2")
+    enabled: bool = quantity(True, "", "bonds can break", "equations 7, KID's fracture_criterion")
+    normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; equations 10.5")
+    shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "equations 10.5")
+    criterion: Criterion = quantity(
+        "bond",
+        "",
+        "what is held against the strength: the stress of each bond, or (with quasi_static) the stress averaged over a "
+        "distance that is set or that follows from the toughness",
+        "paper; averaged: Taylor 2007, The Theory of Critical Distances",
+    )
+    distance: float = quantity(
+        0.0, "m", "with 'averaged': length ahead of a crack over which the mean stress counts", "Taylor 2007", ge=0
+    )
+    toughness: float = quantity(
+        0.0,
+        "Pa m1/2",
+        "with 'toughness': fracture toughness K_Ic of the ice, 1e5 to 4e5 in laboratories",
+        "Petrovic 2003",
+        ge=0,
+    )
+    on_substeps: bool = quantity(True, "", "test in every sub-step instead of after the long step", "equations 7.2")
     broken_as_contact: bool = quantity(
         True,
         "",
         "a broken bond stays as a contact pair until its ends part",
-        "spec 7.2 use_broken_bonds_for_substep_contact",
+        "equations 7.2, KID's use_broken_bonds_for_substep_contact",
     )
-    not_in_first_step: bool = quantity(False, "", "no test during the first long step", "spec 7.1 no_frac_first_ts")
+    not_in_first_step: bool = quantity(
+        False, "", "no test during the first long step", "equations 7.1, KID's no_frac_first_ts"
+    )
 
 
 class Damage(Group):
@@ -229,10 +252,10 @@ class Damage(Group):
 class Stepping(Group):
     """How the equations are stepped in time."""
 
-    scheme: Scheme = quantity("mts", "", "mts, verlet, runge_kutta or quasi_static", "spec 6; Riftberg")
-    time_step: float = quantity(1800.0, "s", "long step", "spec 10.5", gt=0)
+    scheme: Scheme = quantity("mts", "", "mts, verlet, runge_kutta or quasi_static", "equations 6; Riftberg")
+    time_step: float = quantity(1800.0, "s", "long step", "equations 10.5", gt=0)
     substeps: int | None = quantity(
-        None, "1", "sub-steps in a long step; none means the stable number", "spec 6.4 mts_sub_steps", ge=1
+        None, "1", "sub-steps in a long step; none means the stable number", "equations 6.4, KID's mts_sub_steps", ge=1
     )
     safety: float = quantity(
         0.8,
@@ -242,9 +265,9 @@ class Stepping(Group):
         gt=0,
         le=1,
     )
-    explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "spec 6.4")
+    explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "equations 6.4")
     predictor_corrector: bool = quantity(
-        True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "spec 4.2"
+        True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "equations 4.2"
     )
     landing_steps: int = quantity(
         8,
@@ -254,30 +277,30 @@ class Stepping(Group):
         ge=1,
     )
     skip_first_long_force: bool = quantity(
-        False, "", "the first long step has no long-step forces", "spec 6.4 skip_first_outer_mts_step"
+        False, "", "the first long step has no long-step forces", "equations 6.4, KID's skip_first_outer_mts_step"
     )
-    only_interactions: bool = quantity(False, "", "leave out all forces of ocean, air and floor", "spec 4.2")
-    frozen: bool = quantity(False, "", "no element moves", "spec 6.1 Static_icebergs")
+    only_interactions: bool = quantity(False, "", "leave out all forces of ocean, air and floor", "equations 4.2")
+    frozen: bool = quantity(False, "", "no element moves", "equations 6.1 Static_icebergs")
     fixed_velocity: tuple[float, float] | None = quantity(
-        None, "m s-1", "impose this velocity on all elements", "spec 4.2 override_iceberg_velocities"
+        None, "m s-1", "impose this velocity on all elements", "equations 4.2, KID's override_iceberg_velocities"
     )
-    interactions: bool = quantity(True, "", "bergs act on each other", "spec 0.2 interactive_icebergs_on")
+    interactions: bool = quantity(True, "", "bergs act on each other", "KID's interactive_icebergs_on")
 
 
 class Earth(Group):
     """Coordinates."""
 
-    latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "spec 2")
-    radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "spec 10.5", gt=0)
+    latlon: bool = quantity(True, "", "positions in degrees; otherwise metres", "equations 2")
+    radius: float = quantity(constants.EARTH_RADIUS_A68, "m", "radius of the sphere", "equations 10.5", gt=0)
     period: float = quantity(
         360.0,
         "degree or m",
         "zonal period, 0 or less if there is none; the default of 360 means none where positions are metres",
-        "spec 2.4 Lx",
+        "equations 2.4, KID's Lx",
     )
-    f_plane: bool = quantity(False, "", "constant Coriolis parameter", "spec 2.6")
+    f_plane: bool = quantity(False, "", "constant Coriolis parameter", "equations 2.6")
     reference_latitude: float = quantity(
-        0.0, "degree", "latitude of the f-plane and of Cartesian runs", "spec 2.6", ge=-90, le=90
+        0.0, "degree", "latitude of the f-plane and of Cartesian runs", "equations 2.6", ge=-90, le=90
     )
 
     @model_validator(mode="before")
@@ -390,61 +413,68 @@ class Footloose(Group):
 class Compatibility(Group):
     """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
 
-    The names of the quirks are those of the specification's catalogue (spec 11).
+    The names of the quirks are those of the list of quirks (equations 11).
     """
 
     inline_break_in_first_step: bool = quantity(
-        False, "", "Q9: bonds may break in the sub-steps of the first step in spite of not_in_first_step", "spec 7.1"
+        False,
+        "",
+        "Q9: bonds may break in the sub-steps of the first step in spite of not_in_first_step",
+        "equations 7.1",
     )
     flat_relative_velocity: bool = quantity(
         False,
         "",
         "bonds compare velocities whose axes differ by the convergence of the meridians; a hexagonal berg that turns "
         "then loads itself",
-        "spec 5.4",
+        "equations 5.4",
     )
     zero_start: bool = quantity(
-        False, "", "Q6: no initial bond force, first sub-step without its first half kick", "spec 6.4"
+        False, "", "Q6: no initial bond force, first sub-step without its first half kick", "equations 6.4"
     )
-    forcing_lag: bool = quantity(False, "", "Q5: long step n uses the forcing of step n-1", "spec 3.3")
+    forcing_lag: bool = quantity(False, "", "Q5: long step n uses the forcing of step n-1", "equations 3.3")
     sticky_collision_flags: bool = quantity(
-        False, "", "Q2: an element once in contact stays in the convergence norm", "spec 6.4"
+        False, "", "Q2: an element once in contact stays in the convergence norm", "equations 6.4"
     )
     shared_shear_lever: bool = quantity(
-        False, "", "Q10: shear torque on the partner uses the first lever arm", "spec 5.4"
+        False, "", "Q10: shear torque on the partner uses the first lever arm", "equations 5.4"
     )
     bond_thickness_of_second: bool = quantity(
-        False, "", "Q11: contact thickness always adds the difference", "spec 5.4"
+        False, "", "Q11: contact thickness always adds the difference", "equations 5.4"
     )
-    grid_position_round_trip: bool = quantity(False, "", "Q40: positions pass through cell coordinates", "spec 8.2")
-    swapped_implicit_velocity: bool = quantity(False, "", "Q1: mid-step v uses the implicit x-acceleration", "spec 6.4")
-    mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "spec 3.2")
+    grid_position_round_trip: bool = quantity(
+        False, "", "Q40: positions pass through cell coordinates", "equations 8.2"
+    )
+    swapped_implicit_velocity: bool = quantity(
+        False, "", "Q1: mid-step v uses the implicit x-acceleration", "equations 6.4"
+    )
+    mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "equations 3.2")
     uncentred_half_kicks: bool = quantity(
         False,
         "",
         "half kicks of the long step take half the Coriolis force and of the drag's speed from before the kick: first order, "
         "and inertial motion grows at f^2 dt / 4",
-        "spec 4.3",
+        "equations 4.3",
     )
     explicit_contact_damping: bool = quantity(
-        False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "spec 5.5"
+        False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "equations 5.5"
     )
-    frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "spec 4.1")
+    frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "equations 4.1")
     rest_length_from_sizes: bool = quantity(
         False,
         "",
         "the rest length of a bond is the sum of the present radii, so that melting sides strain it",
-        "spec 5.4",
+        "equations 5.4",
     )
     bergs_coupled: bool = quantity(
         False,
         "",
         "contact iteration, sub-steps and constant bond size are common to all bergs of a run, however far apart",
-        "spec 6.4",
+        "equations 6.4",
     )
-    depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "spec 3.2")
+    depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "equations 3.2")
     plain_kid_branch: bool = quantity(
-        False, "", "Q40: repulsion by cell search, attraction by bond", "spec 5.1 branch B"
+        False, "", "Q40: repulsion by cell search, attraction by bond", "equations 5.1 branch B"
     )
     bits_melt_at_zero_rates: bool = quantity(
         False, "", "T5: bits melt although melt.zero_rates says that nothing does", "files 1.4"

@@ -168,19 +168,20 @@ class Parameters(Group):
     def _combinations(self) -> Parameters:
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
             raise ValueError(
-                "bonds.law = 'dem' needs stepping.explicit_substeps = true (spec 6.4: DEM is always explicit)"
+                "bonds.law = 'dem' needs stepping.explicit_substeps = true (equations 6.4: DEM is always explicit)"
             )
         scheme = self.stepping.scheme
         if self.bonds.law == "dem" and scheme not in ("mts", "quasi_static") and self.fracture.enabled:
             raise ValueError(
                 "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
-                "or fracture.enabled = false (spec 7, quirk Q25)"
+                "or fracture.enabled = false (equations 7, quirk Q25)"
             )
         if scheme == "quasi_static" and (self.bonds.law == "spring" or self.bonds.no_shear):
             raise ValueError(
                 "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
                 "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
+        self._check_criterion()
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
             raise ValueError(
@@ -194,6 +195,23 @@ class Parameters(Group):
             )
         self._check_life()
         return self
+
+    def _check_criterion(self) -> None:
+        """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
+        f = self.fracture
+        if f.criterion == "bond" or not f.enabled:
+            return
+        if self.stepping.scheme != "quasi_static":
+            raise ValueError(
+                f"fracture.criterion = {f.criterion!r} needs the stress in equilibrium: set stepping.scheme = "
+                "'quasi_static', or fracture.criterion = 'bond'"
+            )
+        if f.criterion == "averaged" and f.distance <= 0.0:
+            raise ValueError("fracture.criterion = 'averaged' needs fracture.distance in m, above 0")
+        if f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
+            raise ValueError(
+                "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"
+            )
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose
@@ -335,7 +353,7 @@ class Parameters(Group):
 
 
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
-    """Radius of the inscribed circle of an element of the given area (spec 1.4).
+    """Radius of the inscribed circle of an element of the given area (equations 1.4).
 
     Parameters
     ----------
@@ -359,7 +377,7 @@ A68A_2022 = Parameters(
     fracture=Fracture(normal_strength=18e3, shear_strength=100e3),
     stepping=Stepping(time_step=1800.0, substeps=90),
 )
-"""Physics of the published A68a run (spec 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's."""
+"""Physics of the published A68a run (equations 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's."""
 
 A68A_2022_KID = A68A_2022.changed(
     drag={"rotational": False},

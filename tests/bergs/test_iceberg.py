@@ -89,7 +89,7 @@ def test_makeberg_rules_give_the_elements_of_the_published_run(shared):
     np.testing.assert_allclose(berg.elements.mass, mass, rtol=1e-15)
     np.testing.assert_allclose(berg.elements.width, width, rtol=1e-15)
     assert len(berg.bonds.first) == 874
-    assert berg.initial_strain * 3000 > 1.0  # the sheared columns of spec 10.5
+    assert berg.initial_strain * 3000 > 1.0  # the sheared columns of equations 10.5
 
 
 def test_observed_mask_is_filled_with_its_own_area(shared):

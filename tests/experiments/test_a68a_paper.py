@@ -128,7 +128,7 @@ def test_parameters_are_those_of_the_reference_namelist(shared: Path) -> None:
 
 
 def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
-    """Specification of the dynamics, section 10.5 (table S1 of the paper)."""
+    """Equations 10.5 (table S1 of the paper)."""
     for p in (A68A_2022_KID, A68A_2022):
         assert p.ice.density == 850.0
         assert p.earth.radius == 6_363_827.0

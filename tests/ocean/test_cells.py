@@ -1,4 +1,4 @@
-"""Cell test, coordinates in a cell, search, land and periodicity against plain twins and against theory (spec 2, 8)."""
+"""Cell test, coordinates in a cell, search, land and periodicity against plain twins and against theory (equations 2, 8)."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def test_moves_between_cells_agree_with_twin(make):
 
 
 def test_land_stops_an_element_five_percent_inside_its_cell():
-    """A step east into land ends at xi = 0.95, a step south-west into land at (0.05, 0.05) (spec 8.1)."""
+    """A step east into land ends at xi = 0.95, a step south-west into land at (0.05, 0.05) (equations 8.1)."""
     a = lake(land=[(5, 4), (3, 4), (4, 3), (3, 3)]).arrays
     i = j = a.halo + 3
     x, y, i1, j1, xi, eta, bounced = adjust_cell(4200.0, 3500.0, i, j, a)

@@ -1,4 +1,4 @@
-"""Corners, halo, metrics, land and fields of a grid (spec 2.1, 10.1, 10.5)."""
+"""Corners, halo, metrics, land and fields of a grid (equations 2.1, 10.1, 10.5)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def placed(*points):
 
 
 def test_cartesian_corners_are_those_of_the_test_cases():
-    """Corner (i, j) stands at (G i, G j), counted from 1, and so on in the halo (spec 10.1); dx = dy = G exactly."""
+    """Corner (i, j) stands at (G i, G j), counted from 1, and so on in the halo (equations 10.1); dx = dy = G exactly."""
     a = Grid.cartesian(20, 15, 1000.0, period=20_000.0).arrays
     i, j = np.arange(1 - 4, 20 + 4 + 1), np.arange(1 - 4, 15 + 4 + 1)
     np.testing.assert_array_equal(a.lon, np.broadcast_to(1000.0 * i, a.lon.shape))
@@ -38,7 +38,7 @@ def test_cartesian_corners_are_those_of_the_test_cases():
 
 
 def test_offset_moves_all_corners():
-    """The grounding test shifts corners by -0.45 m in x and y and leaves lengths alone (spec 10.4)."""
+    """The grounding test shifts corners by -0.45 m in x and y and leaves lengths alone (equations 10.4)."""
     a = Grid.cartesian(45, 45, 5000.0, period=225_000.0, offset=-0.45).arrays
     np.testing.assert_array_equal(a.lon[0, 4:49], 5000.0 * np.arange(1, 46) - 0.45)
     np.testing.assert_allclose(a.lat[:4, 0], 5000.0 * np.arange(-3, 1) - 0.45, atol=1e-9)
@@ -79,7 +79,7 @@ def test_closed_halo_is_extrapolated_linearly():
 
 
 def test_a_regional_grid_has_a_period_without_being_cyclic():
-    """The A68a grid knows that longitudes repeat after 360 degrees, but its ends are closed (spec 10.5)."""
+    """The A68a grid knows that longitudes repeat after 360 degrees, but its ends are closed (equations 10.5)."""
     a = degrees(np.random.default_rng(0)).arrays
     assert a.period == 360.0
     assert not a.cyclic
@@ -183,7 +183,7 @@ def test_an_element_on_land_is_refused():
 
 
 def test_fields_stand_still_beyond_closed_ends_except_wind_and_sea_level():
-    """Wind is 0 on the outermost west and south corner line (spec 3.1 rule 2), currents go on."""
+    """Wind is 0 on the outermost west and south corner line (equations 3.1 rule 2), currents go on."""
     a = Grid.cartesian(6, 6, 10.0)
     fields = a.fields(uo=0.2, ua=5.0, ssh=0.4, depth=300.0)
     assert fields.uo[3, 6] == 0.2
@@ -213,7 +213,7 @@ def test_values_may_come_with_ring_or_halo(shape):
 
 
 def test_a_ring_of_the_mask_is_kept():
-    """The first ring of land and sea is the caller's, further rings are land (spec 2.1)."""
+    """The first ring of land and sea is the caller's, further rings are land (equations 2.1)."""
     a = Grid.cartesian(4, 4, 10.0, mask=np.ones((6, 6))).arrays
     assert np.all(a.mask[3:9, 3:9] == 1.0)
     assert a.mask.sum() == 36.0

@@ -78,7 +78,7 @@ def test_records_may_be_held(scene):
 
 
 def test_single_fields_may_be_held(scene):
-    """The A68a run averages wind and current between hours but not sea level (spec 10.5)."""
+    """The A68a run averages wind and current between hours but not sea level (equations 10.5)."""
     grid, states, e = scene
     forcing = GriddedForcing(grid, states, [0.0, 3600.0, 7200.0], stepwise=("ssh",))
     between = mean(states[0], states[1], 0.5)._replace(ssh=states[0].ssh)

@@ -1,4 +1,4 @@
-"""Fields at the elements against plain twins and against theory (spec 3.2)."""
+"""Fields at the elements against plain twins and against theory (equations 3.2)."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_land_carries_no_slope():
 
 @pytest.mark.parametrize("even", [False, True])
 def test_quadratic_depth_is_exact(even):
-    """Biquadratic interpolation reproduces any biquadratic sea floor, sea level included (spec 3.2)."""
+    """Biquadratic interpolation reproduces any biquadratic sea floor, sea level included (equations 3.2)."""
     rng = np.random.default_rng(26)
     grid = Grid.cartesian(12, 12, 1000.0)
 
@@ -207,7 +207,7 @@ def test_coastal_drift_pushes_away_from_land():
 
 
 def test_turned_grids_give_eastward_and_northward_values():
-    """A current along the grid's axis, on a grid turned by 30 degrees: u' = C u + S v, v' = C v - S u (spec 3.2)."""
+    """A current along the grid's axis, on a grid turned by 30 degrees: u' = C u + S v, v' = C v - S u (equations 3.2)."""
     x, y = np.meshgrid(np.arange(1.0, 9.0) * 1000.0, np.arange(1.0, 9.0) * 1000.0)
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     grid = Grid.from_corners(x, y, latlon=False, period=0.0, cos_angle=c, sin_angle=s)
@@ -218,7 +218,7 @@ def test_turned_grids_give_eastward_and_northward_values():
 
 
 def test_random_words_are_those_of_the_published_generator():
-    """The draws come from MT19937 seeded per cell, two words per element, last row first (spec 3.2)."""
+    """The draws come from MT19937 seeded per cell, two words per element, last row first (equations 3.2)."""
     rng = np.random.default_rng(31)
     grid = square_lakes(rng)
     ssh = rng.normal(size=grid.arrays.mask.shape)

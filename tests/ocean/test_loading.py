@@ -1,4 +1,4 @@
-"""From a caller's fields to the model's: staggering, stress, land and gaps (spec 3.1)."""
+"""From a caller's fields to the model's: staggering, stress, land and gaps (equations 3.1)."""
 
 from __future__ import annotations
 

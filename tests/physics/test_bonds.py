@@ -1,4 +1,4 @@
-"""The DEM bond against its twin: parts, the composed law of spec 5.4 on both ends, and what the law must obey."""
+"""The DEM bond against its twin: parts, the composed law of equations 5.4 on both ends, and what the law must obey."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def law(**changes):
 
 
 def composed(one, two, s, law, dt):
-    """The bond law put together from the kernels in the order of spec 5.4; same result as `twins.bonds.pair`."""
+    """The bond law put together from the kernels in the order of equations 5.4; same result as `twins.bonds.pair`."""
     rx, ry = one.r - two.r
     dist = float(np.hypot(rx, ry))
     nx, ny = rx / dist, ry / dist
@@ -186,7 +186,7 @@ def test_section_equals_twin(r1, r2, t1, t2, stretch, quirk):
 
 
 def test_section_of_equal_elements_is_their_own():
-    """W = 2 R and H = T (spec 5.4), pressed or stretched."""
+    """W = 2 R and H = T (equations 5.4), pressed or stretched."""
     for dist in (2700.0, 3000.0, 3300.0):
         assert bonds.bond_section(1500.0, 0.0, 200.0, 0.0, bonds.overlap(3000.0, dist), dist) == (3000.0, 200.0)
 

@@ -1,4 +1,4 @@
-"""KID's pair law against its twin: parts, the composed law of spec 5.2, and what the law must obey."""
+"""KID's pair law against its twin: parts, the composed law of equations 5.2, and what the law must obey."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ flag = st.booleans()
 
 
 def composed(r, rest, stiffness, masses, options, u2, u0, u1):
-    """Spring acceleration, tensor P and vector p of element 1, composed from the kernels (spec 5.2)."""
+    """Spring acceleration, tensor P and vector p of element 1, composed from the kernels (equations 5.2)."""
     critical, tangential_critical, radial, tangential, by_speed = options
     d = float(np.hypot(*r))
     nx, ny = r[0] / d, r[1] / d

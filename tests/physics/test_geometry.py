@@ -135,7 +135,7 @@ def test_polar_plane_equals_twin_and_comes_back(lon, lat):
     plane = geometry.to_tangent_plane(lon, lat, RADIUS)
     assert_same(plane, twin.to_plane(lon, lat, RADIUS))
     back = geometry.from_tangent_plane(*plane, RADIUS)
-    # the arc cosine of spec 2.3 loses half the digits where the cosine is near 1
+    # the arc cosine of equations 2.3 loses half the digits where the cosine is near 1
     assert back[0] == pytest.approx(lon, abs=3e-6)
     assert back[1] == pytest.approx(lat, abs=1e-12)
 

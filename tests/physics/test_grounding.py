@@ -35,7 +35,7 @@ def test_ramp_at_both_ends_and_between(clearance, expected):
 
 
 def test_step_without_ramp_is_strict():
-    """A keel that just touches is not aground (spec 4.1: D > od)."""
+    """A keel that just touches is not aground (equations 4.1: D > od)."""
     assert grounding.grounded_fraction(165.0, 165.0, 0.0) == 0.0
     assert grounding.grounded_fraction(np.nextafter(165.0, 0.0), 165.0, 0.0) == 1.0
     assert grounding.grounded_fraction(np.nextafter(165.0, 200.0), 165.0, 0.0) == 0.0

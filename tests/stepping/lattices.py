@@ -119,7 +119,7 @@ def _bonds(el, places, r):
 
 
 def partners_of(el, bonds, p, *, multiple):
-    """Partners by the rules of spec 5.1, as the steppers gather them; all within far more than reach."""
+    """Partners by the rules of equations 5.1, as the steppers gather them; all within far more than reach."""
     none = no_pairs(el.mass.size)
 
     def partners(*lists):

@@ -262,7 +262,7 @@ def test_long_step_with_spring_bonds_equals_twin(options):
 
 
 def test_twin_of_the_slow_solve_satisfies_its_own_equation():
-    """The twin is not only a copy: its matrix equation holds for the acceleration that it gives (spec 4.3)."""
+    """The twin is not only a copy: its matrix equation holds for the acceleration that it gives (equations 4.3)."""
     p = parameters(stepping={"only_interactions": True})
     el, bonds = lattice(1, p)
     items, links = unpack(el), unpack(bonds)

@@ -1,4 +1,4 @@
-"""Twin of the DEM bond law, spec 5.4, evaluated whole for one pair, with in-line fracture as in 7.2."""
+"""Twin of the DEM bond law, equations 5.4, evaluated whole for one pair, with in-line fracture as in 7.2."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def cross(a, b):
 
 
 def section(ends, half_overlap, length, *, thickness_of_second):
-    """Width and thickness at the contact (spec 5.4, Q11).
+    """Width and thickness at the contact (equations 5.4, Q11).
 
     ``ends`` holds (radius, thickness) of elements 1 and 2; with ``thickness_of_second`` the size of the difference is
     added as the reference does, else the thickness is linear between the two centres.
@@ -104,7 +104,7 @@ def pair(one, two, s, law, dt):
 
 
 def after_fracture(bond, breaks):
-    """Contribution of a bond in the evaluation in which it breaks (spec 7.2).
+    """Contribution of a bond in the evaluation in which it breaks (equations 7.2).
 
     Only a bond that fails in shear while compressed still pushes and damps once, without torques; its damper acts on
     the velocities of the centres, because a force at the contact would need its torque.

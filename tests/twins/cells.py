@@ -1,4 +1,4 @@
-"""Twin of the cell geometry, spec 2.4, 2.5, 8.1, with the specification's own indices, counted from 1."""
+"""Twin of the cell geometry, equations 2.4, 2.5, 8.1, with the own indices of the reference, counted from 1."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass
 class PlainGrid:
-    """A grid addressed as in the specification: ``at("lon", i, j)`` is lon(i, j)."""
+    """A grid addressed as in the equations: ``at("lon", i, j)`` is lon(i, j)."""
 
     data: dict
     halo: int
@@ -44,12 +44,12 @@ class PlainGrid:
 
 
 def modulo(x, y, length):
-    """mod_L(x; y), spec 2.4."""
+    """mod_L(x; y), equations 2.4."""
     return ((x - (y - length / 2)) % length) + (y - length / 2) if length > 0 else x
 
 
 def in_cell(grid, x, y, i, j):
-    """is_point_in_cell, spec 2.5."""
+    """is_point_in_cell, equations 2.5."""
     corners = grid.corners(i, j)
     xs = [modulo(cx, x, grid.period) for cx, _ in corners]
     ys = [cy for _, cy in corners]
@@ -73,7 +73,7 @@ def in_cell(grid, x, y, i, j):
 
 
 def inverse_bilinear(x, y, corners, period):
-    """(xi, eta) by the formulas of spec 2.5 as they stand."""
+    """(xi, eta) by the formulas of equations 2.5 as they stand."""
     (x1, y1), (x2, y2), (x3, y3), (x4, y4) = corners
     alpha, delta, beta, epsilon = x2 - x1, y2 - y1, x4 - x1, y4 - y1
     gamma, kappa = (x3 - x1) - (alpha + beta), (y3 - y1) - (delta + epsilon)
@@ -83,7 +83,7 @@ def inverse_bilinear(x, y, corners, period):
     if abs(a) > 1e-12:
         root = math.sqrt(b * b / 4 - a * c)
         roots = [-(b / 2 + root) / a, -(b / 2 - root) / a]
-        # Not in the specification: eta = 1 solves every triangle with its tip in the north, and is then not wanted.
+        # Not in the equations: eta = 1 solves every triangle with its tip in the north, and is then not wanted.
         if math.hypot(x4 - x3, y4 - y3) == 0.0:
             roots.remove(min(roots, key=lambda value: abs(value - 1.0)))
         eta = min(roots, key=lambda value: abs(value - 0.5))
@@ -98,12 +98,12 @@ def inverse_bilinear(x, y, corners, period):
 
 
 def plane(lon, lat):
-    """Map to the plane (90 - lat)(cos lon, sin lon) of spec 2.5."""
+    """Map to the plane (90 - lat)(cos lon, sin lon) of equations 2.5."""
     return (90 - lat) * math.cos(math.radians(lon)), (90 - lat) * math.sin(math.radians(lon))
 
 
 def position(grid, x, y, i, j):
-    """pos_within_cell, spec 2.5: (xi, eta, flag)."""
+    """pos_within_cell, equations 2.5: (xi, eta, flag)."""
     flag, corners = in_cell(grid, x, y, i, j), grid.corners(i, j)
     if grid.regular and not grid.latlon:
         hx = abs(grid.at("lon", i, j) - grid.at("lon", i - 1, j))
@@ -120,7 +120,7 @@ def position(grid, x, y, i, j):
 
 
 def bilinear(grid, field, i, j, xi, eta):
-    """Bilinear value of a corner field, spec 3.2."""
+    """Bilinear value of a corner field, equations 3.2."""
     ne, nw = grid.of_field(field, i, j), grid.of_field(field, i - 1, j)
     se, sw = grid.of_field(field, i, j - 1), grid.of_field(field, i - 1, j - 1)
     return (ne * xi + nw * (1 - xi)) * eta + (se * xi + sw * (1 - xi)) * (1 - eta)
@@ -132,7 +132,7 @@ def clipped(value):
 
 
 def adjust(grid, x, y, i, j):
-    """adjust_index_and_ground, spec 8.1: (x, y, i, j, xi, eta, bounced)."""
+    """adjust_index_and_ground, equations 8.1: (x, y, i, j, xi, eta, bounced)."""
     xi, eta, flag = position(grid, x, y, i, j)
     if flag:
         return x, y, i, j, xi, eta, False

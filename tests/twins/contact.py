@@ -1,4 +1,4 @@
-"""Twin of KID's pair law, spec 5.2, and of contact inside a berg, spec 5.5."""
+"""Twin of KID's pair law, equations 5.2, and of contact inside a berg, equations 5.5."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Twin of spec 2.6."""
+"""Twin of equations 2.6."""
 
 from __future__ import annotations
 

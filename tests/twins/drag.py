@@ -1,4 +1,4 @@
-"""Twin of the drag coefficients of spec 4.1, and of Riftberg's rotational drag by summing rings of the base."""
+"""Twin of the drag coefficients of equations 4.1, and of Riftberg's rotational drag by summing rings of the base."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elements and bonds as plain lists of namespaces, and their sizes in interactions (spec 1.4)."""
+"""Elements and bonds as plain lists of namespaces, and their sizes in interactions (equations 1.4)."""
 
 from __future__ import annotations
 

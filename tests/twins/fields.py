@@ -1,4 +1,4 @@
-"""Twin of the interpolation to elements, spec 3.2, one element at a time, with the specification's own indices."""
+"""Twin of the interpolation to elements, equations 3.2, one element at a time, with the own indices of the reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Twin of the footloose mechanism of the files' specification, section 2."""
+"""Twin of the footloose mechanism of files 2."""
 
 from __future__ import annotations
 

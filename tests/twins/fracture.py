@@ -1,4 +1,4 @@
-"""Twin of the stress criterion of spec 7."""
+"""Twin of the stress criterion of equations 7."""
 
 from __future__ import annotations
 

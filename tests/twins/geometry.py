@@ -1,4 +1,4 @@
-"""Twin of spec 2.2 (metric), 2.3 (polar plane), 8.2 (nearest image) and the position update of 6.2 and 6.4."""
+"""Twin of equations 2.2 (metric), 2.3 (polar plane), 8.2 (nearest image) and the position update of 6.2 and 6.4."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def metric(latitude, latlon, radius):
-    """Metres per unit of x and of y (spec 2.2)."""
+    """Metres per unit of x and of y (equations 2.2)."""
     if not latlon:
         return np.array([1.0, 1.0])
     return np.array([np.pi / 180 * radius * np.cos(np.radians(latitude)), np.pi / 180 * radius])
@@ -37,7 +37,7 @@ def to_plane(lon, lat, radius):
 
 
 def from_plane(point, radius):
-    """Longitude and latitude of a point of the polar plane (arc cosine and sign as in spec 2.3)."""
+    """Longitude and latitude of a point of the polar plane (arc cosine and sign as in equations 2.3)."""
     x, y = point
     distance = np.hypot(x, y)
     lon = np.degrees(np.arccos(x / distance)) * (1.0 if y >= 0 else -1.0)
@@ -45,7 +45,7 @@ def from_plane(point, radius):
 
 
 def rotation(lon):
-    """Matrix from (east, north) to the polar plane (spec 2.3); it is orthogonal, so its transpose goes back."""
+    """Matrix from (east, north) to the polar plane (equations 2.3); it is orthogonal, so its transpose goes back."""
     c, s = np.cos(np.radians(lon)), np.sin(np.radians(lon))
     return np.array([[-s, -c], [c, -s]])
 

@@ -1,4 +1,4 @@
-"""Twin of the grounding drag of spec 4.1, 6.4 (3b) and the rotational one of 6.4 (3c)."""
+"""Twin of the grounding drag of equations 4.1, 6.4 (3b) and the rotational one of 6.4 (3c)."""
 
 from __future__ import annotations
 

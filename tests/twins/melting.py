@@ -1,4 +1,4 @@
-"""Twins of the melt laws of the files' specification, section 1: slow, plain, in the order of its text."""
+"""Twins of the melt laws of files 1: slow, plain, in the order of its text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Twin of the pieces of the semi-implicit velocity equation of spec 4.2."""
+"""Twin of the pieces of the semi-implicit velocity equation of equations 4.2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Twin of the rolling rules of the files' specification, section 1.11."""
+"""Twin of the rolling rules of files 1.11."""
 
 from __future__ import annotations
 

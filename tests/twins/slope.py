@@ -1,4 +1,4 @@
-"""Twin of the pressure gradient of spec 4.1."""
+"""Twin of the pressure gradient of equations 4.1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Twin of the spreading on ocean cells: polygons of shapely, and the reference's rules written out (spec of files 4)."""
+"""Twin of the spreading on ocean cells: polygons of shapely, and the reference's rules written out (files 4)."""
 
 from __future__ import annotations
 

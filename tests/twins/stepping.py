@@ -1,4 +1,4 @@
-"""Twin of whole steps: Verlet (spec 6.2), Runge-Kutta (6.3) and the multiple-time-step scheme (6.4).
+"""Twin of whole steps: Verlet (equations 6.2), Runge-Kutta (6.3) and the multiple-time-step scheme (6.4).
 
 Cells, land and environment are not updated here: the environment that the elements carry holds for the step.
 """
@@ -68,7 +68,7 @@ def runge_kutta_step(elements, bonds, p, dt, *, mean_speeds=False):
 
 
 def closing_half_kick(elements, bonds, p, dt):
-    """PART 1 of spec 6.4: slow accelerations and synchronised velocities, by Jacobi passes until they settle.
+    """PART 1 of equations 6.4: slow accelerations and synchronised velocities, by Jacobi passes until they settle.
 
     The flags of Q2 are kept from earlier steps with ``p.sticky_collision_flags``, else cleared first.
 
@@ -114,7 +114,7 @@ def closing_half_kick(elements, bonds, p, dt):
 
 
 def opening_half_kick(elements, p, dt):
-    """PART 2 of spec 6.4: first slow half kick from the synchronised velocity."""
+    """PART 2 of equations 6.4: first slow half kick from the synchronised velocity."""
     elements = copies(elements)
     for e in elements:
         if not moves(e):
@@ -128,7 +128,7 @@ def opening_half_kick(elements, p, dt):
 
 
 def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_break=False, wears=False, time=0.0):
-    """One long step of spec 6.4 without the cell update at its end.
+    """One long step of equations 6.4 without the cell update at its end.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Twin of one sub-step of the multiple-time-step scheme: spec 5.3, 5.4, 5.5, 6.4 (3a to 3d) and 7.2."""
+"""Twin of one sub-step of the multiple-time-step scheme: equations 5.3, 5.4, 5.5, 6.4 (3a to 3d) and 7.2."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def end(e, p, position):
 
 
 def contact_inside(e, c, p, u0, sizes, span=0.0):
-    """Contact of two elements of one berg (spec 5.5): acceleration of ``e``."""
+    """Contact of two elements of one berg (equations 5.5): acceleration of ``e``."""
     (r1, m1, _), (r2, m2, _) = sizes(e, p), sizes(c, p)
     stiffness = contact.stiffness(p.spring, p.modulus, r1 + r2)
     damping = contact.coefficients(
@@ -79,7 +79,7 @@ def contact_inside(e, c, p, u0, sizes, span=0.0):
 
 
 def searched(k, elements, bonds, p):
-    """Partners of element ``k`` in the search inside the berg (spec 5.3, item 2), unmarked ones only."""
+    """Partners of element ``k`` in the search inside the berg (equations 5.3, item 2), unmarked ones only."""
     e = elements[k]
     marked = set(bonded_to(k, bonds, 0)) | set(bonded_to(k, bonds, 1))
     return [
@@ -133,7 +133,7 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=Fa
 
 
 def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, wears=False):
-    """Spec 5.3 with DEM: accelerations (list of arrays) and spin rates; ``elements`` and ``bonds`` are changed.
+    """Equations 5.3 with DEM: accelerations (list of arrays) and spin rates; ``elements`` and ``bonds`` are changed.
 
     Contact pairs are the bonds that were broken before this evaluation, or those that a search finds.
     """
@@ -168,7 +168,7 @@ def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, wear
 
 
 def spring_accelerations(elements, bonds, p):
-    """Spec 5.3 without DEM: KID's bonds and contact inside the berg, explicit."""
+    """Equations 5.3 without DEM: KID's bonds and contact inside the berg, explicit."""
     accelerations = []
     for k, e in enumerate(elements):
         u0, own = vector(e, "u"), vector(e, "u_pair")
@@ -200,7 +200,7 @@ def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, wears
     dt : float
         Sub-step, s.
     may_break : bool
-        Test for fracture in line (spec 7.2).
+        Test for fracture in line (equations 7.2).
     wears : bool
         Let stress take from the strength of the bonds.
     time : float
@@ -239,7 +239,7 @@ def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, wears
 
 
 def implicit_substep(elements, bonds, p, dt):
-    """3a to 3c with the implicit solver of spec 4.3, repeated until the velocities settle if ``p.iterate``.
+    """3a to 3c with the implicit solver of equations 4.3, repeated until the velocities settle if ``p.iterate``.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Twin of the slow acceleration of one element given its neighbours (spec 4.1, 4.2, 4.3, 5.1, 5.2)."""
+"""Twin of the slow acceleration of one element given its neighbours (equations 4.1, 4.2, 4.3, 5.1, 5.2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NOTHING = (np.zeros(2), np.zeros((2, 2)), np.zeros(2))
 
 
 def surroundings(e, p, *, latitude, multiple):
-    """External forces of spec 4.1 on one element; ``multiple`` selects the rules of the MTS routine."""
+    """External forces of equations 4.1 on one element; ``multiple`` selects the rules of the MTS routine."""
     keel = draft(e, p)
     freeboard = e.thickness - keel
     ice = min(e.ice_thickness, keel)
@@ -59,14 +59,14 @@ def total(terms):
 
 
 def kid_terms(k, elements, bonds, p, u0, u1, *, inside, outside, multiple, plain=False):
-    """Sum over the partners of element ``k`` (spec 5.1).
+    """Sum over the partners of element ``k`` (equations 5.1).
 
     Parameters
     ----------
     inside, outside : bool
         Whether part A1 (own berg) and part A2 (other bergs) act.
     multiple : bool
-        Bonded pairs use the constant size in MTS only (spec 1.4, v).
+        Bonded pairs use the constant size in MTS only (equations 1.4, v).
     plain : bool
         Branch B.
     """
@@ -93,7 +93,7 @@ def solve(
     e, env, pairs, p, dt, *, u_star, u0, u_stage=None, share=1.0, stage=False, mean_speeds=True, only=False,
     centred=False,
 ):  # fmt: skip
-    """Two-pass semi-implicit solve of spec 4.2 and 4.3.
+    """Two-pass semi-implicit solve of equations 4.2 and 4.3.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def solve(
 
 
 def verlet_acceleration(k, elements, bonds, p, dt):
-    """Single-step Verlet, spec 4.2; partners by branch A or B of spec 5.1."""
+    """Single-step Verlet, equations 4.2; partners by branch A or B of equations 5.1."""
     e = elements[k]
     u0 = vector(e, "u")
 
@@ -174,7 +174,7 @@ def verlet_acceleration(k, elements, bonds, p, dt):
 
 
 def stage_acceleration(k, elements, bonds, p, dt_stage, u_stage, latitude, *, mean_speeds=False):
-    """Runge-Kutta variant of spec 4.2 for one stage; positions of pairs are those shown at the start."""
+    """Runge-Kutta variant of equations 4.2 for one stage; positions of pairs are those shown at the start."""
     e = elements[k]
     u0 = vector(e, "u")
 
@@ -202,7 +202,7 @@ def stage_acceleration(k, elements, bonds, p, dt_stage, u_stage, latitude, *, me
 
 
 def slow_acceleration(k, elements, bonds, p, dt):
-    """Long step of MTS, spec 4.3: environment and collisions with other bergs, applied as two half kicks."""
+    """Long step of MTS, equations 4.3: environment and collisions with other bergs, applied as two half kicks."""
     e = elements[k]
     u0 = vector(e, "u")
 
@@ -219,7 +219,7 @@ def slow_acceleration(k, elements, bonds, p, dt):
 
 
 def implicit_acceleration(k, elements, bonds, p, dt):
-    """Implicit sub-step of MTS, spec 4.3 (part 3): own berg only, no environment."""
+    """Implicit sub-step of MTS, equations 4.3 (part 3): own berg only, no environment."""
     e = elements[k]
     u0 = vector(e, "u")
     u_star = u0 + dt / 2 * (vector(e, "a_fast") + vector(e, "b_fast"))

@@ -1,4 +1,4 @@
-"""Twin of the wave radiation force of spec 4.1."""
+"""Twin of the wave radiation force of equations 4.1."""
 
 from __future__ import annotations
 

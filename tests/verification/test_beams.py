@@ -1,4 +1,4 @@
-"""Bending beams against the theory of elastic beams (spec 10.3)."""
+"""Bending beams against the theory of elastic beams (equations 10.3)."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def test_inertial_circle(agrees, latitude, scheme) -> None:
 
 
 def balance(velocity, current, wind, sea_ice, slope, f, scale):
-    """Sum of all external accelerations on an element at rest in its drift (spec 4.1)."""
+    """Sum of all external accelerations on an element at rest in its drift (equations 4.1)."""
     u = np.asarray(velocity)
     uo, ua, ui = np.array(current), np.array(wind), np.array(sea_ice[:2])
     ice = sea_ice[2]

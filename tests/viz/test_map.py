@@ -52,7 +52,7 @@ def test_elements_have_their_true_area_and_orientation(packing: Any, corners: in
 
 def test_neighbouring_hexagons_share_an_edge() -> None:
     corners = corner_offsets("hexagonal")
-    inner = math.sqrt(1.0 / (2.0 * math.sqrt(3.0)))  # radius of the inscribed circle for area 1 (spec 1.4)
+    inner = math.sqrt(1.0 / (2.0 * math.sqrt(3.0)))  # radius of the inscribed circle for area 1 (equations 1.4)
     north = corners[np.argsort(corners[:, 1])[-2:]]
     assert north[:, 1] == pytest.approx([inner, inner])
 

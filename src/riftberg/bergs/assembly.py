@@ -115,7 +115,7 @@ def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None
 
 
 def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
-    """Radius (m) of the inscribed circle of bonded elements (spec 1.4)."""
+    """Radius (m) of the inscribed circle of bonded elements (equations 1.4)."""
     return np.sqrt(elements.body.length * elements.body.width * inscribed_share(elements, packing))
 
 

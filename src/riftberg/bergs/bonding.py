@@ -1,6 +1,6 @@
 """Which elements are bonded: a rule on the distance of their centres, among the pairs that `riftberg.state.neighbours` finds.
 
-Source: specification of the dynamics, section 1.3 (and quirk Q14 for the factor 1.25).
+Source: equations 1.3 (and quirk Q14 for the factor 1.25).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class BondRule:
 
 @dataclass(frozen=True)
 class Metric:
-    """How differences of position become metres (specification, section 2.2).
+    """How differences of position become metres (equations 2.2).
 
     Attributes
     ----------

@@ -177,7 +177,7 @@ class Iceberg(BondedBerg):
             Value above which there is ice; 0.5 for masks, 0 where ``source`` is a thickness. In masks of fractions the
             edge lies where bilinear values reach it, in others half way between cells of ice and others.
         rules : {"lattice", "makeberg"}
-            ``"makeberg"``: exactly the elements of the reference's script (spec 10.5); it implies ``conformal=False``,
+            ``"makeberg"``: exactly the elements of the reference's script (equations 10.5); it implies ``conformal=False``,
             longitudes from 0 to 360, and neither rotation, placement nor offset.
         reference_latitude, spacing : float
             For ``"makeberg"``: latitude that scales longitudes, and spacing (m) of the resampled mask.

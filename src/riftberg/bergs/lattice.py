@@ -1,6 +1,6 @@
 """Square and hexagonal packing of a plane region with equal elements.
 
-Spec (thermodynamics ...) 8.2: positions are relative to the lower-left corner of the region; the first column stands
+Files 8.2: positions are relative to the lower-left corner of the region; the first column stands
 half an element inside. Coordinates are metres in a plane; `riftberg.bergs.placement` brings them to the sphere.
 """
 
@@ -84,7 +84,7 @@ class Lattice:
 
 
 def element_area(radius: float, packing: Packing) -> float:
-    """Plan area (m2) of an element whose inscribed circle has this radius (m); spec 8.2.
+    """Plan area (m2) of an element whose inscribed circle has this radius (m); equations 8.2.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def lattice_points(
     packing : {"square", "hexagonal"}
         Packing.
     offset : tuple of float
-        Shift of the lattice as parts (0 to 1) of the pitch; (0, 0) is the rule of spec 8.2.
+        Shift of the lattice as parts (0 to 1) of the pitch; (0, 0) is the rule of equations 8.2.
     """
     x0, y0, x1, y1 = bounds
     dx, dy = pitch(radius, packing)

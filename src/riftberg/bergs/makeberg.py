@@ -1,4 +1,4 @@
-"""The rules by which the reference's scripts turn a gridded mask into elements (spec 10.5; thermodynamics 8.2, 8.3).
+"""The rules by which the reference's scripts turn a gridded mask into elements (equations 10.5; thermodynamics 8.2, 8.3).
 
 They are kept for parity: the published A68a run starts from what they give. Two of their habits are deliberate copies:
 the mask is counted from its first point while positions are measured from half a cell further south-west, and every

@@ -71,7 +71,7 @@ class Placing(NamedTuple):
     offset : tuple of float, optional
         Shift of the lattice as parts of its pitch; by default that with the smallest error of area.
     conformal : bool
-        Bonds start without strain; False is the rule of the reference (spec 8.3.8).
+        Bonds start without strain; False is the rule of the reference (files 8.3).
     """
 
     rotation: float = 0.0

@@ -1,7 +1,7 @@
 """From a plane to the sphere: where lattice points lie in longitude and latitude, and what strain that causes.
 
-The model measures the distance of two elements with the cosine of their mean latitude (spec 2.2). A berg whose
-longitudes are laid out with each element's own latitude (the rule of the reference, spec 8.3.8) therefore starts with
+The model measures the distance of two elements with the cosine of their mean latitude (equations 2.2). A berg whose
+longitudes are laid out with each element's own latitude (the rule of the reference, files 8.3) therefore starts with
 stretched bonds. Here a lattice is brought to the sphere with an equal-area map of the tangent plane, and then moved
 by the smallest displacements (decimetres) that make bonded distances equal to their rest length. On a curved surface
 this succeeds exactly for square packing, whose cells may shear a little, and nearly for hexagonal packing, which is
@@ -37,7 +37,7 @@ class FillingPlane(Protocol):
 
 @dataclass(frozen=True)
 class ReferencePlane:
-    """The rule of the reference (spec 8.3.2 and 8.3.8): one latitude on the way in, each element's own on the way out.
+    """The rule of the reference (files 8.3 and 8.3.8): one latitude on the way in, each element's own on the way out.
 
     Attributes
     ----------

@@ -2,7 +2,7 @@
 
 Hourly OSCAR currents, DUACS sea level and NCEP wind of December 2020 on the 1/8 degree grid, the 472 elements of the
 published initial state, and the artificial shoal: all water north-east of one corner. 432 hours from 9 December 13:00.
-Source: specification of the dynamics, section 10.5.
+Source: equations 10.5.
 """
 
 from __future__ import annotations

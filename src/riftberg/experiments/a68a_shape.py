@@ -2,7 +2,7 @@
 
 The rows are those of the 472 elements of the published run: Huth, Adcroft, Sergienko and Khan (2022), Science
 Advances 8, eabq6974, whose `icebergs.res.nc` (github.com/alex-huth/iKID_iceberg_A68a, b0bfa83) follows from the outline
-of 9 December by the rules of the specification, 10.5. They stand 0.1 degree south of the observed berg there.
+of 9 December by the rules of equations 10.5. They stand 0.1 degree south of the observed berg there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Beams under a load: the supported beam and the cantilever of Huth et al. (spec 10.3).
+"""Beams under a load: the supported beam and the cantilever of Huth et al. (equations 10.3).
 
 A beam of elements bends as the elastic beam of the same section does, which tests normal force, shear and bending of the
 bonds together. With Riftberg's own numerics a drag of the sea floor, linear in velocity, brings the beam to rest: it does
@@ -118,13 +118,13 @@ SUPPORTED = Beam(
     columns=29, rows=1, radius=0.25, thickness=1.0, density=800.0, youngs_modulus=1e9, load=1.5e5, slowest=8.1,
     damping=0.1, time_step=1.0, substeps=100_000, duration=10.0,
 )  # fmt: skip
-"""Simply supported beam of 14 m with a load at mid-span (spec 10.3)."""
+"""Simply supported beam of 14 m with a load at mid-span (equations 10.3)."""
 
 CANTILEVER = Beam(
     columns=30, rows=3, radius=2500.0, thickness=1.0, density=900.0, youngs_modulus=1e9, load=1.5e10, slowest=7.6e-4,
     damping=0.7, time_step=100.0, substeps=2000, duration=30_000.0,
 )  # fmt: skip
-"""Clamped beam of 145 km with a load at its end (spec 10.3)."""
+"""Clamped beam of 145 km with a load at its end (equations 10.3)."""
 
 
 def supported_beam(beam: Beam = SUPPORTED) -> Iceberg:

@@ -1,4 +1,4 @@
-"""Two small hexagonal bergs that a converging current drives into each other (spec 10.2), in a periodic channel."""
+"""Two small hexagonal bergs that a converging current drives into each other (equations 10.2), in a periodic channel."""
 
 from __future__ import annotations
 

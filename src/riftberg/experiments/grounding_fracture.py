@@ -1,4 +1,4 @@
-"""A tabular berg that drifts onto a seamount and breaks (spec 10.4)."""
+"""A tabular berg that drifts onto a seamount and breaks (equations 10.4)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """KID's bond restart ``bonds_iceberg.res.nc``: directed bonds, each physical bond twice.
 
-Source: specification of files, section 6.3 (as intended by KID's older file layer; quirk T33 of the newer one).
+Source: files 6.3 (as intended by KID's older file layer; quirk T33 of the newer one).
 """
 
 from __future__ import annotations

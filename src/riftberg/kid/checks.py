@@ -1,6 +1,6 @@
 """Checks of a KID run before its first step: what calving would change although it is off, and elements that cannot be.
 
-Source: specification of files, section 3.2.
+Source: files 3.2.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """KID's stand-alone driver: grid, forcing, length and calendar of its runs.
 
-Source: specification of the dynamics, sections 3.1 and 10.1 to 10.5; of the files, sections 7.2 and 8.9.
+Source: equations 3.1 and 10.1 to 10.5; files 7.2 and 8.9.
 """
 
 from __future__ import annotations

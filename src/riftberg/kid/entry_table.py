@@ -1,6 +1,6 @@
 """The one table of KID's namelist entries: type, default, unit, meaning, and what Riftberg does with each.
 
-Source: specification of thermodynamics and files, sections 7.1 and 7.2. `riftberg.kid.entries` looks things up here.
+Source: files 7.1 and 7.2. `riftberg.kid.entries` looks things up here.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""KID's 64-bit identifiers of elements: a counter and the cell of creation (specification of files, section 0.4)."""
+"""KID's 64-bit identifiers of elements: a counter and the cell of creation (files 0.4)."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def new_identifiers(elements: Elements, grid: Grid, seam: bool = False) -> Ints:
 
 
 class IdentifierCounter:
-    """Identifiers for what is born in a run: each cell counts its own (specification of files, section 0.4).
+    """Identifiers for what is born in a run: each cell counts its own (files 0.4).
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Melt, rolling and footloose calving of a KID run, attached with KID's own rules.
 
-Source: specification of thermodynamics and files, sections 1 and 2; quirks T5 to T13, T44 to T46.
+Source: files 1 and 2; quirks T5 to T13, T44 to T46.
 """
 
 from __future__ import annotations

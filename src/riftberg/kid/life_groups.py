@@ -1,4 +1,4 @@
-"""The parameter groups ``melt``, ``rolling`` and ``footloose`` of a KID namelist (specification of files, section 7.1)."""
+"""The parameter groups ``melt``, ``rolling`` and ``footloose`` of a KID namelist (files 7.1)."""
 
 from __future__ import annotations
 

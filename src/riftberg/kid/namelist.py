@@ -2,7 +2,7 @@
 
 Only the groups ``icebergs_nml`` and ``icebergs_driver_nml`` matter; others (of FMS) are named in the report and not
 read. Accepted beyond the standard: texts without quotes (``traj_name=KID.nc``), whole numbers written as reals
-(``mts_sub_steps=1e5``), any of ``T``, ``.true.``, ``true`` for logicals (specification of files, section 7.1).
+(``mts_sub_steps=1e5``), any of ``T``, ``.true.``, ``true`` for logicals (files 7.1).
 """
 
 from __future__ import annotations

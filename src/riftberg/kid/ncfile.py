@@ -1,6 +1,6 @@
 """Reading and writing of KID's one-dimensional NetCDF files, with errors that name file and variable.
 
-Source: specification of files, section 6.1.
+Source: files 6.1.
 """
 
 from __future__ import annotations

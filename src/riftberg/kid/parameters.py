@@ -1,6 +1,6 @@
 """From KID's namelists to Riftberg's parameters, with KID's derived rules.
 
-Source: specification of the dynamics, sections 0.2, 5.1, 6.4, 7 and the catalogue of quirks (11).
+Source: equations 0.2, 5.1, 6.4, 7 and the catalogue of quirks (11).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """KID's restart files ``icebergs.res.nc``: reading into elements, and writing in the same layout.
 
-Source: specification of files, sections 6.1, 6.2; initial values of the state: dynamics, section 1.1.
+Source: files 6.1, 6.2; initial values of the state: dynamics, section 1.1.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """KID's trajectory files: elements (short or long record) and bonds.
 
-Names are KID's own, with their spelling. Source: specification of files, section 6.5; sampling: dynamics, section 12.
+Names are KID's own, with their spelling. Source: files 6.5; sampling: dynamics, section 12.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A berg of one element follows the rules of the reference. A berg of many elements, which the reference refuses, is cut at its
 edges: the feet of all its elements count together, a piece takes from each element as much area as that has part in the
-foot, and all of it goes to the bits or to the child. Source: specification of thermodynamics and files, section 2.
+foot, and all of it goes to the bits or to the child. Source: files 2.
 """
 
 from __future__ import annotations

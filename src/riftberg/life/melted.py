@@ -1,6 +1,6 @@
 """What one step of melt does to each element: losses by process, and what is left; nothing of the state is changed here.
 
-Source: specification of thermodynamics and files, section 1.
+Source: files 1.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One step of melt applied to the population: bergs become smaller, roll, or are gone; what the ocean gets is told.
 
-Source: specification of thermodynamics and files, section 1.
+Source: files 1.
 """
 
 from __future__ import annotations

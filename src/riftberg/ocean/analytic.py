@@ -125,7 +125,7 @@ def steady(name: str, value: Any) -> Any:
 
 
 class Convergence(Steady):
-    """A uniform current along x that converges on a line in part of each period (spec 10.2).
+    """A uniform current along x that converges on a line in part of each period (equations 10.2).
 
     The northward current falls from ``speed`` south of the line to ``-speed`` north of it over ``ramp`` metres on either
     side, and sets in and ends over ``ramp`` along x: what bilinear interpolation gives on a grid of that spacing.
@@ -184,7 +184,7 @@ class Convergence(Steady):
 
 
 class Seamount(Steady):
-    """A uniform current over a Gaussian seamount (spec 10.4).
+    """A uniform current over a Gaussian seamount (equations 10.4).
 
     Parameters
     ----------

@@ -273,7 +273,7 @@ def fill_slopes(
 ) -> None:
     """Fill the slope of the sea surface to the east and north.
 
-    Changes half-way between points, 0 beside land, are interpolated linearly to the place (as in spec 3.2), and so are
+    Changes half-way between points, 0 beside land, are interpolated linearly to the place (as in equations 3.2), and so are
     the distances between the points: the slope of a plane is exact on any grid.
 
     Parameters

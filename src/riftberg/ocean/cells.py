@@ -1,7 +1,7 @@
 """Where a point lies in a cell, and how elements move between cells: land stops them, periodic ends join.
 
 Array indices are used throughout: the north-east corner of cell ``(i, j)`` is ``lon[j, i]``, its south-west corner
-``lon[j - 1, i - 1]``. Row 0 and column 0 hold corners only. Source: spec 2.4, 2.5, 8.
+``lon[j - 1, i - 1]``. Row 0 and column 0 hold corners only. Source: equations 2.4, 2.5, 8.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from riftberg.parameters import KernelParameters
 
 POLAR_LATITUDE = 89.999
-"""Corners at or beyond this latitude (degrees) make a cell polar (spec 2.5)."""
+"""Corners at or beyond this latitude (degrees) make a cell polar (equations 2.5)."""
 
 BOX_MARGIN = 0.1
-"""Margin in x, degrees or metres, of the quick box test (spec 2.5)."""
+"""Margin in x, degrees or metres, of the quick box test (equations 2.5)."""
 
 MAX_CELLS = 4
-"""Cells that an element may cross in one long step (spec 8.1, quirk Q42)."""
+"""Cells that an element may cross in one long step (equations 8.1, quirk Q42)."""
 
 
 @kernel
@@ -69,7 +69,7 @@ def _in_quadrilateral(x: float, y: float, i: int, j: int, lon: Floats, lat: Floa
 
 @kernel
 def _in_polar_cell(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, period: float) -> bool:
-    """Cell test where a corner is the pole: that corner becomes a stretch of its parallel (spec 2.5)."""
+    """Cell test where a corner is the pole: that corner becomes a stretch of its parallel (equations 2.5)."""
     xsw, xse, xne, xnw = lon[j - 1, i - 1], lon[j - 1, i], lon[j, i], lon[j, i - 1]
     ysw, yse, yne, ynw = lat[j - 1, i - 1], lat[j - 1, i], lat[j, i], lat[j, i - 1]
     if yne > POLAR_LATITUDE:
@@ -98,7 +98,7 @@ def contains(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlo
 
 @kernel
 def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
-    """Whether a point lies in a cell; south and west edges belong to the cell, north and east do not (spec 2.5).
+    """Whether a point lies in a cell; south and west edges belong to the cell, north and east do not (equations 2.5).
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def locate_in_cell(
 
 @kernel
 def position_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> tuple[float, float, bool]:
-    """Return (xi, eta, inside): coordinates of a point in a cell, 0 at the south-west corner (spec 2.5).
+    """Return (xi, eta, inside): coordinates of a point in a cell, 0 at the south-west corner (equations 2.5).
 
     Points outside get coordinates outside [0, 1) that tell in which direction they lie.
     """
@@ -160,7 +160,7 @@ def position_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> tu
 
 @kernel
 def position_from_cell(xi: float, eta: float, i: int, j: int, grid: GridArrays) -> tuple[float, float]:
-    """Return the point (x, y) at (xi, eta) in a cell: bilinear in the corner coordinates (spec 3.2, 8.1).
+    """Return the point (x, y) at (xi, eta) in a cell: bilinear in the corner coordinates (equations 3.2, 8.1).
 
     In a polar cell the corners are blended in the polar plane, because the longitude of the pole means nothing.
     """
@@ -208,7 +208,7 @@ def _pulled_in(position: float) -> float:
 def adjust_cell(
     x: float, y: float, i: int, j: int, grid: GridArrays
 ) -> tuple[float, float, int, int, float, float, bool]:
-    """Move a point that may have left its cell into the right one; land stops it, velocity is untouched (spec 8.1).
+    """Move a point that may have left its cell into the right one; land stops it, velocity is untouched (equations 8.1).
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def adjust_cell(
 
 @kernel
 def settle_elements(elements: Elements, grid: GridArrays, params: KernelParameters) -> int:
-    """Find the cell of every element at the end of a step, stop it at land, and wrap it in a periodic grid (spec 8).
+    """Find the cell of every element at the end of a step, stop it at land, and wrap it in a periodic grid (equations 8).
 
     Elements with ``static`` >= 0.5 stay untouched. An element that left a cyclic domain comes back on the other side:
     ``lon`` and ``lon_pair`` change by exactly one period.
@@ -296,7 +296,7 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
 
 @kernel
 def round_trip(elements: Elements, grid: GridArrays) -> None:
-    """Pass all positions through cell coordinates, with the round-off of the reference (spec 8.2, quirk Q40).
+    """Pass all positions through cell coordinates, with the round-off of the reference (equations 8.2, quirk Q40).
 
     ``lon`` and ``lat`` become the bilinear position at (``xi``, ``eta``), ``lon_pair`` and ``lat_pair`` change by the
     same amount, and (``xi``, ``eta``) are computed anew.

@@ -1,6 +1,6 @@
 """Plane geometry of cells: images in a periodic domain, sides of edges, bilinear maps and their inverse.
 
-Source: spec 2.3, 2.4, 2.5, 3.2.
+Source: equations 2.3, 2.4, 2.5, 3.2.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from riftberg.state import Floats
 
 @kernel
 def wrap_around(x: float, centre: float, period: float) -> float:
-    """Return the image of ``x`` within half a period of ``centre``; ``x`` itself if ``period`` <= 0 (spec 2.4)."""
+    """Return the image of ``x`` within half a period of ``centre``; ``x`` itself if ``period`` <= 0 (equations 2.4)."""
     if period <= 0.0:
         return x
     west = centre - 0.5 * period
@@ -27,7 +27,7 @@ def wrap_around(x: float, centre: float, period: float) -> float:
 
 @kernel
 def edge_sign(x: float, y: float, xa: float, ya: float, xb: float, yb: float, on_line: float) -> float:
-    """Return +1 right and -1 left of the edge a -> b, and ``on_line`` on it (spec 2.5)."""
+    """Return +1 right and -1 left of the edge a -> b, and ``on_line`` on it (equations 2.5)."""
     side = (x - xa) * (yb - ya) - (y - ya) * (xb - xa)
     if side > 0.0:
         return 1.0
@@ -41,7 +41,7 @@ def in_pentagon(
     x: float, y: float, period: float,
     x0: float, y0: float, x1: float, y1: float, x2: float, y2: float, x3: float, y3: float, x4: float, y4: float,
 ) -> bool:  # fmt: skip
-    """Whether a point lies in a polygon of five corners, longitudes taken around the first corner (spec 2.5)."""
+    """Whether a point lies in a polygon of five corners, longitudes taken around the first corner (equations 2.5)."""
     x1, x2 = wrap_around(x1, x0, period), wrap_around(x2, x0, period)
     x3, x4 = wrap_around(x3, x0, period), wrap_around(x4, x0, period)
     x, x0 = wrap_around(x, x0, period), wrap_around(x0, x0, period)
@@ -58,9 +58,9 @@ def inverse_bilinear(
     x: float, y: float, period: float,
     x1: float, y1: float, x2: float, y2: float, x3: float, y3: float, x4: float, y4: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Return (xi, eta) of a point in the quadrilateral with corners 1..4 = SW, SE, NE, NW (spec 2.5).
+    """Return (xi, eta) of a point in the quadrilateral with corners 1..4 = SW, SE, NE, NW (equations 2.5).
 
-    The roots are those of the specification, evaluated so that nearly parallel edges and rotated cells lose no digits.
+    The roots are those of equations 2.5, evaluated so that nearly parallel edges and rotated cells lose no digits.
     """
     alpha, delta = x2 - x1, y2 - y1
     beta, epsilon = x4 - x1, y4 - y1
@@ -92,18 +92,18 @@ def inverse_bilinear(
 
 @kernel
 def polar_plane(lon: float, lat: float) -> tuple[float, float]:
-    """Return a point as (x, y) in the plane around the north pole, in degrees of latitude (spec 2.5)."""
+    """Return a point as (x, y) in the plane around the north pole, in degrees of latitude (equations 2.5)."""
     distance = 90.0 - lat
     return distance * math.cos(lon * DEGREE), distance * math.sin(lon * DEGREE)
 
 
 @kernel
 def blend_corners(ne: float, nw: float, se: float, sw: float, xi: float, eta: float) -> float:
-    """Return the bilinear value at (xi, eta) of four corner values (spec 3.2)."""
+    """Return the bilinear value at (xi, eta) of four corner values (equations 3.2)."""
     return (ne * xi + nw * (1.0 - xi)) * eta + (se * xi + sw * (1.0 - xi)) * (1.0 - eta)
 
 
 @kernel
 def bilinear(q: Floats, i: int, j: int, xi: float, eta: float) -> float:
-    """Return the bilinear value at (xi, eta) of corner values, in the operation order of spec 3.2."""
+    """Return the bilinear value at (xi, eta) of corner values, in the operation order of equations 3.2."""
     return blend_corners(q[j, i], q[j, i - 1], q[j - 1, i], q[j - 1, i - 1], xi, eta)

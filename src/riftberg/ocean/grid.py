@@ -1,7 +1,7 @@
 """The grid of the ocean: corners, halo, metrics, land, periodicity; and the fields that live on it.
 
-Arrays have shape (nj + 2 halo, ni + 2 halo) and are indexed [j, i]; cell (i, j) of the specification (counted from 1)
-is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its north-east corner. Source: spec 2.1.
+Arrays have shape (nj + 2 halo, ni + 2 halo) and are indexed [j, i]; cell (i, j) of the reference (counted from 1)
+is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its north-east corner. Source: equations 2.1.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _extrapolate_columns(full: Floats, columns: slice) -> None:
 def _halo_corners(
     lon: Floats, lat: Floats, rows: slice, columns: slice, wrap: Callable[[Floats, float], None] | None, period: float
 ) -> None:
-    """Fill halo corners: copied in cyclic directions, linear elsewhere; the south keeps its longitudes (spec 2.1)."""
+    """Fill halo corners: copied in cyclic directions, linear elsewhere; the south keeps its longitudes (equations 2.1)."""
     for j in range(rows.start - 1, -1, -1):
         lon[j], lat[j] = lon[j + 1], 2.0 * lat[j + 1] - lat[j + 2]
     if wrap is not None:
@@ -108,7 +108,7 @@ class Grid:
         cls, ni: int, nj: int, spacing: float, *, period: float = 0.0, offset: float = 0.0,
         mask: ArrayLike | None = None, halo: int = 4,
     ) -> Grid:  # fmt: skip
-        """Return a grid of square cells in metres, as in the test cases of the reference (spec 10.1).
+        """Return a grid of square cells in metres, as in the test cases of the reference (equations 10.1).
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class Grid:
     def fields(self, **given: ArrayLike) -> Fields:
         """Return `Fields` from numbers or arrays (shapes as in `extended`); what is not given is at rest or absent.
 
-        Wind and sea level are 0 beyond closed ends, as in the reference (spec 3.1); others repeat their last value.
+        Wind and sea level are 0 beyond closed ends, as in the reference (equations 3.1); others repeat their last value.
 
         Examples
         --------
@@ -233,7 +233,7 @@ class Grid:
         )
 
     def locate(self, elements: Elements) -> None:
-        """Set cell and coordinates in the cell of all elements, at the start of a run (spec 2.5).
+        """Set cell and coordinates in the cell of all elements, at the start of a run (equations 2.5).
 
         Longitudes that are whole periods off the grid's are brought to the grid's, together with ``lon_pair``.
 

@@ -77,7 +77,7 @@ CORNER_FIELDS = ("uo", "vo", "ui", "vi", "ua", "va")
 """Fields at north-east corners; all others are values of cells."""
 
 ZERO_OUTSIDE = ("ua", "va", "ssh")
-"""Fields that are 0 beyond a closed boundary (spec 3.1 rule 2, quirk Q23); the others repeat the outermost value."""
+"""Fields that are 0 beyond a closed boundary (equations 3.1 rule 2, quirk Q23); the others repeat the outermost value."""
 
 FIELD_DEFAULTS = {"sss": -1.0, "depth": 1e4}
-"""Values of fields that are not given, where not 0 (spec 3.1 rule 4)."""
+"""Values of fields that are not given, where not 0 (equations 3.1 rule 4)."""

@@ -35,7 +35,7 @@ TimeRule = Literal["linear", "previous"]
 Records = Fields | Sequence[Fields] | Callable[[int], Fields]
 
 DEPTH_RULES = {"cell": DEPTH_OF_CELL, "biquadratic": DEPTH_BIQUADRATIC, "zone": DEPTH_ZONE}
-"""Names of the depth rules: constant in a cell (STS), biquadratic (MTS), dry quadrant (A68) (spec 3.2)."""
+"""Names of the depth rules: constant in a cell (STS), biquadratic (MTS), dry quadrant (A68) (equations 3.2)."""
 
 MARGIN = 3
 """Cells around the elements whose fields are blended in time; interpolation reaches two."""
@@ -69,14 +69,14 @@ class GriddedForcing(ShownForcing):
     interpolation : {"linear", "previous"}
         Between records: linear, or the record before.
     stepwise : sequence of str
-        Fields that keep the record before although the others are interpolated (sea level in the A68 run, spec 10.5).
+        Fields that keep the record before although the others are interpolated (sea level in the A68 run, equations 10.5).
     coastal_drift, tidal_drift : float
         Drift away from land and random current near land, m s-1.
     mirrored, even_parity : bool
         Quirks Q22 and Q20.
     sea_level_gaps : bool
         Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
-        reference (spec 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
+        reference (equations 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
     start : date, optional
         Date of time 0, named in messages.
     source : str

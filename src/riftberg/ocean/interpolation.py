@@ -1,4 +1,4 @@
-"""Fields at the elements: bilinear currents and wind, slope of the sea surface, depth, drift near land (spec 3.2)."""
+"""Fields at the elements: bilinear currents and wind, slope of the sea surface, depth, drift near land (equations 3.2)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DEPTH_ZONE = 2
 """Depth rule: nothing but a dry quadrant north-east of a point (quirk Q18)."""
 
 ZONE_DEPTH = 1000.0
-"""Depth outside the dry quadrant, m (spec 3.2)."""
+"""Depth outside the dry quadrant, m (equations 3.2)."""
 
 
 @kernel
@@ -49,7 +49,7 @@ def _slope_y(ssh: Floats, mask: Floats, dy: Floats, i: int, j: int) -> float:
 def sea_surface_slope(
     ssh: Floats, mask: Floats, dx: Floats, dy: Floats, i: int, j: int, xi: float, eta: float
 ) -> tuple[float, float]:
-    """Return the slope of the sea surface along the axes of the grid (spec 3.2).
+    """Return the slope of the sea surface along the axes of the grid (equations 3.2).
 
     Slopes at cell faces, 0 where the face touches land, are interpolated to (xi, eta).
     """
@@ -101,7 +101,7 @@ def biquadratic_depth(
     depth: Floats, ssh: Floats, lon: Floats, lat: Floats, boxes: bool, period: float, halo: int, even_parity: bool,
     x: float, y: float, i: int, j: int, xi: float, eta: float,
 ) -> float:  # fmt: skip
-    """Return the biquadratic depth of water (m) at a point of cell (i, j): sea floor plus sea level (spec 3.2).
+    """Return the biquadratic depth of water (m) at a point of cell (i, j): sea floor plus sea level (equations 3.2).
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def biquadratic_depth(
 
 @kernel
 def zone_depth(x: float, y: float, zone_lon: float, zone_lat: float, latlon: bool) -> float:
-    """Return 0 in the quadrant north-east of (zone_lon, zone_lat), else 1000 m (spec 3.2, quirk Q18).
+    """Return 0 in the quadrant north-east of (zone_lon, zone_lat), else 1000 m (equations 3.2, quirk Q18).
 
     The reference compares with ``zone_lon + 360``; here the image of ``zone_lon`` next to ``x`` is taken, which is
     the same for a grid in 0 ... 360 degrees and right for one in -180 ... 180.
@@ -148,7 +148,7 @@ def zone_depth(x: float, y: float, zone_lon: float, zone_lat: float, latlon: boo
 
 @kernel
 def coastal_increment(mask: Floats, i: int, j: int, speed: float) -> tuple[float, float]:
-    """Return the current (m s-1) that drives an element in cell (i, j) away from neighbouring land (spec 3.2)."""
+    """Return the current (m s-1) that drives an element in cell (i, j) away from neighbouring land (equations 3.2)."""
     here = mask[j, i]
     return speed * (mask[j, i + 1] - mask[j, i - 1]) * here, speed * (mask[j + 1, i] - mask[j - 1, i]) * here
 
@@ -216,7 +216,7 @@ def fill_depth(
     x: Floats, y: Floats, i: Ints, j: Ints, xi: Floats, eta: Floats, grid: GridArrays, depth: Floats, ssh: Floats,
     rule: int, zone_lon: float, zone_lat: float, even_parity: bool, out: Floats,
 ) -> None:  # fmt: skip
-    """Fill the depth of water (m) at many points by one of the three rules (spec 3.2); ``i`` < 0 is left alone."""
+    """Fill the depth of water (m) at many points by one of the three rules (equations 3.2); ``i`` < 0 is left alone."""
     lon, lat, boxes = grid.lon_centre, grid.lat_centre, grid.regular and not grid.latlon
     period, halo, latlon = grid.period, grid.halo, grid.latlon
     for n in range(i.size):
@@ -237,7 +237,7 @@ def sample_gridded(
     elements: Elements, grid: GridArrays, fields: Fields, depth_rule: int, zone_lon: float, zone_lat: float,
     coastal_drift: float, mirrored: bool, even_parity: bool,
 ) -> None:  # fmt: skip
-    """Fill the environment of all elements, ``uo`` to ``vorticity`` (spec 3.2).
+    """Fill the environment of all elements, ``uo`` to ``vorticity`` (equations 3.2).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From the fields of a caller to the fields of the model: staggering, stress to wind, land and gaps (spec 3.1)."""
+"""From the fields of a caller to the fields of the model: staggering, stress to wind, land and gaps (equations 3.1)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from riftberg.state import Floats
 Staggering = Literal["A", "B", "C"]
 
 ZERO_ON_LAND = (*CORNER_FIELDS, "sst", "sss", "ice_fraction", "ice_thickness")
-"""Fields set to 0 in (or at the north-east corner of) land cells (spec 3.1 rule 5)."""
+"""Fields set to 0 in (or at the north-east corner of) land cells (equations 3.1 rule 5)."""
 
 KELVIN_ABOVE = 120.0
-"""A sea-surface temperature above this, in whatever unit, is taken as kelvin (spec 3.1 rule 4)."""
+"""A sea-surface temperature above this, in whatever unit, is taken as kelvin (equations 3.1 rule 4)."""
 
 
 def _shifted(q: Floats, rows: int, columns: int) -> Floats:
@@ -27,13 +27,13 @@ def _shifted(q: Floats, rows: int, columns: int) -> Floats:
 
 
 def corner_mask(mask: Floats) -> Floats:
-    """Return 1 at north-east corners that no land cell touches, else 0 (spec 3.1 rule 1)."""
+    """Return 1 at north-east corners that no land cell touches, else 0 (equations 3.1 rule 1)."""
     parts = (mask, _shifted(mask, 0, 1), _shifted(mask, 1, 0), _shifted(mask, 1, 1))
     return np.asarray(np.minimum.reduce(parts))
 
 
 def at_corners(u: Floats, v: Floats, grid: Grid, staggering: Staggering) -> tuple[Floats, Floats]:
-    """Return a vector field at north-east corners (B-grid) from any of the usual staggerings (spec 3.1).
+    """Return a vector field at north-east corners (B-grid) from any of the usual staggerings (equations 3.1).
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ def at_corners(u: Floats, v: Floats, grid: Grid, staggering: Staggering) -> tupl
 
 
 def wind_from_stress(tau_x: Floats, tau_y: Floats) -> tuple[Floats, Floats]:
-    """Return the wind (m s-1) that the reference makes of a stress: tau / sqrt(0.0015 |tau|) (spec 3.1, quirk Q24)."""
+    """Return the wind (m s-1) that the reference makes of a stress: tau / sqrt(0.0015 |tau|) (equations 3.1, quirk Q24)."""
     scale = np.sqrt(STRESS_INVERSION_DRAG * np.sqrt(tau_x**2 + tau_y**2))
     safe = np.where(scale > 0.0, scale, 1.0)
     return np.where(scale > 0.0, tau_x / safe, 0.0), np.where(scale > 0.0, tau_y / safe, 0.0)
 
 
 def celsius(sst: Floats, mask: Floats) -> Floats:
-    """Return a sea-surface temperature in degree Celsius; kelvin is recognised by its size (spec 3.1 rule 4)."""
+    """Return a sea-surface temperature in degree Celsius; kelvin is recognised by its size (equations 3.1 rule 4)."""
     wet = sst[(mask > 0.5) & np.isfinite(sst)]
     kelvin = wet.size > 0 and float(wet.max()) > KELVIN_ABOVE
     return sst - 273.15 if kelvin else sst.copy()
@@ -103,6 +103,6 @@ def usable(values: Floats, mask: Floats, zero_on_land: bool) -> Floats:
 
 
 def without_gaps(fields: Fields, mask: Floats) -> Fields:
-    """Return fields without NaN, and 0 on land (sea level and depth keep their values there) (spec 3.1 rule 5)."""
+    """Return fields without NaN, and 0 on land (sea level and depth keep their values there) (equations 3.1 rule 5)."""
     pairs = zip(Fields._fields, fields, strict=True)
     return Fields(**{name: usable(values, mask, name in ZERO_ON_LAND) for name, values in pairs})

@@ -1,4 +1,4 @@
-"""Lengths and areas of grid cells on the sphere and in the plane (spec 2.1, 10.5)."""
+"""Lengths and areas of grid cells on the sphere and in the plane (equations 2.1, 10.5)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def haversine(lon1: Floats, lat1: Floats, lon2: Floats, lat2: Floats, radius: fl
     Returns
     -------
     ndarray
-        Distances, m: R 2 atan2(sqrt a, sqrt(1 - a)), a = sin2(dlat/2) + cos lat1 cos lat2 sin2(dlon/2) (spec 10.5).
+        Distances, m: R 2 atan2(sqrt a, sqrt(1 - a)), a = sin2(dlat/2) + cos lat1 cos lat2 sin2(dlon/2) (equations 10.5).
     """
     phi1, phi2 = np.radians(lat1), np.radians(lat2)
     across = np.sin(0.5 * np.radians(np.subtract(lon2, lon1))) ** 2
@@ -39,7 +39,7 @@ def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
     """Return areas (m2) of the cells between corners of shape (n + 1, m + 1); shape (n, m).
 
     On the sphere edges are straight in longitude and latitude, so that cells of a regular grid have the exact area
-    R2 dlon |sin lat_n - sin lat_s| (spec 10.5).
+    R2 dlon |sin lat_n - sin lat_s| (equations 10.5).
     """
     corners = [(q[:-1, :-1], q[:-1, 1:], q[1:, 1:], q[1:, :-1]) for q in (lon, lat)]
     total = np.zeros_like(corners[0][0])

@@ -1,4 +1,4 @@
-"""The search for the cell that holds a point (spec 2.5)."""
+"""The search for the cell that holds a point (equations 2.5)."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def search_nearby(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
 
 @kernel
 def find_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
-    """Return array column and row of the domain's cell (no halo) that holds a point, or (-1, -1) (spec 2.5).
+    """Return array column and row of the domain's cell (no halo) that holds a point, or (-1, -1) (equations 2.5).
 
     Walks through the grid, and scans all cells if that fails.
     """

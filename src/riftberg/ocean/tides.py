@@ -1,4 +1,4 @@
-"""Random current near land, with the random numbers of the reference (spec 3.2)."""
+"""Random current near land, with the random numbers of the reference (equations 3.2)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
 
 
 def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int) -> tuple[Floats, Floats]:
-    """Two numbers in [-1, 1) per element; in a cell the element in the last row draws first (spec 1.6)."""
+    """Two numbers in [-1, 1) per element; in a cell the element in the last row draws first (equations 1.6)."""
     east, north = np.empty(cell_i.size), np.empty(cell_i.size)
     members: dict[tuple[int, int], list[int]] = {}
     for row in range(cell_i.size - 1, -1, -1):
@@ -41,7 +41,7 @@ def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int) -> tuple[Floats, 
 
 
 def tidal_increment(mask: Floats, i: Ints, j: Ints, east: Floats, north: Floats) -> tuple[Floats, Floats]:
-    """Return the current in cells (i, j) per unit of amplitude, for draws in [-1, 1); 0 away from land (spec 3.2)."""
+    """Return the current in cells (i, j) per unit of amplitude, for draws in [-1, 1); 0 away from land (equations 3.2)."""
     to_west, to_east, to_south, to_north = mask[j, i - 1], mask[j, i + 1], mask[j - 1, i], mask[j + 1, i]
     along = np.minimum(0.0, east) * to_west + np.maximum(0.0, east) * to_east
     across = np.minimum(0.0, north) * to_south + np.maximum(0.0, north) * to_north
@@ -58,7 +58,7 @@ def _at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
 def add_tidal_drift(
     elements: Elements, grid: GridArrays, ssh: Floats, amplitude: float, mirrored: bool = False
 ) -> None:
-    """Add the random current near land to sampled currents ``uo vo ui vi`` (spec 3.2 tidal drift).
+    """Add the random current near land to sampled currents ``uo vo ui vi`` (equations 3.2 tidal drift).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""DEM bond between two elements: normal, shear and bending stiffness with damping (spec 5.4; after Wang 2020, Huth et al. 2022).
+"""DEM bond between two elements: normal, shear and bending stiffness with damping (equations 5.4; Wang 2020, Huth et al. 2022).
 
 Element 1 is the first of the pair; n points from 2 to 1; forces are those on element 1. All functions are free of
 branches where it matters, so that the loop over bonds becomes vector instructions. ``E / l_0`` stands first in each

@@ -1,4 +1,4 @@
-"""Bergs from the flux of ice that leaves the land: smoothing in time, size classes, stores (spec of files 3)."""
+"""Bergs from the flux of ice that leaves the land: smoothing in time, size classes, stores (files 3)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from riftberg.kernels import kernel
 
 @kernel
 def running_mean(before, now, time_scale, dt):
-    """Mean of a flux over the past: ``b now + a before`` with ``a = tau / (tau + dt)``, ``b = 1 - a`` (spec of files 3.2).
+    """Mean of a flux over the past: ``b now + a before`` with ``a = tau / (tau + dt)``, ``b = 1 - a`` (files 3.2).
 
     Parameters
     ----------
@@ -33,13 +33,13 @@ def running_mean(before, now, time_scale, dt):
 
 @kernel
 def class_width(mass, thickness, density, ratio):
-    """Width (m) of a berg of a class: ``sqrt(m / (r rho T))`` with the ratio r of length to width (spec of files 3.1)."""
+    """Width (m) of a berg of a class: ``sqrt(m / (r rho T))`` with the ratio r of length to width (files 3.1)."""
     return math.sqrt(mass / (ratio * density * thickness))
 
 
 @kernel
 def fractions_by_mass(numbers, mass, fractions):
-    """Turn parts of the number of bergs into parts of their mass: ``d_k m_k / sum d_l m_l`` (spec of files 3.1).
+    """Turn parts of the number of bergs into parts of their mass: ``d_k m_k / sum d_l m_l`` (files 3.1).
 
     The last class that has a part gets what the others leave, so that all sum to one.
     """
@@ -59,7 +59,7 @@ def fractions_by_mass(numbers, mass, fractions):
 
 @kernel
 def fill_stores(ice, heat, flux, heat_flux, area, south, fraction_s, fraction_n, dt, left, heat_left):
-    """Put a flux of ice and its heat into the stores of the size classes of each cell (spec of files 3.2).
+    """Put a flux of ice and its heat into the stores of the size classes of each cell (files 3.2).
 
     ``S_k += dt C d_k`` with the flux C of the cell; the part ``1 - sum d_k`` of ice and heat is left over.
 

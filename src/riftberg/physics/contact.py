@@ -1,4 +1,4 @@
-"""KID's spring and damper between two elements: bonded, in contact, or pieces of one broken berg (spec 5.2, 5.5)."""
+"""KID's spring and damper between two elements: bonded, in contact, or pieces of one broken berg (equations 5.2, 5.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coriolis parameter (spec 2.6)."""
+"""Coriolis parameter (equations 2.6)."""
 
 from __future__ import annotations
 

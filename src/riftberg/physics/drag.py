@@ -1,4 +1,4 @@
-"""Drag of ocean, air and sea ice (spec 4.1; Stern et al. 2017, A1 to A3), and rotational drag of the water.
+"""Drag of ocean, air and sea ice (equations 4.1; Stern et al. 2017, A1 to A3), and rotational drag of the water.
 
 A drag is ``-c |u - U| (u - U)`` per unit mass; the functions here give c in m-1.
 """

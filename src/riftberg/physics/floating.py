@@ -1,4 +1,4 @@
-"""How deep floating ice lies in the water (Archimedes; spec 4.1)."""
+"""How deep floating ice lies in the water (Archimedes; equations 4.1)."""
 
 from __future__ import annotations
 

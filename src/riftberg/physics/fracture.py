@@ -1,4 +1,4 @@
-"""When a bond breaks (spec 7; paper, equation for the stress criterion)."""
+"""When a bond breaks (equations 7; paper, equation for the stress criterion)."""
 
 from __future__ import annotations
 

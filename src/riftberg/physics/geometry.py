@@ -1,6 +1,6 @@
 """Metres and degrees on a sphere, the tangent plane near the pole, and fast sine and cosine.
 
-Source: spec 2.2 and 2.3. The sine and cosine here are polynomials without branches: unlike calls of the C library they
+Source: equations 2.2 and 2.3. The sine and cosine here are polynomials without branches: unlike calls of the C library they
 let loops over bonds become vector instructions. Their error is below 3e-16.
 """
 
@@ -66,7 +66,7 @@ def fast_cos_latitude(degrees: float) -> float:
 
 @kernel
 def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float, float]:
-    """Metres per unit of x and of y at a latitude (spec 2.2); 1 and 1 on a Cartesian grid.
+    """Metres per unit of x and of y at a latitude (equations 2.2); 1 and 1 on a Cartesian grid.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def same_axes(
 
 @kernel
 def nearest_image(difference: float, period: float) -> float:
-    """Bring a difference of two zonal coordinates into [-period/2, period/2); unchanged if period <= 0 (spec 8.2)."""
+    """Bring a difference of two zonal coordinates into [-period/2, period/2); unchanged if period <= 0 (equations 8.2)."""
     if period > 0.0:
         return difference - period * np.floor(difference / period + 0.5)
     return difference
@@ -118,21 +118,21 @@ def nearest_image(difference: float, period: float) -> float:
 def separation(
     x1: float, y1: float, x2: float, y2: float, latlon: bool, radius: float, period: float
 ) -> tuple[float, float]:
-    """Vector in metres from point 2 to point 1, with the metric of the mean latitude (spec 2.2, 5.2)."""
+    """Vector in metres from point 2 to point 1, with the metric of the mean latitude (equations 2.2, 5.2)."""
     mx, my = metres_per_unit(0.5 * (y1 + y2), latlon, radius)
     return nearest_image(x1 - x2, period) * mx, (y1 - y2) * my
 
 
 @kernel
 def to_tangent_plane(lon: float, lat: float, radius: float) -> tuple[float, float]:
-    """Position (m) on the plane that touches the sphere at the North Pole (spec 2.3)."""
+    """Position (m) on the plane that touches the sphere at the North Pole (equations 2.3)."""
     r = radius * (90.0 - lat) * DEGREE
     return r * math.cos(lon * DEGREE), r * math.sin(lon * DEGREE)
 
 
 @kernel
 def from_tangent_plane(x: float, y: float, radius: float) -> tuple[float, float]:
-    """Longitude in (-180, 180] and latitude (degrees) of a point on the polar plane (spec 2.3)."""
+    """Longitude in (-180, 180] and latitude (degrees) of a point on the polar plane (equations 2.3)."""
     r = math.sqrt(x * x + y * y)
     lat = 90.0 - r / radius / DEGREE
     lon = 0.0 if r == 0.0 else math.acos(min(1.0, max(-1.0, x / r))) / DEGREE
@@ -141,21 +141,21 @@ def from_tangent_plane(x: float, y: float, radius: float) -> tuple[float, float]
 
 @kernel
 def vector_to_plane(lon: float, u: float, v: float) -> tuple[float, float]:
-    """Turn an (east, north) vector into polar-plane components (spec 2.3)."""
+    """Turn an (east, north) vector into polar-plane components (equations 2.3)."""
     c, s = math.cos(lon * DEGREE), math.sin(lon * DEGREE)
     return -s * u - c * v, c * u - s * v
 
 
 @kernel
 def vector_from_plane(lon: float, x: float, y: float) -> tuple[float, float]:
-    """Turn polar-plane components into an (east, north) vector (spec 2.3)."""
+    """Turn polar-plane components into an (east, north) vector (equations 2.3)."""
     c, s = math.cos(lon * DEGREE), math.sin(lon * DEGREE)
     return -s * x + c * y, -c * x - s * y
 
 
 @kernel
 def move(lon: float, lat: float, u: float, v: float, dt: float, latlon: bool, radius: float) -> tuple[float, float]:
-    """Position after ``dt`` seconds at velocity (u, v), m s-1 (spec 6.2, 6.4; tangent plane north of 89 degrees)."""
+    """Position after ``dt`` seconds at velocity (u, v), m s-1 (equations 6.2, 6.4; tangent plane north of 89 degrees)."""
     if latlon and lat > 89.0:
         x, y = to_tangent_plane(lon, lat, radius)
         px, py = vector_to_plane(lon, u, v)
@@ -170,7 +170,7 @@ def move(lon: float, lat: float, u: float, v: float, dt: float, latlon: bool, ra
 def add_velocity(
     lon: float, lat: float, u: float, v: float, ax: float, ay: float, dt: float, latlon: bool
 ) -> tuple[float, float]:
-    """Velocity (u, v) + dt (ax, ay); on the polar plane north of 89 degrees, with the current longitude (spec 2.3).
+    """Velocity (u, v) + dt (ax, ay); on the polar plane north of 89 degrees, with the current longitude (equations 2.3).
 
     The rotation to the plane and back is linear and uses one longitude, so it is an identity up to round-off; it is
     kept because the reference does so.

@@ -1,4 +1,4 @@
-"""Drag of the sea floor (spec 4.1, 6.4; paper, methods)."""
+"""Drag of the sea floor (equations 4.1, 6.4; paper, methods)."""
 
 from __future__ import annotations
 
@@ -49,5 +49,5 @@ def quadratic_grounding(coefficient: float, area: float, mass: float, excess: fl
 
 @kernel
 def grounding_spin_rate(coefficient: float, radius: float, mass: float, fraction: float) -> float:
-    """Rate (s-1) at which the sea floor slows rotation in the reference: ``c_g chi pi R^2 / m`` (spec 6.4, 3c)."""
+    """Rate (s-1) at which the sea floor slows rotation in the reference: ``c_g chi pi R^2 / m`` (equations 6.4, 3c)."""
     return coefficient * fraction * math.pi * radius * radius / mass

@@ -1,4 +1,4 @@
-"""The semi-implicit velocity equation of one element (spec 4.2, 4.3).
+"""The semi-implicit velocity equation of one element (equations 4.2, 4.3).
 
 Unknown is the acceleration A with U_new = u* + dt A. Drag and damping are taken implicitly at the new velocity, half of
 the Coriolis force explicitly and half implicitly.

@@ -1,4 +1,4 @@
-"""Force of a sloping sea surface (spec 4.1)."""
+"""Force of a sloping sea surface (equations 4.1)."""
 
 from __future__ import annotations
 

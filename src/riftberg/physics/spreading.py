@@ -3,7 +3,7 @@
 A footprint is a point, a rectangle or a hexagon that lies any way round. Its share of a cell is the area of their
 intersection over the area of the footprint, in the plane that touches the Earth at the element. What falls on land or
 beyond a closed end goes to the wet cells that the footprint covers, so that the shares always sum to one. The rules of
-the reference (spec of files 4.2, 4.3) know a berg by its place in its own cell alone, and give to the eight cells around it.
+the reference (files 4.2, 4.3) know a berg by its place in its own cell alone, and give to the eight cells around it.
 """
 
 from __future__ import annotations
@@ -320,7 +320,7 @@ def lattice_angle(first, second, status, dx, dy, folds, sums, own, angle):
 
 @kernel
 def side_shares(x, reach):
-    """Shares of a berg to the west of its cell, in it and to the east of it, by the reference (spec of files 4.2).
+    """Shares of a berg to the west of its cell, in it and to the east of it, by the reference (files 4.2).
 
     Parameters
     ----------
@@ -336,7 +336,7 @@ def side_shares(x, reach):
 
 @kernel
 def rectangle_shares(x, y, reach, mask, i, j, w):
-    """Write the nine shares of a rectangular berg by the reference (spec of files 4.2): row by row from the south-west.
+    """Write the nine shares of a rectangular berg by the reference (files 4.2): row by row from the south-west.
 
     What is bound for land stays in the cell of the centre.
     """
@@ -358,7 +358,7 @@ def quadrant_areas(apothem, x, y, degrees, scratch):
     """Areas of a hexagon in the quadrants (+, +), (-, +), (-, -), (+, -) of the origin, and its whole area.
 
     The hexagon has corners at ``(+-S, 0), (+-H / sqrt 3, +-H)``, turned clockwise by an angle, and its centre at (x, y)
-    (spec of files 4.3). The four areas sum to the whole.
+    (files 4.3). The four areas sum to the whole.
 
     Parameters
     ----------
@@ -398,7 +398,7 @@ def _quadrant(hx, hy, right, upper, scratch):
 
 @kernel
 def hexagon_shares(x, y, apothem, degrees, w, scratch):
-    """Write the nine shares of a hexagonal berg by the reference (spec of files 4.3): to the cells at its nearest corner.
+    """Write the nine shares of a hexagonal berg by the reference (files 4.3): to the cells at its nearest corner.
 
     Land is not looked at here: see `wet_part`.
 
@@ -426,7 +426,7 @@ def hexagon_shares(x, y, apothem, degrees, w, scratch):
 
 @kernel
 def wet_part(w, mask, i, j):
-    """Part of a hexagonal berg over water by the reference, which divides by it (spec of files 4.3).
+    """Part of a hexagonal berg over water by the reference, which divides by it (files 4.3).
 
     The cell of the centre counts with a power of its mask instead of a product: all of it on land (quirk T19).
     """

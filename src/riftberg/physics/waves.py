@@ -1,4 +1,4 @@
-"""Wave radiation force (spec 4.1; Stern et al. 2017, A4 and A5)."""
+"""Wave radiation force (equations 4.1; Stern et al. 2017, A4 and A5)."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def complete_state(run: RunState) -> None:
     unknown = np.isnan(run.bonds.rest_length)
     if unknown.any():
         sizes = interaction_sizes(run.elements, run.constants)
-        # Single-step schemes know springs by the elements' own sizes (spec 1.4, v).
+        # Single-step schemes know springs by the elements' own sizes (equations 1.4, v).
         radius = sizes.bond_radius if run.parameters.stepping.scheme == "mts" else sizes.radius
         first, second = run.bonds.first[unknown], run.bonds.second[unknown]
         run.bonds.rest_length[unknown] = radius[first] + radius[second]
@@ -39,7 +39,7 @@ def _set_lengths(run: RunState) -> None:
 
 
 def _set_bond_areas(run: RunState) -> None:
-    """Constant area of all bonds of a berg: as the parameters say, or from the mean sides of the berg (spec 1.4, v)."""
+    """Constant area of all bonds of a berg: as the parameters say, or from the mean sides of the berg (equations 1.4, v)."""
     body, b = run.elements.body, run.parameters.bonds
     unknown = body.bond_area == 0.0
     if not unknown.any():

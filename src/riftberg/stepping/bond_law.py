@@ -1,4 +1,4 @@
-"""The loops of a sub-step over bonds: gather the ends, apply the DEM law to whole rows, sum per element (spec 5.3, 5.4)."""
+"""The loops of a sub-step over bonds: gather the ends, apply the DEM law to whole rows, sum per element (equations 5.3, 5.4)."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
 
 @kernel
 def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
-    """Thickness (m) from which the section starts, and the difference that is added to it (spec 5.4; quirk Q11)."""
+    """Thickness (m) from which the section starts, and the difference that is added to it (equations 5.4; quirk Q11)."""
     # Without a smaller radius the reference starts from the element processed second.
     second_is_small = r2 < r1 or (r1 == r2 and first_is_earlier)
     small, other = (t2, t1) if second_is_small else (t1, t2)
@@ -119,7 +119,7 @@ def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
 
 @kernel
 def _fill_constants(rows, count, elements, rest_length, sizes, earlier, p):
-    """Constants of the law for the rows in use (spec 5.4; quirks Q10, Q11)."""
+    """Constants of the law for the rows in use (equations 5.4; quirks Q10, Q11)."""
     first, second, radius, mass, thickness = (
         rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.body.thickness,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Breaking of bonds inside a sub-step, and what a broken bond does until its ends part (spec 7.2, 5.5)."""
+"""Breaking of bonds inside a sub-step, and what a broken bond does until its ends part (equations 7.2, 5.5)."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _force_while_breaking(rows, r, el, youngs):
 
 @stage
 def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full, dt):
-    """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (spec 5.5, 5.2).
+    """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
     Parameters
     ----------

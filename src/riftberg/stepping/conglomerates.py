@@ -1,4 +1,4 @@
-"""Conglomerates: which elements hang together over unbroken bonds (spec 1.5)."""
+"""Conglomerates: which elements hang together over unbroken bonds (equations 1.5)."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def drop_broken_bonds(bonds: Bonds) -> None:
 
 @stage
 def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_strength: float, time: float) -> int:
-    """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (spec 7.1).
+    """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (equations 7.1).
 
     Returns
     -------

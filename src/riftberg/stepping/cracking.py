@@ -14,9 +14,9 @@ import numpy as np
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import shear_stress_of, tensile_stress
-from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
+from riftberg.physics.damage import damage_rate, grown_damage
 from riftberg.state import Bonds, Floats, Ints
-from riftberg.stepping.lattice_equilibrium import Lattice, bond_stresses, deformed
+from riftberg.stepping.lattice_equilibrium import Lattice, deformed
 from riftberg.stepping.wear import limits_left
 
 BISECTIONS = 30
@@ -52,14 +52,14 @@ def most_overloaded(stress: Floats, limits: Limits) -> tuple[int, float]:
     """Row of the bond whose stress is highest over its strength, and that ratio; above 1 it breaks (-1 without bonds)."""
     worst, highest = -1, -np.inf
     for k in range(stress.shape[0]):
-        ratio = _ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
+        ratio = overload(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
         if ratio > highest:
             worst, highest = k, ratio
     return worst, highest
 
 
 @kernel
-def _ratio(normal: float, shear: float, normal_limit: float, shear_limit: float) -> float:
+def overload(normal: float, shear: float, normal_limit: float, shear_limit: float) -> float:
     """Stress over strength; a bond without strength fails under the smallest stress."""
     a = normal / normal_limit if normal_limit > 0.0 else (np.inf if normal > 0.0 else 0.0)
     b = shear / shear_limit if shear_limit > 0.0 else (np.inf if shear > 0.0 else 0.0)
@@ -123,16 +123,11 @@ def _fails(
 
 
 @kernel
-def wear(
-    bonds: Bonds, lattice: Lattice, alive: Ints, before: Floats, after: Floats, dt: float, p: KernelParameters
-) -> None:
-    """Let the damage of the bonds grow over ``dt`` s by the mean of the stresses at both ends of the step."""
-    mean = bond_stresses(lattice, alive, 0.5 * (before + after), p)
-    normal, shear = _limits_of(bonds, alive, p)
+def wear(bonds: Bonds, alive: Ints, ratios: Floats, dt: float, p: KernelParameters) -> None:
+    """Let the damage of the bonds grow over ``dt`` s by their stress over strength in the middle of the step."""
     for k in range(alive.size):
         b = alive[k]
-        ratio = stress_ratio(mean[k, 0], mean[k, 1], normal[k], shear[k])
-        rate = damage_rate(ratio, p.damage_threshold, p.damage_time, p.damage_exponent)
+        rate = damage_rate(ratios[k], p.damage_threshold, p.damage_time, p.damage_exponent)
         bonds.damage[b] = grown_damage(bonds.damage[b], rate, dt)
 
 

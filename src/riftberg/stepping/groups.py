@@ -100,7 +100,7 @@ def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: Kernel
 
 @kernel
 def _in_reach(x: Floats, y: Floats, radius: Floats, pairs: PairList, p: KernelParameters) -> NDArray[np.bool_]:
-    """Whether the elements of each pair of the list are as near as forces between bergs reach (spec 5.2)."""
+    """Whether the elements of each pair of the list are as near as forces between bergs reach (equations 5.2)."""
     near = np.zeros(pairs.partner.size, np.bool_)
     for e in range(pairs.start.size - 1):
         for k in range(pairs.start[e], pairs.start[e + 1]):

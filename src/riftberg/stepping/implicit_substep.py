@@ -1,4 +1,4 @@
-"""Implicit sub-step of the multiple-time-step scheme with KID's bonds (spec 6.4, part 3 with explicit_inner_mts off)."""
+"""Implicit sub-step of the multiple-time-step scheme with KID's bonds (equations 6.4, part 3 with explicit_inner_mts off)."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _norms(el, group, change, norm, scratch):
 
 @stage
 def _rewind(el, dt, group, unsettled, scratch):
-    """Show this iterate to the others and go back to the velocity before the kick (spec 6.4, 3b)."""
+    """Show this iterate to the others and go back to the velocity before the kick (equations 6.4, 3b)."""
     shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt
     for e in range(motion.u.size):

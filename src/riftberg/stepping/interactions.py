@@ -1,4 +1,4 @@
-"""Sum of KID's spring and damper over the partners of one element (spec 5.1, 5.2)."""
+"""Sum of KID's spring and damper over the partners of one element (equations 5.1, 5.2)."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Partners(NamedTuple):
 
 @kernel
 def _stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[float, float]:
-    """Stiffness (s-2) and distance (m) at which the force vanishes, by kind of pair (spec 5.2)."""
+    """Stiffness (s-2) and distance (m) at which the force vanishes, by kind of pair (equations 5.2)."""
     if kind in (COLLISION, PLAIN_CONTACT):
         stiffness = pair_stiffness(law.contact_spring, law.modulus, sum_radii, law.contact_stiffest)
         return stiffness, max(sum_radii, law.contact_distance)
@@ -161,7 +161,7 @@ def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, rest, own_size, view, law):
 
 @kernel
 def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view, law):
-    """Sum over all partners of element ``e`` at (x, y): I, P and P u of the partners (spec 5.1).
+    """Sum over all partners of element ``e`` at (x, y): I, P and P u of the partners (equations 5.1).
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view,
     plain : bool
         Branch B: ``collision`` holds all elements in reach, bonds act in tension only.
     bond_size : bool
-        Bonded pairs use the constant interaction size (spec 1.4, v).
+        Bonded pairs use the constant interaction size (equations 1.4, v).
     view : PairView
     law : PairLaw
 

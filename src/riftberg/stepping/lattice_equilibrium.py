@@ -26,7 +26,7 @@ from riftberg.errors import RunError
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
-from riftberg.state import Floats, Ints
+from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.sizes import Sizes
 
 BALANCE = 1e-5
@@ -54,23 +54,24 @@ class Lattice(NamedTuple):
     radius: Floats
 
 
-def find_lattice(
-    first: Ints, second: Ints, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
-) -> Lattice:
+def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> Lattice:
     """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
 
     Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`).
     """
-    return Lattice(*_find_lattice(first, second, flat, thickness, sizes, p))
+    rest = sizes.bond_radius[bonds.first] + sizes.bond_radius[bonds.second]
+    if not p.rest_length_from_sizes:
+        rest = np.where(np.isnan(bonds.rest_length), rest, bonds.rest_length)
+    return Lattice(*_find_lattice(bonds.first, bonds.second, rest, flat, thickness, sizes, p))
 
 
 @kernel
 def _find_lattice(
-    first: Ints, second: Ints, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
+    first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
 ) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
     """Return the fields of `Lattice`; see `riftberg.kernels` why no named tuple."""
     count = first.size
-    nx, ny, length, rest = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
     rows, stiffness = np.zeros((count, 3, 6)), np.zeros((count, 3))
     radius = sizes.bond_radius
@@ -78,7 +79,7 @@ def _find_lattice(
         i, j = first[b], second[b]
         r1, r2, t1, t2 = radius[i], radius[j], thickness[i], thickness[j]
         rx, ry = flat[i, 0] - flat[j, 0], flat[i, 1] - flat[j, 1]
-        length[b], rest[b] = np.sqrt(rx * rx + ry * ry), r1 + r2
+        length[b] = np.sqrt(rx * rx + ry * ry)
         nx[b], ny[b] = rx / length[b], ry / length[b]
         half = overlap(rest[b], length[b])
         small, other = (t1, t2) if r1 <= r2 else (t2, t1)

@@ -106,7 +106,7 @@ class BondOperator:
 
 
 def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) -> tuple[Floats, Floats]:
-    """Unit vectors from the second to the first elements (spec 2.2)."""
+    """Unit vectors from the second to the first elements (equations 2.2)."""
     dx, dy = elements.lon[first] - elements.lon[second], elements.lat[first] - elements.lat[second]
     if p.earth.period > 0.0:
         dx -= p.earth.period * np.floor(dx / p.earth.period + 0.5)
@@ -119,7 +119,7 @@ def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) ->
 def _dem_stiffness(
     p: Parameters, radii: tuple[Floats, Floats], thickness: Floats, i: Ints, j: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (spec 5.4)."""
+    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (equations 5.4)."""
     r1, r2 = radii
     rest = r1 + r2
     reach = np.minimum(r1, r2) / rest
@@ -140,21 +140,21 @@ def _radii_when_formed(p: Parameters, rest: Floats, r1: Floats, r2: Floats) -> t
 
 
 def _dem_damping(p: Parameters, sizes: Sizes, i: Ints, j: Ints) -> Floats:
-    """Damping constant of the bonds, kg s-1 (spec 5.4)."""
+    """Damping constant of the bonds, kg s-1 (equations 5.4)."""
     plane = 2.0 * p.bonds.youngs_modulus / (3.0 * (1.0 - p.bonds.poisson**2))
     m1, m2 = sizes.bond_mass[i], sizes.bond_mass[j]
     return np.asarray(p.bonds.damping * np.sqrt(plane * m1 * m2 / (m1 + m2)))
 
 
 def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
-    """Stiffness (s-2) of spring bonds of some rest lengths (m): as given, or that of the ice (spec 5.2; Riftberg)."""
+    """Stiffness (s-2) of spring bonds of some rest lengths (m): as given, or that of the ice (equations 5.2; Riftberg)."""
     if p.bonds.spring is None:
         return np.asarray(p.bonds.youngs_modulus / (p.ice.density * rest**2))
     return np.full(rest.shape, p.bonds.spring)
 
 
 def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
-    """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (spec 5.2)."""
+    """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (equations 5.2)."""
     c, one = p.contact, np.ones_like(stiffness)
     if c.damping_by_speed:
         return 0.0 * one, 0.0 * one

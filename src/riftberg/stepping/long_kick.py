@@ -1,4 +1,4 @@
-"""Slow forces of the multiple-time-step scheme: two half kicks per long step (spec 6.4, parts 1 and 2)."""
+"""Slow forces of the multiple-time-step scheme: two half kicks per long step (equations 6.4, parts 1 and 2)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lon
 def begin_substeps(
     el: Elements, around: Surroundings, scratch: Scratch, sizes: Sizes, p: KernelParameters
 ) -> tuple[bool, bool]:
-    """Find what moves, what is aground and how the floor stops it; depth holds for the long step (spec 6.4, 3b and 3c).
+    """Find what moves, what is aground and how the floor stops it; depth holds for the long step (equations 6.4, 3b and 3c).
 
     Returns
     -------

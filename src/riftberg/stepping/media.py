@@ -145,7 +145,7 @@ def media_of(
     uo: float, vo: float, ua: float, va: float, ui: float, vi: float, slope_x: float, slope_y: float,
     ground_area: float, ground_mass: float, p: KernelParameters,
 ) -> Media:  # fmt: skip
-    """Find the rows of one element (spec 4.1; units as in `riftberg.state.ELEMENT_VARIABLES`).
+    """Find the rows of one element (equations 4.1; units as in `riftberg.state.ELEMENT_VARIABLES`).
 
     Parameters
     ----------

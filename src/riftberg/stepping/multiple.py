@@ -1,4 +1,4 @@
-"""Multiple-time-step velocity Verlet: slow half kick, sub-steps of the bonds, slow half kick (spec 6.4)."""
+"""Multiple-time-step velocity Verlet: slow half kick, sub-steps of the bonds, slow half kick (equations 6.4)."""
 
 from __future__ import annotations
 

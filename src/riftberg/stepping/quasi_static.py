@@ -22,7 +22,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.cracking import first_break, limits_of, most_overloaded, store_stresses, wear
+from riftberg.stepping.cracking import limits_of, store_stresses, wear
+from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, characteristic_distance
 from riftberg.stepping.frames import (
     Bodies,
     element_motion,
@@ -73,13 +74,14 @@ PLACE = ("lon", "lat", "lon_pair", "lat_pair", "cell_i", "cell_j", "xi", "eta", 
 
 @dataclass
 class Structure:
-    """The lattice between two breaks: places of the elements in their fragments, bonds that hold, factors."""
+    """The lattice between two breaks: places of the elements in their fragments, bonds that hold, factors, criterion."""
 
     flat: Floats
     lattice: Lattice
     alive: Ints
     holds: Holds
     factors: Factors
+    criterion: Criterion
 
 
 @dataclass
@@ -219,15 +221,15 @@ class LongStep:
             return landing
         if may_break:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
-            bond, share = first_break(s.lattice, s.alive, before.bodies.bend, self.now.bodies.bend, limits, self.c)
-            if bond >= 0:
+            place, share = s.criterion.first_break(s.alive, before.bodies.bend, self.now.bodies.bend, limits)
+            if place >= 0:
                 least = dt / EVENTS if self.cracked else 0.0
                 if (short := max(share * h, least)) < h * (1.0 - 1e-9):
                     self._back(before, kept)
                     self._advance(short)
                     taken = short
                 self._apply(before, taken / dt)
-                self._crack(int(s.alive[bond]))
+                self._crack(int(s.alive[s.criterion.bond_at(place, s.alive, self.now.bodies.bend, limits)]))
                 return dt
         self._apply(before, taken / dt)
         return dt
@@ -263,7 +265,8 @@ class LongStep:
         self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
         if self.model.parameters.damage.enabled:
-            wear(self.bonds, self.structure.lattice, self.structure.alive, before, self.now.bodies.bend, h, c)
+            s, mean = self.structure, 0.5 * (before + self.now.bodies.bend)
+            wear(self.bonds, s.alive, s.criterion.ratios(s.alive, mean, limits_of(self.bonds, s.alive, c)), h, c)
 
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
@@ -394,13 +397,9 @@ class LongStep:
 
     def _crack(self, first: int) -> None:
         """Break bonds until none is overloaded; ``first`` breaks in any case (-1: only if it is overloaded)."""
-        s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
-        stress = bond_stresses(s.lattice, s.alive, self.now.bodies.bend, self.c)
-        store_stresses(
-            self.bonds, s.lattice, s.alive, self.now.bodies.bend, stress, self.now.motion.elements[:, 9:11], self.c
-        )
-        row, ratio = most_overloaded(stress, limits)
-        bond = first if first >= 0 and ratio <= 1.0 else (int(s.alive[row]) if ratio > 1.0 else -1)
+        self._store()
+        overloaded = self._overloaded()
+        bond = overloaded if overloaded >= 0 else first
         if bond < 0:
             return
         self.cracked = True
@@ -408,15 +407,18 @@ class LongStep:
         starter = bond
         while bond >= 0:
             self._break(bond)
-            s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
-            stress = bond_stresses(s.lattice, s.alive, self.now.bodies.bend, self.c)
-            row, ratio = most_overloaded(stress, limits)
-            bond = int(s.alive[row]) if ratio > 1.0 else -1
+            bond = self._overloaded()
             if bond >= 0:
-                turn = self.now.motion.elements[:, 9:11]
-                store_stresses(self.bonds, s.lattice, s.alive, self.now.bodies.bend, stress, turn, self.c)
+                self._store()
         self._released(starter, whole - elastic_energy(self.now.bodies.bend, self.now.load))
         self._settle_fragments()
+
+    def _overloaded(self) -> int:
+        """Row in the state of the bond that breaks next, or -1 where none is overloaded."""
+        s, bend = self.structure, self.now.bodies.bend
+        limits = limits_of(self.bonds, s.alive, self.c)
+        row, ratio = s.criterion.worst(s.alive, bend, limits)
+        return int(s.alive[s.criterion.bond_at(row, s.alive, bend, limits)]) if ratio > 1.0 else -1
 
     def _released(self, bond: int, energy: float) -> None:
         """Note the energy (J) that a crack has released with the bond that began it."""
@@ -475,10 +477,19 @@ class LongStep:
         """Describe and factor the lattice of the bonds that hold."""
         el, bonds, c = self.el, self.bonds, self.c
         flat = flat_shape(bodies.shape, c.latlon, c.earth_radius)
-        lattice = find_lattice(bonds.first, bonds.second, flat, el.thickness, self.sizes, c)
+        lattice = find_lattice(bonds, flat, el.thickness, self.sizes, c)
         alive = np.flatnonzero(bonds.status == 0)
         holds = Holds(el.static, el.free_y)
-        return Structure(flat, lattice, alive, holds, Factors(lattice, alive, holds, holds.springs(bodies.body, flat)))
+        factors = Factors(lattice, alive, holds, holds.springs(bodies.body, flat))
+        return Structure(flat, lattice, alive, holds, factors, self._criterion(lattice, alive, flat, bodies.body))
+
+    def _criterion(self, lattice: Lattice, alive: Ints, flat: Floats, body: Ints) -> Criterion:
+        """What decides that bonds of this lattice break."""
+        fracture, el = self.model.parameters.fracture, self.el
+        if fracture.criterion == "bond":
+            return BondStress(lattice, self.c)
+        volume = el.length * el.width * el.thickness
+        return AveragedStress(lattice, alive, flat, body, volume, characteristic_distance(fracture), self.c)
 
     def _store(self) -> None:
         """Write stresses and deformations to the state."""

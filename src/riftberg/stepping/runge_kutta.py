@@ -1,4 +1,4 @@
-"""Fourth-order Runge-Kutta (spec 6.3).
+"""Fourth-order Runge-Kutta (equations 6.3).
 
 All elements go through a stage together, because the forcing is sampled at the positions of the stage; partners are
 seen where they were at the start of the step, so this changes nothing.

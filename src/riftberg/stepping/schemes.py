@@ -78,7 +78,7 @@ def make_stepper(run: RunState) -> Stepper:
 
 
 def settle(run: RunState) -> None:
-    """Find the cells after a move, stop elements at land, wrap longitudes (spec 8)."""
+    """Find the cells after a move, stop elements at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
         settle_elements(el, grid.arrays, run.constants)
@@ -90,7 +90,7 @@ def settle(run: RunState) -> None:
 
 
 def _processing_rank(run: RunState) -> Ints:
-    """Rank of the elements in the reference's order: by row, then column of their cell, newest first (spec 1.6)."""
+    """Rank of the elements in the reference's order: by row, then column of their cell, newest first (equations 1.6)."""
     el = run.elements
     rank = np.empty(el.mass.size, np.int64)
     rank[np.lexsort((-np.arange(rank.size), el.cell_i, el.cell_j))] = np.arange(rank.size)
@@ -98,7 +98,7 @@ def _processing_rank(run: RunState) -> Ints:
 
 
 def _update_fragments(run: RunState) -> None:
-    """Number fragments after bonds have broken, and forget broken bonds whose ends have parted (spec 1.5)."""
+    """Number fragments after bonds have broken, and forget broken bonds whose ends have parted (equations 1.5)."""
     el, bonds, c = run.elements, run.bonds, run.constants
     if c.broken_as_contact and c.fracture_on_substeps:
         drop_parted_bonds(bonds, connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status))
@@ -108,7 +108,7 @@ def _update_fragments(run: RunState) -> None:
 
 
 class MultipleStepper(Forgetful):
-    """Multiple time steps (spec 6.4).
+    """Multiple time steps (equations 6.4).
 
     The slow kicks are those of all bergs together. The sub-steps concern each group of bergs that may meet in the step
     and are taken by batches of groups that have the same number of them. Bergs collide in the sub-steps, or with
@@ -298,7 +298,7 @@ def _uniform(run: RunState) -> bool:
 
 
 class SingleStepper(Forgetful):
-    """What the single-step schemes share: partners by the rules of spec 5.1."""
+    """What the single-step schemes share: partners by the rules of equations 5.1."""
 
     def __init__(self, run: RunState) -> None:
         self._near = Neighbourhood()
@@ -341,7 +341,7 @@ class SingleStepper(Forgetful):
 
 
 class VerletStepper(SingleStepper):
-    """Single-step velocity Verlet (spec 6.2)."""
+    """Single-step velocity Verlet (equations 6.2)."""
 
     def step(self, run: RunState) -> None:
         """Advance by one step."""
@@ -376,7 +376,7 @@ class VerletStepper(SingleStepper):
 
 
 class RungeKuttaStepper(SingleStepper):
-    """Fourth-order Runge-Kutta (spec 6.3)."""
+    """Fourth-order Runge-Kutta (equations 6.3)."""
 
     def __init__(self, run: RunState) -> None:
         super().__init__(run)

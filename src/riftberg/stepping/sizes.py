@@ -1,4 +1,4 @@
-"""Sizes and masses of elements in interactions (spec 1.4)."""
+"""Sizes and masses of elements in interactions (equations 1.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One explicit sub-step of the multiple-time-step scheme (spec 6.4, part 3)."""
+"""One explicit sub-step of the multiple-time-step scheme (equations 6.4, part 3)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def allocate_scratch(count: int) -> Scratch:
 
 @kernel
 def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
-    """Move the elements by their mid-step velocity and show position and velocity to the others (spec 6.4, 3a).
+    """Move the elements by their mid-step velocity and show position and velocity to the others (equations 6.4, 3a).
 
     With ``q1`` the northward mid-step velocity uses the eastward implicit acceleration, as the reference does (Q1).
     """
@@ -87,7 +87,7 @@ def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: 
 
 @kernel
 def divide_by_mass(el: Elements, scratch: Scratch, sizes: Sizes) -> None:
-    """Add loads to the summed forces and turn all into accelerations and angular accelerations (spec 5.3, 3)."""
+    """Add loads to the summed forces and turn all into accelerations and angular accelerations (equations 5.3, 3)."""
     kicks, body = el.kicks, el.body
     for e in range(el.place.lon.size):
         m, r = sizes.bond_mass[e], sizes.bond_radius[e]
@@ -148,7 +148,7 @@ def dem_accelerations(
 def spring_accelerations(
     el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw
 ):
-    """Accelerations (m s-2) by KID's bonds and contact inside the berg (spec 5.3 without DEM)."""
+    """Accelerations (m s-2) by KID's bonds and contact inside the berg (equations 5.3 without DEM)."""
     place, shown, motion = el.place, el.shown, el.motion
     view = pair_view(el, sizes)
     for e in range(place.lon.size):
@@ -201,7 +201,7 @@ def sum_stopped(el: Elements, scratch: Scratch) -> None:
 
 @kernel
 def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
-    """Update velocities by half the old and half the new fast acceleration (spec 6.4, 3b).
+    """Update velocities by half the old and half the new fast acceleration (equations 6.4, 3b).
 
     The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
     implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate. A rate that grows with the speed
@@ -229,7 +229,7 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
 
 @kernel
 def spin_up(el: Elements, scratch: Scratch, dt: float) -> None:
-    """Update angular velocity, then the angle with the new angular velocity (spec 6.4, 3c)."""
+    """Update angular velocity, then the angle with the new angular velocity (equations 6.4, 3c)."""
     motion, kicks = el.motion, el.kicks
     for e in range(el.place.lon.size):
         spin = (motion.spin[e] + dt * kicks.spin_rate[e]) / (1.0 + scratch.ground_spin_rate[e] * dt)

@@ -1,4 +1,4 @@
-"""Semi-implicit velocity of one element under external forces and partners (spec 4.2, 4.3).
+"""Semi-implicit velocity of one element under external forces and partners (equations 4.2, 4.3).
 
 One routine serves the schemes, which differ in the share s of drag and damping that acts: 1 in single steps, 1/2 where
 the result is applied as two half kicks of the long step.

@@ -1,4 +1,4 @@
-"""Single-step velocity Verlet (spec 6.2)."""
+"""Single-step velocity Verlet (equations 6.2)."""
 
 from __future__ import annotations
 

@@ -1,0 +1,23 @@
+"""
+A68a in December 2020
+=====================
+
+The built-in experiment: the berg loses its northern tip aground and its southern finger afloat. The ocean is fitted to the observed drift.
+"""
+
+from riftberg import draw_map
+from riftberg.experiments import build
+from riftberg.viz.plots import draw_timeline
+
+model, info = build("a68a")
+run = model.run(info.days, every_hours=3)
+draw_map(run, "a68a.png", forcing=model.forcing, title=info.title)
+
+# %%
+# The life of the pieces:
+draw_timeline(run, "timeline.png")
+
+# %%
+areas = [row.area / 1e6 for row in model.fragments.breakups]
+print([f"{area:.0f} km2" for area in areas])
+assert len(areas) == 2

@@ -1,0 +1,34 @@
+"""
+Inertial circles
+================
+
+A berg that was pushed and then left alone goes round in circles with the period :math:`2\\pi/f`.
+"""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from riftberg import Iceberg, Model, Parameters, Steady
+
+latitude = -56.0
+berg = Iceberg.rectangle("3 km", "3 km", thickness="200 m", placement=(-37.0, latitude), velocity=(0.2, 0.0))
+model = Model(berg, Steady(), Parameters(drag={"ocean_scale": 0.0}, stepping={"time_step": "10 min"}))
+run = model.run(days=2, every_hours="10 min")
+
+# %%
+# The heading turns evenly; its rate gives the period.
+u, v = run["u_sync"].values[0], run["v_sync"].values[0]
+hours = (run["time"] - run["time"][0]).values / np.timedelta64(1, "h")
+turned = np.unwrap(np.arctan2(v, u))
+period = 2 * np.pi / np.polyfit(hours, turned, 1)[0]
+theory = 2 * np.pi / (2 * 7.292e-5 * abs(np.sin(np.radians(latitude)))) / 3600
+
+figure = Figure(figsize=(5, 4.5), layout="constrained")
+axes = figure.subplots()
+axes.plot(run["lon"][0], run["lat"][0], color="#4477aa")
+axes.set(xlabel="longitude (°E)", ylabel="latitude (°N)", title="Two days without drag")
+axes.set_aspect(1 / np.cos(np.radians(latitude)))
+figure.savefig("inertia.png", dpi=120)
+
+print(f"{abs(period):.3f} h, in theory {theory:.3f} h")
+assert abs(abs(period) / theory - 1) < 0.01

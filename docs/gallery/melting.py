@@ -1,0 +1,37 @@
+"""
+A process of one's own: a base that melts
+=========================================
+
+A function that is called after each long step may change thickness and mass.
+"""
+
+from matplotlib.figure import Figure
+
+from riftberg import Iceberg, Model, Steady
+
+RATE = 2.0 / 86400  # m s-1: two metres a day
+
+berg = Iceberg.rectangle("12 km", "6 km", thickness="200 m", placement=(-37.0, -56.0))
+model = Model(berg, Steady.balanced(current=(0.1, 0.0), latitude=-56.0))
+
+
+def melt(now):
+    """Take a layer from the base of every element."""
+    body, layer = now.elements.body, RATE * now.parameters.stepping.time_step
+    body.mass *= 1 - layer / body.thickness
+    body.thickness -= layer
+
+
+model.after_step.append(melt)
+run = model.run(days=2)
+
+figure = Figure(figsize=(5.5, 3.4), layout="constrained")
+axes = figure.subplots()
+axes.plot(run["time"], run["thickness"].mean("trajectory"), color="#4477aa")
+axes.set(ylabel="thickness (m)", title="Two metres a day")
+axes.tick_params(axis="x", rotation=30)
+figure.savefig("melting.png", dpi=120)
+
+# %%
+print(f"{model.elements.thickness[0]:.3f} m")
+assert abs(model.elements.thickness[0] - 196.0) < 1e-9

@@ -1,0 +1,20 @@
+"""
+Stress in the bonds
+===================
+
+Where a berg is pulled, its bonds carry tension. The scheme ``quasi_static`` gives the stress in equilibrium with the loads.
+"""
+
+from riftberg import A68A_2022
+from riftberg.experiments import Options, build
+from riftberg.viz.plots import draw_stress
+
+model, info = build("a68a", Options({"stepping": {"scheme": "quasi_static"}}))
+run = model.run(days=3, every_hours=6)
+draw_stress(run, "stress.png")
+
+# %%
+# No bond carries more than it bears.
+largest = float(run["normal_stress"].max())
+print(f"{largest / 1e3:.1f} kPa")
+assert 0 < largest <= A68A_2022.fracture.normal_strength
