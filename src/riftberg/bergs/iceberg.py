@@ -357,7 +357,7 @@ class Iceberg(BondedBerg):
         Examples
         --------
         >>> large = Iceberg.rectangle(20e3, 10e3, thickness=250.0, placement=(-37.0, -56.0)).named("A")
-        >>> small = Iceberg.rectangle(800.0, 800.0, thickness=80.0, placement=(-36.5, -56.0), packing="hexagonal")
+        >>> small = Iceberg.rectangle(800.0, 800.0, thickness=80.0, placement=(-36.5, -56.0), radius=100.0)
         >>> Iceberg.join([large, small], names=["A", "B"]).names
         ('A', 'B')
         """
