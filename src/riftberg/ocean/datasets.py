@@ -125,6 +125,9 @@ class DatasetForcing(ShownForcing):
         If two parts serve the same field.
     """
 
+    start: datetime | None = None
+    """Date of time 0 (UTC), where it is known; a model takes it over."""
+
     def __init__(
         self,
         parts: Sequence[Part],
@@ -182,7 +185,9 @@ class DatasetForcing(ShownForcing):
         """
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
-        return cls([part_of(ds, begin) for ds in in_memory(several)], **options)
+        forcing = cls([part_of(ds, begin) for ds in in_memory(several)], **options)
+        forcing.start = begin
+        return forcing
 
     @property
     def title(self) -> str:

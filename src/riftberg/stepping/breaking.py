@@ -11,14 +11,17 @@ from riftberg.physics.bonds import bond_section, normal_force, overlap
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Ints
-from riftberg.stepping.interactions import SAME_BERG_CONTACT, pair_terms
+from riftberg.stepping.interactions import COLLISION, SAME_BERG_CONTACT, pair_terms
+
+OTHER_BERGS, TOUCHED = -2, -3
+"""What stands for a bond in pairs of elements of two bergs."""
 
 
 class ContactPairs(NamedTuple):
     """Pairs of one berg that may touch in the sub-steps: ends of broken bonds, or candidates of a search.
 
     ``count[0]`` of the rows are in use. ``bond`` is the number of the bond between both (as long as it is unbroken they
-    do not touch), or -1.
+    do not touch), or -1; `OTHER_BERGS` for elements of two bergs, and `TOUCHED` once they have touched in this long step.
     """
 
     first: Ints
@@ -100,7 +103,7 @@ def _force_while_breaking(rows, r, el, youngs):
 
 @stage
 def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full, dt):
-    """Add the accelerations (m s-2) of pairs of one berg that touch (equations 5.5).
+    """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
     Parameters
     ----------
@@ -127,32 +130,37 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
             law.earth_radius,
             law.period,
         )
-        radii = sizes.bond_radius[i] + sizes.bond_radius[j]
-        if rx * rx + ry * ry >= radii * radii:
+        apart = pairs.bond[k] <= OTHER_BERGS
+        radii = sizes.radius[i] + sizes.radius[j] if apart else sizes.bond_radius[i] + sizes.bond_radius[j]
+        reach = max(radii, law.contact_distance) if apart else radii
+        if rx * rx + ry * ry >= reach * reach:
             continue
+        if apart:
+            pairs.bond[k] = TOUCHED
         for end in range(2):
             e, c = (i, j) if end == 0 else (j, i)
             looks = not (skip_full and body.bond_count[e] == max_bonds) and body.bond_count[c] < max_bonds
-            if search and not looks:
+            if search and not looks and not apart:
                 continue
             s = 1.0 if end == 0 else -1.0
-            ix, iy = contact_acceleration(e, c, s * rx, s * ry, radii, el, sizes, law, dt * max_bonds)
+            ix, iy = contact_acceleration(e, c, s * rx, s * ry, radii, apart, el, sizes, law, dt * max_bonds)
             ax[e] += ix
             ay[e] += iy
 
 
 @stage
-def contact_acceleration(e, c, rx, ry, radii, el, sizes, law, span):
-    """Acceleration (m s-2) of element e by its contact with c of the same berg: spring and damper.
+def contact_acceleration(e, c, rx, ry, radii, apart, el, sizes, law, span):
+    """Acceleration (m s-2) of element e by its contact with c of the same berg, or of another (apart): spring and damper.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
     shown = el.shown
-    m1, m2 = sizes.bond_mass[e], sizes.bond_mass[c]
+    m1, m2 = (sizes.mass[e], sizes.mass[c]) if apart else (sizes.bond_mass[e], sizes.bond_mass[c])
+    kind = COLLISION if apart else SAME_BERG_CONTACT
     du, dv = shown.u_pair[c] - el.motion.u[e], shown.v_pair[c] - el.motion.v[e]
-    ix, iy, p11, p12, p22 = pair_terms(SAME_BERG_CONTACT, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
+    ix, iy, p11, p12, p22 = pair_terms(kind, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
     wu, wv = shown.u_pair[c] - shown.u_pair[e], shown.v_pair[c] - shown.v_pair[e]
     soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m1 / min(m1, m2)))
     return ix + soft * (p11 * wu + p12 * wv), iy + soft * (p12 * wu + p22 * wv)

@@ -17,7 +17,7 @@ from riftberg.stepping import runge_kutta, verlet
 from riftberg.stepping.batches import Batch
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.groups import meeting_groups
+from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
@@ -44,6 +44,10 @@ class Stepper(Protocol):
     @property
     def applied(self) -> Floats:
         """Mean accelerations (m s-2) over the last long step, shape (elements, forces, 2)."""
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """Rows of the pairs of elements of different bergs that were in contact in the last long step."""
 
     def memory(self) -> dict[str, Any]:
         """Return arrays of numbers, beside the state, that a run needs to go on bit for bit."""
@@ -106,14 +110,16 @@ def _update_fragments(run: RunState) -> None:
 class MultipleStepper(Forgetful):
     """Multiple time steps (equations 6.4).
 
-    The slow kicks are those of all bergs together, because bergs collide in them; the sub-steps concern each berg alone
-    and are taken by batches of bergs that have the same number of them.
+    The slow kicks are those of all bergs together. The sub-steps concern each group of bergs that may meet in the step
+    and are taken by batches of groups that have the same number of them. Bergs collide in the sub-steps, or with
+    ``contact.on_substeps`` off in the slow kicks.
     """
 
     def __init__(self, run: RunState) -> None:
         c = run.constants
         self._near = Neighbourhood()
         self._around = allocate_surroundings(run.elements.size)
+        self._touched = NOBODY
         self._all: Batch | None = None
         self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
@@ -125,28 +131,34 @@ class MultipleStepper(Forgetful):
         earlier = np.arange(el.size)
         if self._quirky_order and not _uniform(run):
             earlier = _processing_rank(run)
+        dt = run.parameters.stepping.time_step
         slow = self._collisions(run, sizes)
-        batches = self._batches(run)
+        meeting = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
+        substeps = substeps_of_meeting(run, sizes, *meeting)
+        batches = self._batches(run, substeps)
         for batch in batches:
-            self._gather_pairs(batch, run.parameters.stepping.time_step, c)
+            self._gather_pairs(batch, dt, c)
+            batch.add_meetings(*meeting)
         inner = [self._inner_partners(batch, batch.of_all(slow.group), run) for batch in batches]
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:
             self._around = allocate_surroundings(el.size)
         report = kick_slowly(el, bonds, slow, sizes, self._around, plan, c)
         self._check_settled(report, run)
-        broken = report.broken
+        broken, touched = report.broken, [touching_rows(el, slow.collision, sizes, c)]
         for batch, fast in zip(batches, inner, strict=True):
             batch.take(run)
             some, room, around = batch.elements, batch.room, batch.surroundings(self._around)
             own_sizes = sizes if batch.rows is None else interaction_sizes(some, c)
             report = take_substeps(
                 some, batch.bonds, room.rows, room.pairs, fast, room.scratch, own_sizes, around,
-                batch.of_all(earlier), plan._replace(substeps=int(some.body.substeps[0])), c,
+                batch.of_all(earlier), plan._replace(substeps=int(batch.of_all(substeps)[0])), c,
             )  # fmt: skip
             batch.give(run, around, self._around)
             self._check_settled(report, run)
             broken += report.broken
+            touched.append(batch.touched())
+        self._touched = joined(touched)
         settle(run)
         run.time += run.parameters.stepping.time_step
         self.surround(run)
@@ -182,18 +194,26 @@ class MultipleStepper(Forgetful):
         """See `Stepper.applied`."""
         return self._around.applied
 
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """See `Stepper.touched`."""
+        return self._touched
+
     def _collisions(self, run: RunState, sizes: Sizes) -> Partners:
         """Partners of the slow kicks: elements of other bergs."""
         near, c = self._near, run.constants
+        if c.contact_on_substeps:
+            none = no_pairs(run.elements.size)
+            return Partners(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         found = near.collisions(run.elements, sizes, c)
         one_group = run.parameters.compatibility.bergs_coupled
         group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, found, sizes.radius, c)
         none = no_pairs(run.elements.size)
         return Partners(none, none, found, np.zeros(0), group)
 
-    def _batches(self, run: RunState) -> list[Batch]:
+    def _batches(self, run: RunState, substeps: Ints) -> list[Batch]:
         """Split the elements by number of sub-steps, and those near the pole from the others."""
-        kind = run.elements.body.substeps
+        kind = substeps
         if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
             kind = 2 * kind + _has_berg_north_of(run.elements, POLAR_LATITUDE)
         if (kind == kind[0]).all() or run.parameters.compatibility.bergs_coupled:
@@ -239,6 +259,7 @@ class MultipleStepper(Forgetful):
         """List the pairs inside bergs that may touch in this step."""
         el, bonds, pairs = batch.elements, batch.bonds, batch.room.pairs
         if not c.dem:
+            pairs.count[0] = 0
             return
         if self._contact_by_bonds:
             waiting = np.flatnonzero(bonds.status == 1)
@@ -283,11 +304,17 @@ class SingleStepper(Forgetful):
         self._near = Neighbourhood()
         self._version = -1
         self._around = allocate_surroundings(run.elements.size)
+        self._touched = NOBODY
 
     @property
     def applied(self) -> Floats:
         """See `Stepper.applied`."""
         return self._around.applied
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """See `Stepper.touched`."""
+        return self._touched
 
     def surround(self, run: RunState) -> None:
         """Do nothing: these schemes sample within the step."""
@@ -308,7 +335,9 @@ class SingleStepper(Forgetful):
         if c.plain_kid_branch:
             return Partners(bonded, none, near.find(el, reach, ANY, c), rest, group)
         touching = near.same_berg(el, bonds, reach, c) if c.bonds_on else none
-        return Partners(bonded, touching, near.collisions(el, sizes, c), rest, group)
+        collisions = near.collisions(el, sizes, c)
+        self._touched = touching_rows(el, collisions, sizes, c)
+        return Partners(bonded, touching, collisions, rest, group)
 
 
 class VerletStepper(SingleStepper):

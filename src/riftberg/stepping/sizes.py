@@ -32,6 +32,12 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
     return math.sqrt(area / math.pi)
 
 
+@kernel
+def sides_of(sides: int, p: KernelParameters) -> int:
+    """Sides of an element; where it does not say, those of the packing that the parameters name."""
+    return sides if sides > 0 else p.max_sides
+
+
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     """Compute the sizes of all elements; a constant size of 0 is one that is not given."""
     radius, bond_radius, bond_mass, bond_area = _interaction_sizes(elements, p)
@@ -47,7 +53,8 @@ def _interaction_sizes(elements: Elements, p: KernelParameters) -> tuple[Floats,
     bond_mass, bond_area = np.empty(count), np.empty(count)
     for e in range(count):
         area = body.length[e] * body.width[e]
-        radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
+        hexagonal = sides_of(body.sides[e], p) == 6
+        radius[e] = radius_of(area, hexagonal, p.bonds_on)
         # Not yet known where a state is looked at before a model has taken it.
         constant = body.bond_area[e] if body.bond_area[e] > 0.0 else p.constant_length * p.constant_width
         if p.constant_size and constant > 0.0:
@@ -56,5 +63,5 @@ def _interaction_sizes(elements: Elements, p: KernelParameters) -> tuple[Floats,
         else:
             bond_area[e] = area
             bond_mass[e] = body.mass[e]
-        bond_radius[e] = radius_of(bond_area[e], p.hexagonal, True)
+        bond_radius[e] = radius_of(bond_area[e], hexagonal, True)
     return radius, bond_radius, bond_mass, bond_area
