@@ -27,7 +27,7 @@ include_patterns = [
 exclude_patterns = [".venv", ".git", "src", "tests", "build", "**/sg_execution_times.rst",
                     "sg_execution_times.rst"]  # fmt: skip
 extensions = [
-    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_design", "sphinx_copybutton",
+    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "sphinx_design", "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
 ]  # fmt: skip
 
@@ -56,6 +56,7 @@ sphinx_gallery_conf: dict[str, Any] = {
     "copyfile_regex": "",
 }
 
+html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = "Riftberg"
 html_extra_path = [os.environ["RIFTBERG_SITE_EXTRA"]]

@@ -39,7 +39,7 @@ from riftberg.kernel_cache import SharedCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
-KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean", "life")
+KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean", "life", "coupling")
 """Sub-packages whose sources decide whether cached machine code is still right."""
 
 for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold", "vectorize-memory-check-threshold"):

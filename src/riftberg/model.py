@@ -20,6 +20,7 @@ from riftberg.bergs.portrait import card, portrait
 from riftberg.errors import InputError, RunError
 from riftberg.input_files import shortened, value_shown
 from riftberg.interrupts import Hold, held
+from riftberg.life.needs import check_water
 from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
@@ -32,7 +33,7 @@ from riftberg.stepping.contacts import ContactLog
 from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
-from riftberg.stepping.substep_choice import assign_substeps
+from riftberg.stepping.substep_choice import assign_substeps, coarse_sizes
 from riftberg.values import moment, native, number
 
 _LOG = logging.getLogger(__name__)
@@ -143,6 +144,7 @@ class BareModel(RunState):
         self._visited = step_number > 0
         check_state(self.elements, self.bonds)
         check_strengths(self.bonds, parameters)
+        check_water(forcing, parameters)
         complete_state(self)
         assign_substeps(self, self.elements.body.substeps == 0)
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
@@ -293,6 +295,7 @@ class BareModel(RunState):
         body, population = self.elements.body, self.population
         self._seen_rows = population.version, population.next_bond
         self._seen_sizes = body.id.copy(), tuple(a.copy() for a in _sizes_of(self.elements))
+        self._seen_coarse = coarse_sizes(self.elements)
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
@@ -301,17 +304,23 @@ class BareModel(RunState):
         # Most steps change nothing: then the rows are the same, and comparing them as they stand is enough.
         if self.population.version == version and all(map(np.array_equal, _sizes_of(self.elements), sizes)):
             return
-        changed = changed_rows(self.elements.body.id, _sizes_of(self.elements), ids, sizes)
+        coarse = coarse_sizes(self.elements)
+        changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
+        if self.population.version != version:
+            self._follow_rows(ids)
+        new_bonds = self.bonds.id >= next_bond
+        changed[self.bonds.first[new_bonds]] = True
+        assign_substeps(self, changed)
+        self._look()
+
+    def _follow_rows(self, ids: Ints) -> None:
+        """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
         surround_newborn(self, ~np.isin(self.elements.body.id, ids), self._visited)
         complete_state(self)
         if self._visited:
             count_bonds(self.elements, self.bonds)
             self.fragments.update(self.elements, self.bonds, self.time, self.constants)
-        new_bonds = self.bonds.id >= next_bond
-        changed[self.bonds.first[new_bonds]] = True
-        assign_substeps(self, changed)
-        self._look()
 
     def _first_visit(self) -> None:
         """Place the elements on the grid, number the bergs and take the first environment."""

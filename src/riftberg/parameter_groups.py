@@ -410,6 +410,60 @@ class Footloose(Group):
     seed: int = quantity(0, "1", "of the random places on the rim", "Riftberg", ge=0)
 
 
+class ClassTable(Group):
+    """Size classes into which the ice that leaves the land is put; lists of one length."""
+
+    mass: tuple[float, ...] = quantity((), "kg", "mass of one berg", "files 3.1")
+    fraction: tuple[float, ...] = quantity((), "1", "part of the ice; what no class takes is not calved", "files 3.1")
+    scaling: tuple[float, ...] = quantity((), "1", "number of bergs that one element stands for", "files 3.1")
+    thickness: tuple[float, ...] = quantity((), "m", "thickness of the bergs", "files 3.1")
+
+    @model_validator(mode="after")
+    def _one_length(self) -> ClassTable:
+        lengths = {name: len(getattr(self, name)) for name in type(self).model_fields}
+        if len(set(lengths.values())) != 1 or not self.mass:
+            raise ValueError(f"the lists of size classes must have one length: {lengths}")
+        for name in ("mass", "scaling", "thickness"):
+            if min(getattr(self, name)) <= 0.0:
+                raise ValueError(f"{name} of a size class is {min(getattr(self, name)):g}: give numbers above 0")
+        if min(self.fraction) < 0.0 or not 0.0 < sum(self.fraction) <= 1.0 + 1e-9:
+            raise ValueError(f"fractions sum to {sum(self.fraction):g}: give parts of 0 or more that sum to at most 1")
+        return self
+
+
+SOUTHERN_CLASSES = ClassTable(
+    mass=(8.8e7, 4.1e8, 3.3e9, 1.8e10, 3.8e10, 7.5e10, 1.2e11, 2.2e11, 3.9e11, 7.4e11),
+    fraction=(0.24, 0.12, 0.15, 0.18, 0.12, 0.07, 0.03, 0.03, 0.03, 0.02),
+    scaling=(2000.0, 200.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 1.0, 1.0),
+    thickness=(40.0, 67.0, 133.0, 175.0, 250.0, 250.0, 250.0, 250.0, 250.0, 250.0),
+)
+"""Size classes of the Southern Ocean (files 3.1)."""
+
+NORTHERN_CLASSES = ClassTable(
+    mass=(4.58e8, 3.61e9, 1.22e10, 2.91e10, 5.09e10, 7.34e10, 1.15e11, 1.65e11, 2.94e11, 5.59e11),
+    fraction=(0.14, 0.15, 0.20, 0.15, 0.08, 0.07, 0.05, 0.05, 0.05, 0.05),
+    scaling=(200.0, 50.0, 25.0, 13.0, 8.0, 5.0, 2.0, 1.0, 1.0, 1.0),
+    thickness=(80.4, 159.5, 240.0, 320.0, 360.0, 360.0, 360.0, 360.0, 360.0, 360.0),
+)
+"""Size classes of the north, where a run is to have its own (files 3.1)."""
+
+
+class Calving(Group):
+    """Bergs from the flux of ice that leaves the land; acts where an ocean model hands one over."""
+
+    south: ClassTable = quantity(SOUTHERN_CLASSES, "", "size classes of the south", "files 3.1")
+    north: ClassTable | None = quantity(
+        None, "", "size classes of the north; none means those of the south", "files 3.1"
+    )
+    fractions: Literal["mass", "number"] = quantity(
+        "mass", "", "what the fractions of the classes are parts of", "files 3.1 input_freq_distribution"
+    )
+    length_over_width: float = quantity(1.5, "1", "shape of a new berg", "files 3.1 LoW_ratio", gt=0)
+    smoothing_time: float = quantity(
+        0.0, "s", "time over which the flux is averaged; 0 takes it as it comes", "files 3.2 tau_calving", ge=0
+    )
+
+
 class Compatibility(Group):
     """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
 
@@ -505,6 +559,22 @@ class Compatibility(Group):
         False, "", "T10: draws of footloose calving come from one stream that a restart does not keep", "files 2.2"
     )
 
+    heat_of_one_class: bool = quantity(
+        False, "", "T16: a new berg gets the heat of all classes over the ice of its own", "files 3.2"
+    )
+    births_at_centre: bool = quantity(
+        False, "", "all bergs that calve in a cell are born in its middle, on top of each other", "files 3.2"
+    )
+    hemisphere_by_corner: bool = quantity(
+        False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
+    )
+    spread_in_nine_cells: bool = quantity(
+        False,
+        "",
+        "T1, T18, T19, T21: bergs are spread on the cells around by the reference's rules, melt stays in the cell",
+        "files 4",
+    )
+
     @classmethod
     def kid(cls, **overrides: bool) -> Compatibility:
         """All switches as KID/iKID behaves, except those given."""
@@ -531,5 +601,9 @@ class Compatibility(Group):
             "drop_orphan_bits": True,
             "footloose_sets_density": True,
             "stream_of_draws": True,
+            "heat_of_one_class": True,
+            "births_at_centre": True,
+            "hemisphere_by_corner": True,
+            "spread_in_nine_cells": True,
         }
         return cls(**{**on, **overrides})

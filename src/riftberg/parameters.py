@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from riftberg.parameter_groups import (
     BondLaw,
     BondParameters,
+    Calving,
     Compatibility,
     Contact,
     Damage,
@@ -40,6 +41,7 @@ __all__ = [
     "A68A_2022_KID",
     "BondLaw",
     "BondParameters",
+    "Calving",
     "Compatibility",
     "Contact",
     "Damage",
@@ -162,6 +164,7 @@ class Parameters(Group):
     melt: Melt = Field(default_factory=Melt)
     rolling: Rolling = Field(default_factory=Rolling)
     footloose: Footloose = Field(default_factory=Footloose)
+    calving: Calving = Field(default_factory=Calving)
     compatibility: Compatibility = Field(default_factory=Compatibility)
 
     @model_validator(mode="after")

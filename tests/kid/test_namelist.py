@@ -104,8 +104,8 @@ def test_missing_file_group_and_end(tmp_path: Path) -> None:
     with pytest.raises(NamelistError, match="no such file"):
         read_namelist(tmp_path / "nothing.nml")
     path = tmp_path / "input.nml"
-    path.write_text("&icebergs_nml\n/\n&drv_nml\n/\n")
-    with pytest.raises(NamelistError, match=r"&icebergs_driver_nml is missing.*&drv_nml"):
+    path.write_text("&icebergs_nml\n/\n&ocean_nml\n/\n")
+    with pytest.raises(NamelistError, match=r"&icebergs_driver_nml is missing.*&ocean_nml"):
         read_namelist(path)
     path.write_text("&icebergs_nml\n mts = T\n")
     with pytest.raises(NamelistError, match="&icebergs_nml has no end"):
@@ -127,9 +127,11 @@ def test_reference_cases_are_accepted(shared: Path, name: str) -> None:
     check_supported(read_namelist(shared / "reference" / name / "input.nml"))
 
 
-def test_coupling_cases_are_refused(shared: Path) -> None:
+def test_coupling_cases_are_read(shared: Path) -> None:
     files = sorted((shared / "reference" / "coupling").glob("*/input.nml"))
     assert files
     for path in files:
-        with pytest.raises(NamelistError, match="icebergs_driver_nml is missing"):
-            read_namelist(path)
+        namelist = read_namelist(path)
+        assert namelist.coupled
+        assert namelist.driver.whole("nsteps") == 40
+        assert any(line.startswith("add_weight_to_ocean = True (default): honoured") for line in namelist.report())

@@ -91,11 +91,14 @@ CASES: Final = {
     )
 }
 
-REFUSED: Final = {
-    "footloose": r"set_melt_rates_to_zero = \.false\..*footloose = \.true\.",
-    "iKID_collision_melting": r"set_melt_rates_to_zero = \.false\.",
-    "melt_bergy_bits": r"set_melt_rates_to_zero = \.false\.",
-    "melt_point_bergs": r"set_melt_rates_to_zero = \.false\.",
-    "melt_tip_parameter": r"set_melt_rates_to_zero = \.false\.",
+MELTING: Final = {
+    "melt_point_bergs": (1, 1),
+    "melt_bergy_bits": (1, 1),
+    "melt_tip_parameter": (1, 1),
+    "iKID_collision_melting": (1, 1),
+    "footloose": (2, 2),
 }
-"""Cases with melt or footloose calving, and what the refusal must name; those under ``coupling`` lack a driver group."""
+"""Cases with melt or footloose calving, and the processes of the reference whose random numbers are followed."""
+
+MASS_AND_SHAPE: Final = 1e-9
+"""Largest difference of mass, sizes and bits of an element in these, relative."""

@@ -51,8 +51,10 @@ class Iceberg(BondedBerg):
 
     Attributes
     ----------
-    elements, bonds : Elements, Bonds
-        The state at the start.
+    elements : Elements
+        The elements at the start.
+    bonds : Bonds
+        The bonds at the start.
     packing : {"square", "hexagonal"}
         Packing of the lattice.
     radius : float

@@ -10,6 +10,7 @@ import typer
 from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import reported
 from riftberg.cli.output import check_folder, check_output, results_folder
+from riftberg.errors import InputError
 from riftberg.input_files import is_folder
 from riftberg.limits import allow_large
 
@@ -24,11 +25,16 @@ def kid(
     large: Annotated[
         bool, typer.Option("--allow-large", help="Allow more elements and steps than a slip asks for.")
     ] = False,
+    ranks: Annotated[
+        str,
+        typer.Option("--ranks", help="Processes of the run of KID that is followed: footloose draws depend on them."),
+    ] = "1x1",
 ) -> None:
     """Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files."""
     from riftberg.kid.run import load_case, run_kid
     from riftberg.runs.progress import ProgressRecorder
 
+    layout = _ranks(ranks)
     with allow_large(large):
         folder = output.parent if output is not None and not is_folder(output) else output
         if folder is not None:
@@ -41,4 +47,12 @@ def kid(
             check_output(output, inputs=[case / "input.nml", *case.glob("*/*.nc")])
         with results_folder(folder):
             progress = ProgressRecorder(clock.steps * clock.dt / 86400.0, quiet=quiet)
-            typer.echo(run_kid(case, output, progress=progress).describe())
+            typer.echo(run_kid(case, output, progress=progress, ranks=layout).describe())
+
+
+def _ranks(text: str) -> tuple[int, int]:
+    """Read processes along x and y."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and 1 <= int(part) <= 1000 for part in parts):
+        raise InputError(f"{text!r} is no layout of processes", where="--ranks", remedy="For example 2x2")
+    return int(parts[0]), int(parts[1])

@@ -453,7 +453,8 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     ]
     if len(summary.get("collisions", [])) > 10:
         lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    return [*lines, *(told or [_areas_line(summary)])]
+    melt = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
+    return [*lines, *(told or [_areas_line(summary)]), *melt]
 
 
 def _speed(summary: dict[str, Any]) -> str:

@@ -18,6 +18,8 @@ collisions : list, one entry per meeting of two bergs or fragments: time, end, b
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
+ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
+    turnover the ledgers of mass and heat do not close; null where nothing melts
 wall_seconds : wall time of the whole run, s
 seconds_per_day : wall time per simulated day without the first step (which may compile), s; null in runs of one step
 steps : long steps taken
@@ -126,6 +128,7 @@ def summarize(
         "track": track_table(track),
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,
+        "ledger": ledger_of(model),
         "wall_seconds": None if stopwatch is None else stopwatch.wall_seconds,
         "seconds_per_day": None if math.isnan(speed) else speed,
         "steps": model.step_number,
@@ -133,6 +136,15 @@ def summarize(
         "forcing": forcing_text(model.forcing),
         "riftberg": __version__,
     }
+
+
+def ledger_of(model: BareModel) -> dict[str, Any] | None:
+    """Return the ledger of melt as the summary holds it."""
+    if getattr(model, "life", None) is None:
+        return None
+    assert model.life is not None
+    balance = model.life.balance(model)
+    return {**balance._asdict(), "error": balance.error, "heat_error": balance.heat_error, "lines": balance.lines()}
 
 
 def write_summary(summary: dict[str, Any], path: str | Path) -> Path:

@@ -8,10 +8,14 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from riftberg.errors import NamelistError
-from riftberg.kid.entry_table import DRIVER, ICEBERGS, INTEGER, LOGICAL, REAL, REALS, REFUSED, Entry, Value
+from riftberg.kid.entry_table import COUPLED, DRIVER, ICEBERGS, INTEGER, LOGICAL, REAL, REALS, REFUSED, Entry, Value
 
-GROUPS: Final[dict[str, tuple[Entry, ...]]] = {"icebergs_nml": ICEBERGS, "icebergs_driver_nml": DRIVER}
-"""The two groups that matter, with their entries."""
+GROUPS: Final[dict[str, tuple[Entry, ...]]] = {
+    "icebergs_nml": ICEBERGS,
+    "icebergs_driver_nml": DRIVER,
+    "drv_nml": COUPLED,
+}
+"""The groups that matter, with their entries."""
 
 _BY_NAME: Final = {group: {e.name.lower(): e for e in entries} for group, entries in GROUPS.items()}
 

@@ -37,9 +37,9 @@ def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: 
     passive : bool
         Whether nothing is returned to an ocean.
     """
-    off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
     if p.footloose.enabled:
         return p
+    off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
     if p.melt.keep_shape:
         return off if passive else p
     bits = p.melt.bits_fraction > 0.0 and (elements.life.mass_of_bits > 0.0).any()

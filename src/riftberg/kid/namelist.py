@@ -1,7 +1,7 @@
 """Reading of KID's ``input.nml``, with the leniencies of Intel's compiler.
 
-Only the groups ``icebergs_nml`` and ``icebergs_driver_nml`` matter; others (of FMS) are named in the report and not
-read. Accepted beyond the standard: texts without quotes (``traj_name=KID.nc``), whole numbers written as reals
+Only the groups ``icebergs_nml`` and ``icebergs_driver_nml`` (or ``drv_nml``) matter; others (of FMS) are named in the
+report and not read. Accepted beyond the standard: texts without quotes (``traj_name=KID.nc``), whole numbers written as reals
 (``mts_sub_steps=1e5``), any of ``T``, ``.true.``, ``true`` for logicals (files 7.1).
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ import f90nml
 from riftberg.errors import NamelistError
 from riftberg.input_files import check_file, reading
 from riftberg.kid.entries import GROUPS, convert, find_entry, refused
-from riftberg.kid.entry_table import REFUSED, REPORTED, TEXT, Entry, Value
+from riftberg.kid.entry_table import CALVING, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
 from riftberg.limits import MOST_YAML
 from riftberg.shared_settings import own_filters
 
@@ -91,7 +91,7 @@ class KidNamelist:
     path : pathlib.Path
         The file.
     icebergs, driver : NamelistGroup
-        Groups ``icebergs_nml`` and ``icebergs_driver_nml``.
+        Groups ``icebergs_nml`` and ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``.
     ignored_groups : tuple of str
         Other groups in the file.
     """
@@ -101,16 +101,24 @@ class KidNamelist:
     driver: NamelistGroup
     ignored_groups: tuple[str, ...]
 
+    @property
+    def coupled(self) -> bool:
+        """Whether the case exchanges with an ocean."""
+        return self.driver.name == "drv_nml"
+
     def report(self) -> list[str]:
         """Return one line for each entry of the file, each refused or noteworthy default, and each ignored group."""
-        lines = [line for group in (self.driver, self.icebergs) for line in _group_report(group)]
+        lines = [line for group in (self.driver, self.icebergs) for line in _group_report(group, self.coupled)]
         return lines + [f"&{name}: ignored, it is not about icebergs" for name in self.ignored_groups]
 
 
-def _group_report(group: NamelistGroup) -> Iterator[str]:
+def _group_report(group: NamelistGroup, coupled: bool) -> Iterator[str]:
     for entry in GROUPS[group.name]:
         if entry.name in group.given or entry.name == "add_weight_to_ocean":
-            yield _entry_report(group, entry)
+            known = entry
+            if entry.note in (CALVING, OCEAN):  # of effect only with an ocean and a flux of land ice
+                known = replace(entry, note="") if coupled else replace(entry, treatment=REPORTED)
+            yield _entry_report(group, known)
 
 
 def _entry_report(group: NamelistGroup, entry: Entry) -> str:
@@ -150,7 +158,7 @@ def read_namelist(path: Path) -> KidNamelist:
     return KidNamelist(
         path=path,
         icebergs=_read_group("icebergs_nml", groups, path),
-        driver=_read_group("icebergs_driver_nml", groups, path),
+        driver=_read_group("drv_nml" if "drv_nml" in names else "icebergs_driver_nml", groups, path),
         ignored_groups=tuple(name for name in names if name not in GROUPS),
     )
 
@@ -208,6 +216,8 @@ def _parse(name: str, body: str, where: str) -> dict[str, Any]:
 def quote_texts(group: str, body: str) -> str:
     """Put quotes around texts that lack them, as Intel's compiler accepts them."""
     names = "|".join(e.name for e in GROUPS[group] if e.kind == TEXT)
+    if not names:
+        return body
     pattern = re.compile(rf"(?i)(?<![\w'\"])({names})(\s*=\s*)([^\s'\",!][^\s,!'\"]*)")
     return "\n".join(_quote_line(line, pattern) for line in body.split("\n"))
 

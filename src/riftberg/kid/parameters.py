@@ -46,11 +46,14 @@ def to_parameters(namelist: KidNamelist) -> Parameters:
 
 def time_step(namelist: KidNamelist) -> float:
     """Return the long step (s) after a check."""
-    dt = namelist.driver.number("ibdt")
+    name = "dt" if namelist.coupled else "ibdt"
+    dt = namelist.driver.number(name)
     if dt <= 0:
-        raise namelist.driver.error(f"ibdt = {dt} is no time step", "Give a positive number of seconds")
+        raise namelist.driver.error(f"{name} = {dt} is no time step", "Give a positive number of seconds")
     if dt > LONGEST_STEP:
-        raise namelist.driver.error(f"ibdt = {dt:g} s is longer than {LONGEST_STEP:g} s", "Give minutes or hours, in s")
+        raise namelist.driver.error(
+            f"{name} = {dt:g} s is longer than {LONGEST_STEP:g} s", "Give minutes or hours, in s"
+        )
     return dt
 
 
@@ -120,6 +123,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         "stepping": _stepping(group, dt),
         "earth": _earth(group),
         **life_groups(group),
+        "calving": _calving(group),
         "compatibility": _compatibility(group).model_dump(),
     }
 
@@ -211,6 +215,21 @@ def _check_criterion(group: NamelistGroup, inline: bool) -> None:
         f"fracture_criterion = '{criterion}' with {cause}",
         "Set fracture_criterion = 'stress', or switch fracture off",
     )
+
+
+def _calving(group: NamelistGroup) -> dict[str, Any]:
+    """Map calving (files, 3); the smoothing time is divided by the seconds of a year (quirk T14)."""
+    south = ("initial_mass", "distribution", "mass_scaling", "initial_thickness")
+    north = ("initial_mass_n", "distribution_n", "mass_scaling_n", "initial_thickness_n")
+    ours = ("mass", "fraction", "scaling", "thickness")
+    tables = [{k: group.numbers(name) for k, name in zip(ours, names, strict=True)} for names in (south, north)]
+    return {
+        "south": tables[0],
+        "north": tables[1] if group.flag("separate_distrib_for_n_hemisphere") else None,
+        "fractions": "number" if group.flag("input_freq_distribution") else "mass",
+        "length_over_width": group.number("LoW_ratio"),
+        "smoothing_time": max(group.number("tau_calving"), 0.0) / (365.0 * 24.0 * 60.0 * 60.0),
+    }
 
 
 def _stepping(group: NamelistGroup, dt: float) -> dict[str, Any]:

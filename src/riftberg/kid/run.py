@@ -16,7 +16,9 @@ from riftberg.input_files import is_folder
 from riftberg.interrupts import held, say
 from riftberg.kid.bond_restart import read_bonds, write_bonds
 from riftberg.kid.checks import check_calving_store, check_distances, order_sides
+from riftberg.kid.coupled import CoupledRun
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
+from riftberg.kid.identifiers import CALVING_FILE
 from riftberg.kid.life import attach_life, without_idle_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
@@ -53,6 +55,8 @@ class KidCase:
         The model at its initial state.
     notes : list of str
         What was done beyond the namelist.
+    coupled : CoupledRun or None
+        The run, where the case exchanges with an ocean (group ``drv_nml``).
     """
 
     folder: Path
@@ -62,6 +66,7 @@ class KidCase:
     grid: Grid
     model: Model
     notes: list[str] = field(default_factory=list)
+    coupled: CoupledRun | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,9 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     if not is_folder(folder):
         raise InputError("no such folder", where=str(folder), remedy=f"Name a KID run folder, with {NAMELIST}")
     namelist = read_namelist(folder / NAMELIST)
+    if namelist.coupled:
+        run = CoupledRun(folder, namelist, ranks)
+        return KidCase(folder, namelist, run.parameters, run.clock, run.grid, run.model, run.notes, run)
     parameters = to_parameters(namelist)
     clock = build_clock(namelist)
     grid = build_grid(namelist, folder)
@@ -178,7 +186,8 @@ def run_kid(
     """Run a KID case and write its files.
 
     Written are the trajectory, beside it ``<stem>_restart.nc`` and, with bonds, ``<stem>_bonds_restart.nc``; with
-    ``save_bond_traj`` also ``<stem>_bonds.nc``. Existing files of these names are replaced; the case folder is only
+    ``save_bond_traj`` also ``<stem>_bonds.nc``; of cases with an ocean ``ocean.nc`` and ``<stem>_calving.nc``.
+    Existing files of these names are replaced; the case folder is only
     read.
 
     Parameters
@@ -218,7 +227,10 @@ def _run(case_dir: Path, output: Path, progress: Recorder | None, ranks: tuple[i
     if progress is not None:
         recorders.append(progress)
     try:
-        case.model.advance(steps=case.clock.steps, recorders=recorders)
+        if case.coupled is None:
+            case.model.advance(steps=case.clock.steps, recorders=recorders)
+        else:
+            case.coupled.advance(recorders)
     except (KeyboardInterrupt, SystemExit):
         saved = _write_restarts(case, paths)
         done = f"{case.model.step_number} of {case.clock.steps} steps"
@@ -243,6 +255,8 @@ def _run(case_dir: Path, output: Path, progress: Recorder | None, ranks: tuple[i
 def _how_to_go_on(saved: list[Path]) -> str:
     """Say how KID's own restart files start another run."""
     folder = "a copy of the run folder"
+    if any(path.name == "ocean.nc" for path in saved):
+        return f"To go on, put the first two into {folder} as INPUT/{RESTART} and INPUT/{CALVING_FILE}"
     if len(saved) == 1:
         return f"To go on, put it into {folder} as INPUT/{RESTART}"
     return (
@@ -258,7 +272,10 @@ def _output_paths(case: KidCase, output: Path) -> dict[str, Path]:
     main.parent.mkdir(parents=True, exist_ok=True)
     if folder and main.name == Path(group.text("bond_traj_name")).name:
         raise group.error(f"traj_name = bond_traj_name = {main.name!r}", "Give the two files different names")
-    beside = {name: main.with_name(f"{main.stem}_{name}.nc") for name in ("restart", "bonds_restart", "bonds")}
+    beside = {
+        name: main.with_name(f"{main.stem}_{name}.nc") for name in ("restart", "bonds_restart", "bonds", "calving")
+    }
+    beside["ocean"] = main.with_name("ocean.nc")
     if folder:
         beside["bonds"] = output / Path(group.text("bond_traj_name")).name
     return {"trajectory": main, **beside}
@@ -281,6 +298,9 @@ def _recorders(case: KidCase, paths: dict[str, Path]) -> tuple[list[Recorder], l
 def _write_restarts(case: KidCase, paths: dict[str, Path]) -> list[Path]:
     model, p = case.model, case.parameters
     write_restart(paths["restart"], model.elements, case.grid, p)
+    if case.coupled is not None:
+        case.coupled.write(paths["ocean"], paths["calving"])
+        return [paths["restart"], paths["calving"], paths["ocean"]]
     if p.bonds.law == "none":
         return [paths["restart"]]
     dem = case.namelist.icebergs.flag("dem")

@@ -143,7 +143,9 @@ def trajectory_columns(group: NamelistGroup, parameters: Parameters) -> list[Col
     columns += _MASS if group.flag("save_fl_traj") else ()
     columns += _FOOTLOOSE if group.flag("save_fl_traj") and group.flag("footloose") else ()
     if not group.flag("save_short_traj"):
-        columns += _LONG
+        # KID describes the velocities of its long step only where it takes such steps (quirk T35).
+        plain = parameters.stepping.scheme != "mts"
+        columns += [c._replace(long_name="", units="") if plain and c.name.endswith("_prev") else c for c in _LONG]
         columns += _FAST if parameters.stepping.scheme == "mts" else ()
         columns += _COUNT if parameters.bonds.law != "none" else ()
         columns += _SPIN if group.flag("dem") else ()

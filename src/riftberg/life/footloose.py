@@ -23,15 +23,21 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import locate_points
 from riftberg.parameters import Parameters
 from riftberg.physics.footloose import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
-from riftberg.physics.geometry import move
+from riftberg.physics.geometry import move, separation
 from riftberg.physics.rolling import roll
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import ANY, find_pairs
+from riftberg.stepping.partners import NEWBORN_CHILD
+from riftberg.stepping.sizes import radius_of
 
 LARGEST_CUT: Final = 0.5
 """Part of its area that an element of a bonded berg loses to pieces in one step at most; the rest stays in its foot."""
 
-CHILD: Final = -1.0
+CHILD: Final = NEWBORN_CHILD
 """Foot of a child of footloose calving that takes no part in contact yet."""
+
+LET_GO: Final = -2.0
+"""Foot of a child that has drifted off its parent and may collide."""
 
 
 class Living(Protocol):
@@ -398,3 +404,27 @@ def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circ
         If a berg with bonds would calve by the reference's rules, which know no such bergs.
     """
     return _Calving(model, p, values, when).run()
+
+
+def let_children_go(elements: Elements, p: Parameters) -> None:
+    """Let children collide from now on that no other element is near enough to touch (files, 2.7)."""
+    foot = elements.life.fl_k
+    if not p.stepping.interactions or not (foot == CHILD).any():
+        return
+    body, place, earth = elements.body, elements.place, p.earth
+    hexagonal, bonded = p.bonds.packing == "hexagonal", p.bonds.law != "none"
+    radius = np.array([radius_of(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
+    reach = max(2.0 * float(radius.max()), p.contact.distance)
+    near = find_pairs(place.lon, place.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period)
+    for e in np.flatnonzero(foot == CHILD):
+        others = near.partner[near.start[e] : near.start[e + 1]]
+        if not any(_touch(elements, int(e), int(k), radius, p) for k in others):
+            foot[e] = LET_GO
+
+
+def _touch(elements: Elements, one: int, other: int, radius: Floats, p: Parameters) -> bool:
+    place, earth = elements.place, p.earth
+    x, y = separation(
+        place.lon[one], place.lat[one], place.lon[other], place.lat[other], earth.latlon, earth.radius, earth.period
+    )
+    return bool(np.hypot(x, y) < max(radius[one] + radius[other], p.contact.distance))

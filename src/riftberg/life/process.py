@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from riftberg.life.draws import Draws, OwnDraws
-from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose
+from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
 from riftberg.life.ledger import Balance, Ledger, latent_deficit, stocks
 from riftberg.life.thermodynamics import MeltStep, melt_step
 from riftberg.life.values import life_values
@@ -128,6 +128,7 @@ class LifeProcess:
         when = Circumstances(*born, model.step_number, model.forcing.grid, self.draws, self.ranks, self.names)
         calved = calve_footloose(model, self.parameters, self.values, when)
         now = stocks(model.elements)
+        let_children_go(model.elements, self.parameters)
         if calved.density_mass != 0.0:
             ledger.gain("density_reset", calved.density_mass, now[1] - before[1])
         return calved

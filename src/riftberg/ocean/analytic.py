@@ -32,6 +32,15 @@ class Steady(Formula):
         Eastward and northward sea-ice velocity (m s-1) and its thickness (m).
     depth : float, optional
         Depth of water, m; 0 is dry ground.
+    temperature, salinity : float, optional
+        Of the sea, degrees Celsius and 1e-3; melt needs them.
+    ice_fraction : float, optional
+        Part of the sea that sea ice covers.
+
+    Attributes
+    ----------
+    provides : frozenset of str
+        What is known of the sea beside its motion: ``sst``, ``sss``.
 
     Raises
     ------
@@ -51,7 +60,14 @@ class Steady(Formula):
         slope: tuple[float, float] = (0.0, 0.0),
         sea_ice: tuple[float, float, float] = (0.0, 0.0, 0.0),
         depth: float = 1e4,
+        *,
+        temperature: float | None = None,
+        salinity: float | None = None,
+        ice_fraction: float = 0.0,
     ) -> None:
+        self._water = _checked_water(temperature, salinity, ice_fraction)
+        said = (("sst", temperature), ("sss", salinity))
+        self.provides = frozenset(name for name, value in said if value is not None)
         self.current: tuple[float, float] = steady("current", current)
         self.wind: tuple[float, float] = steady("wind", wind)
         self.slope: tuple[float, float] = steady("slope", slope)
@@ -88,6 +104,7 @@ class Steady(Formula):
         e.ui[:], e.vi[:], e.ice_thickness[:] = self.sea_ice
         e.depth[:] = self.water
         e.vorticity[:] = 0.0
+        e.sst[:], e.sss[:], e.ice_fraction[:] = self._water
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add what `sample` of this class gives."""
@@ -98,6 +115,9 @@ class Steady(Formula):
             getattr(elements.environment, name)[:] += getattr(own.environment, name)
         depth = elements.environment.depth
         depth[:] = np.minimum(depth, own.environment.depth)
+        for name in self.provides:
+            getattr(elements.environment, name)[:] = getattr(own.environment, name)
+        elements.environment.ice_fraction[:] = np.maximum(elements.environment.ice_fraction, self._water[2])
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
@@ -110,6 +130,26 @@ class Steady(Formula):
     def describe(self) -> str:
         """Return the values in words."""
         return f"steady and uniform: current {self.current} m/s, wind {self.wind} m/s, depth {self.water:g} m"
+
+
+def _checked_water(
+    temperature: float | None, salinity: float | None, ice_fraction: float
+) -> tuple[float, float, float]:
+    """Return temperature, salinity and cover after a check; what is not given has the value of an unknown sea."""
+    if temperature is not None and not -3.0 <= temperature <= 45.0:
+        kelvin = f": is it in kelvin? Then give {temperature - 273.15:.2f}" if 270.0 <= temperature <= 318.0 else ""
+        raise ForcingError(
+            f"temperature = {temperature:g} is none of the sea in degrees Celsius{kelvin}",
+            where="Steady",
+            remedy="Give one from -3 to 45",
+        )
+    if salinity is not None and not 0.0 <= salinity <= 50.0:
+        raise ForcingError(
+            f"salinity = {salinity:g} is none of the sea", where="Steady", remedy="Give one from 0 to 50"
+        )
+    if not 0.0 <= ice_fraction <= 1.0:
+        raise ForcingError(f"ice_fraction = {ice_fraction:g} is no part", where="Steady", remedy="Give one from 0 to 1")
+    return 0.0 if temperature is None else temperature, -1.0 if salinity is None else salinity, ice_fraction
 
 
 def steady(name: str, value: Any) -> Any:

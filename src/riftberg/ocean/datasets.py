@@ -190,6 +190,11 @@ class DatasetForcing(ShownForcing):
         return forcing
 
     @property
+    def provides(self) -> frozenset[str]:
+        """Variables of the elements that come from a product."""
+        return frozenset(VARIABLES) - frozenset(self._missing)
+
+    @property
     def title(self) -> str:
         """Return the products, for titles."""
         return ", ".join(dict.fromkeys(part.shown for part in self.parts))

@@ -32,6 +32,9 @@ from riftberg.state import Elements, Floats
 SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")
 """Variables of the elements that parts add to; they begin at 0."""
 
+UNKNOWN: Final = ("sst", "sss", "ice_fraction")
+"""Variables of the elements that a part may set; where none does, they have the values of an unknown sea."""
+
 Pair = tuple[float, float]
 
 
@@ -52,6 +55,8 @@ class Formula(ShownForcing):
     grid: Grid | None = None
     latlon: bool | None = None
     latitude: float | None = None
+    provides: frozenset[str] = frozenset()
+    """What is known of the sea beside its motion: ``sst``, ``sss``."""
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add what this part does to the environment of the elements at ``time`` (s since the start)."""
@@ -93,6 +98,8 @@ def begin(elements: Elements) -> None:
     for name in SUMMED:
         getattr(environment, name)[:] = 0.0
     environment.depth[:] = np.inf
+    for name in UNKNOWN:
+        getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
 
 
 def finish(elements: Elements) -> None:
@@ -133,6 +140,7 @@ class Sum(Formula):
                 remedy="Add formulas to one forcing from files; several files are one forcing already",
             )
         self.grid = others[0].grid if others else None
+        self.provides = frozenset(name for part in parts for name in getattr(part, "provides", ()))
         for name in ("latlon", "latitude"):
             said: list[Any] = sorted(
                 {getattr(part, name) for part in self.parts if getattr(part, name, None) is not None}
@@ -459,6 +467,7 @@ class Front(Straight):
     ) -> None:  # fmt: skip
         super().__init__(point, along, width, latlon=latlon, latitude=latitude)
         self.step, self.temperature = step, temperature
+        self.provides = frozenset() if temperature is None else frozenset(("sst",))
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative; f is that of the place."""

@@ -97,11 +97,14 @@ class Grid:
         Corners, metrics and land for compiled code.
     earth_radius : float
         Radius of the sphere that gave the metrics, m.
+    bergs_on_land : bool
+        Whether elements may lie in cells of land, as in the reference.
     """
 
     def __init__(self, arrays: GridArrays, earth_radius: float) -> None:
         self.arrays = arrays
         self.earth_radius = earth_radius
+        self.bergs_on_land = False
 
     @classmethod
     def cartesian(
@@ -248,7 +251,7 @@ class Grid:
         if outside.size:
             raise _misplaced(e, int(outside[0]), "outside the grid", self._extent())
         land = np.flatnonzero(g.mask[e.cell_j, e.cell_i] < 0.5)
-        if land.size:
+        if land.size and not self.bergs_on_land:
             raise _misplaced(e, int(land[0]), "on land", "Move the berg, or correct the land mask there.")
         if g.period > 0.0:
             turns = np.round((e.lon - g.lon_centre[e.cell_j, e.cell_i]) / g.period)

@@ -153,6 +153,11 @@ class GriddedForcing(ShownForcing):
         weight = (time - self._times[k]) / (self._times[k + 1] - self._times[k])
         return k, max(weight, 0.0)
 
+    def replace(self, fields: Fields) -> None:
+        """Put one constant state in the place of all records; for models that go on with another ocean."""
+        self._store = _Records(self._grid, fields, {"ssh"} if self.sea_level_gaps else set())
+        self._times = None
+
     def fields_at(self, time: float, cell_i: Ints | None = None, cell_j: Ints | None = None) -> Fields:
         """Return the fields at a time.
 

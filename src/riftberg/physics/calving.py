@@ -4,41 +4,40 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from riftberg.kernels import kernel
+
+Floats = NDArray[np.float64]
 
 
 @kernel
-def running_mean(before, now, time_scale, dt):
-    """Mean of a flux over the past: ``b now + a before`` with ``a = tau / (tau + dt)``, ``b = 1 - a`` (files 3.2).
+def mean_weights(time_scale: float, dt: float) -> tuple[float, float]:
+    """Weights of the present flux and of the mean so far: ``1 - a`` and ``a = tau / (tau + dt)`` (files 3.2).
 
     Parameters
     ----------
-    before, now : float
-        Mean so far, and present flux, of any unit.
     time_scale : float
         Smoothing time tau, s; 0 gives the present flux.
     dt : float
         Time step, s.
     """
     old = time_scale / (time_scale + dt)
-    if old == 0.0:
-        return now
     if old > 0.5:
         new = dt / (time_scale + dt)
-        old = 1.0 - new
-    else:
-        new = 1.0 - old
-    return new * now + old * before
+        return new, 1.0 - new
+    return 1.0 - old, old
 
 
 @kernel
-def class_width(mass, thickness, density, ratio):
+def class_width(mass: float, thickness: float, density: float, ratio: float) -> float:
     """Width (m) of a berg of a class: ``sqrt(m / (r rho T))`` with the ratio r of length to width (files 3.1)."""
     return math.sqrt(mass / (ratio * density * thickness))
 
 
 @kernel
-def fractions_by_mass(numbers, mass, fractions):
+def fractions_by_mass(numbers: Floats, mass: Floats, fractions: Floats) -> None:
     """Turn parts of the number of bergs into parts of their mass: ``d_k m_k / sum d_l m_l`` (files 3.1).
 
     The last class that has a part gets what the others leave, so that all sum to one.
@@ -58,7 +57,19 @@ def fractions_by_mass(numbers, mass, fractions):
 
 
 @kernel
-def fill_stores(ice, heat, flux, heat_flux, area, south, fraction_s, fraction_n, dt, left, heat_left):
+def fill_stores(
+    ice: Floats,
+    heat: Floats,
+    flux: Floats,
+    heat_flux: Floats,
+    area: Floats,
+    south: NDArray[np.bool_],
+    fraction_s: Floats,
+    fraction_n: Floats,
+    dt: float,
+    left: Floats,
+    heat_left: Floats,
+) -> tuple[float, float]:
     """Put a flux of ice and its heat into the stores of the size classes of each cell (files 3.2).
 
     ``S_k += dt C d_k`` with the flux C of the cell; the part ``1 - sum d_k`` of ice and heat is left over.

@@ -11,10 +11,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 from riftberg.physics.geometry import metres_per_unit, nearest_image, to_tangent_plane
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 POINT = 0
 RECTANGLE = 1
@@ -28,7 +32,7 @@ _ROOM = 16
 
 
 @kernel
-def footprint(shape, length, width, angle, px, py):
+def footprint(shape: int, length: float, width: float, angle: float, px: Floats, py: Floats) -> int:
     """Write the corners of a footprint around the origin, counter-clockwise; return their number.
 
     A rectangle has ``length`` along its axis; a hexagon has the area ``length * width`` and one flat side across its axis.
@@ -61,7 +65,7 @@ def footprint(shape, length, width, angle, px, py):
 
 
 @kernel
-def polygon_area(x, y, n):
+def polygon_area(x: Floats, y: Floats, n: int) -> float:
     """Area of a polygon by the sum of its cross products, about its first corner; positive counter-clockwise."""
     total = 0.0
     for k in range(1, n - 1):
@@ -70,7 +74,7 @@ def polygon_area(x, y, n):
 
 
 @kernel
-def _cut(x, y, n, ax, ay, bx, by, out_x, out_y):
+def _cut(x: Floats, y: Floats, n: int, ax: float, ay: float, bx: float, by: float, out_x: Floats, out_y: Floats) -> int:
     """Keep the part of a polygon that lies left of the line a -> b; return its number of corners."""
     kept = 0
     for k in range(n):
@@ -88,7 +92,7 @@ def _cut(x, y, n, ax, ay, bx, by, out_x, out_y):
 
 
 @kernel
-def overlap_area(qx, qy, px, py, corners, room):
+def overlap_area(qx: Floats, qy: Floats, px: Floats, py: Floats, corners: int, room: Floats) -> float:
     """Area (m2) that a quadrilateral and a convex footprint have in common.
 
     The quadrilateral is cut along each side of the footprint in turn (Sutherland and Hodgman 1974); it may have any
@@ -120,7 +124,9 @@ def overlap_area(qx, qy, px, py, corners, room):
 
 
 @kernel
-def _in_plane(lon, lat, lon0, lat0, latlon, radius, period):
+def _in_plane(
+    lon: float, lat: float, lon0: float, lat0: float, latlon: bool, radius: float, period: float
+) -> tuple[float, float]:
     """Place (m) of a point in the plane that touches the Earth at another."""
     if latlon and abs(lat0) > POLAR_LATITUDE:
         sign = 1.0 if lat0 > 0.0 else -1.0
@@ -134,7 +140,19 @@ def _in_plane(lon, lat, lon0, lat0, latlon, radius, period):
 
 
 @kernel
-def _cell_corners(i, j, lon, lat, lon0, lat0, latlon, radius, period, qx, qy):
+def _cell_corners(
+    i: int,
+    j: int,
+    lon: Floats,
+    lat: Floats,
+    lon0: float,
+    lat0: float,
+    latlon: bool,
+    radius: float,
+    period: float,
+    qx: Floats,
+    qy: Floats,
+) -> None:
     qx[0], qy[0] = _in_plane(lon[j - 1, i - 1], lat[j - 1, i - 1], lon0, lat0, latlon, radius, period)
     qx[1], qy[1] = _in_plane(lon[j - 1, i], lat[j - 1, i], lon0, lat0, latlon, radius, period)
     qx[2], qy[2] = _in_plane(lon[j, i], lat[j, i], lon0, lat0, latlon, radius, period)
@@ -142,7 +160,7 @@ def _cell_corners(i, j, lon, lat, lon0, lat0, latlon, radius, period, qx, qy):
 
 
 @kernel
-def _inside(qx, qy, reach):
+def _inside(qx: Floats, qy: Floats, reach: float) -> bool:
     """Whether the origin lies inside a convex cell, farther than ``reach`` from all of its sides."""
     turn = 1.0 if polygon_area(qx, qy, 4) > 0.0 else -1.0
     for k in range(4):
@@ -154,7 +172,7 @@ def _inside(qx, qy, reach):
 
 
 @kernel
-def _ring(r, k):
+def _ring(r: int, k: int) -> tuple[int, int]:
     """Offset (columns, rows) of cell number k of the square ring of cells at distance r."""
     if r == 0:
         return 0, 0
@@ -170,9 +188,29 @@ def _ring(r, k):
 
 @kernel
 def cover(
-    lon0, lat0, i0, j0, shape, length, width, angle,
-    lon, lat, mask, ni, nj, halo, latlon, cyclic, radius, period, cells, shares, start, scratch,
-):  # fmt: skip
+    lon0: float,
+    lat0: float,
+    i0: int,
+    j0: int,
+    shape: int,
+    length: float,
+    width: float,
+    angle: float,
+    lon: Floats,
+    lat: Floats,
+    mask: Floats,
+    ni: int,
+    nj: int,
+    halo: int,
+    latlon: bool,
+    cyclic: bool,
+    radius: float,
+    period: float,
+    cells: Ints,
+    shares: Floats,
+    start: int,
+    scratch: Floats,
+) -> int:
     """Find the cells under one footprint and its shares of them; return how many there are.
 
     Cells are looked at ring by ring around that of the centre, until a ring has nothing of the footprint. The shares are
@@ -255,9 +293,28 @@ def cover(
 
 @kernel
 def cover_all(
-    lon0, lat0, i0, j0, shape, length, width, angle,
-    lon, lat, mask, ni, nj, halo, latlon, cyclic, radius, period, first, cells, shares,
-):  # fmt: skip
+    lon0: Floats,
+    lat0: Floats,
+    i0: Ints,
+    j0: Ints,
+    shape: int,
+    length: Floats,
+    width: Floats,
+    angle: Floats,
+    lon: Floats,
+    lat: Floats,
+    mask: Floats,
+    ni: int,
+    nj: int,
+    halo: int,
+    latlon: bool,
+    cyclic: bool,
+    radius: float,
+    period: float,
+    first: Ints,
+    cells: Ints,
+    shares: Floats,
+) -> int:
     """Find cells and shares of many footprints, see `cover`; return how many pairs there are.
 
     ``first`` gets the place of the first pair of each footprint. Where ``cells`` is too short the number is right all
@@ -276,7 +333,7 @@ def cover_all(
 
 
 @kernel
-def add_shares(first, cells, shares, amount, out):
+def add_shares(first: Ints, cells: Ints, shares: Floats, amount: Floats, out: Floats) -> None:
     """Add an amount of each footprint to the cells that it covers; ``out`` is flat. Sums run in the order of the elements."""
     for e in range(amount.size):
         for k in range(first[e], first[e + 1]):
@@ -284,7 +341,17 @@ def add_shares(first, cells, shares, amount, out):
 
 
 @kernel
-def lattice_angle(first, second, status, dx, dy, folds, sums, own, angle):
+def lattice_angle(
+    first: Ints,
+    second: Ints,
+    status: Ints,
+    dx: Floats,
+    dy: Floats,
+    folds: int,
+    sums: Floats,
+    own: Floats,
+    angle: Floats,
+) -> None:
     """Write the axis of each element (rad) from the directions of its unbroken bonds, alike after a turn by 2 pi / folds.
 
     ``angle = atan2(sum sin(n a), sum cos(n a)) / n`` with the directions ``a`` of the partners and ``n`` folds: a mean
@@ -319,7 +386,7 @@ def lattice_angle(first, second, status, dx, dy, folds, sums, own, angle):
 
 
 @kernel
-def side_shares(x, reach):
+def side_shares(x: float, reach: float) -> tuple[float, float, float]:
     """Shares of a berg to the west of its cell, in it and to the east of it, by the reference (files 4.2).
 
     Parameters
@@ -335,7 +402,7 @@ def side_shares(x, reach):
 
 
 @kernel
-def rectangle_shares(x, y, reach, mask, i, j, w):
+def rectangle_shares(x: float, y: float, reach: float, mask: Floats, i: int, j: int, w: Floats) -> None:
     """Write the nine shares of a rectangular berg by the reference (files 4.2): row by row from the south-west.
 
     What is bound for land stays in the cell of the centre.
@@ -354,7 +421,9 @@ def rectangle_shares(x, y, reach, mask, i, j, w):
 
 
 @kernel
-def quadrant_areas(apothem, x, y, degrees, scratch):
+def quadrant_areas(
+    apothem: float, x: float, y: float, degrees: float, scratch: Floats
+) -> tuple[float, float, float, float, float]:
     """Areas of a hexagon in the quadrants (+, +), (-, +), (-, -), (+, -) of the origin, and its whole area.
 
     The hexagon has corners at ``(+-S, 0), (+-H / sqrt 3, +-H)``, turned clockwise by an angle, and its centre at (x, y)
@@ -388,7 +457,7 @@ def quadrant_areas(apothem, x, y, degrees, scratch):
 
 
 @kernel
-def _quadrant(hx, hy, right, upper, scratch):
+def _quadrant(hx: Floats, hy: Floats, right: float, upper: float, scratch: Floats) -> float:
     """Area of a hexagon in one quadrant."""
     cx, cy, dx, dy = scratch[2], scratch[3], scratch[4], scratch[5]
     n = _cut(hx, hy, 6, 0.0, right, 0.0, -right, cx, cy)  # keeps x of the sign of `right`
@@ -397,7 +466,7 @@ def _quadrant(hx, hy, right, upper, scratch):
 
 
 @kernel
-def hexagon_shares(x, y, apothem, degrees, w, scratch):
+def hexagon_shares(x: float, y: float, apothem: float, degrees: float, w: Floats, scratch: Floats) -> None:
     """Write the nine shares of a hexagonal berg by the reference (files 4.3): to the cells at its nearest corner.
 
     Land is not looked at here: see `wet_part`.
@@ -425,7 +494,7 @@ def hexagon_shares(x, y, apothem, degrees, w, scratch):
 
 
 @kernel
-def wet_part(w, mask, i, j):
+def wet_part(w: Floats, mask: Floats, i: int, j: int) -> float:
     """Part of a hexagonal berg over water by the reference, which divides by it (files 4.3).
 
     The cell of the centre counts with a power of its mask instead of a product: all of it on land (quirk T19).

@@ -39,8 +39,10 @@ class Model(BareModel):
 
     Attributes
     ----------
-    elements, bonds : Elements, Bonds
-        The state; take them anew after elements have come or gone.
+    elements : Elements
+        The elements now; take them anew after some have come or gone.
+    bonds : Bonds
+        The bonds now; likewise.
     time : float
         Seconds since the start.
     step_number : int

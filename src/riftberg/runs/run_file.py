@@ -43,6 +43,7 @@ from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.checks import open_checked
 from riftberg.runs.layout import Layout, placed
+from riftberg.runs.ledger_records import define_ledger, ledger_row, write_ledger
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
@@ -298,6 +299,7 @@ class RunWriter:
             missing = MISSING if v.dtype == "i8" else np.nan
             columns = [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in self._held]
             file[self._names.get(v.name, v.name)][:, block] = np.stack(columns, axis=1)
+        write_ledger(file, [r.ledger for r in self._held], block)
         for name in self._held[0].forces:
             columns = [placed(r.ids, r.forces[name], layout.ids, np.nan) for r in self._held]
             file[name][:, block] = np.stack(columns, axis=1)
@@ -325,6 +327,7 @@ class _Record:
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
         self.forces = forces
+        self.ledger = ledger_row(model)
 
 
 def element_history() -> list[Variable]:
@@ -412,6 +415,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     _define_elements(file, layout, names)
     _define_bonds(file, model, layout)
     _define_fragments(file, model, names)
+    define_ledger(file, model)
 
 
 def _since(model: BareModel) -> str:

@@ -10,6 +10,9 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
 from riftberg.stepping.sizes import Sizes
 
+NEWBORN_CHILD = -1.0
+"""Foot of a child of footloose calving that takes no part in contact yet."""
+
 
 class Neighbourhood:
     """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
@@ -31,7 +34,10 @@ class Neighbourhood:
         """Partners within ``reach`` metres by the positions that others see."""
         if el.size < 2 or reach <= 0.0:
             return no_pairs(el.size)
-        return find_pairs(el.lon_pair, el.lat_pair, el.berg, reach, rule, c.latlon, c.earth_radius, c.period)
+        pairs = find_pairs(el.lon_pair, el.lat_pair, el.berg, reach, rule, c.latlon, c.earth_radius, c.period)
+        # A child of footloose calving lies on the rim of its parent until it has drifted off.
+        newborn = el.life.fl_k == NEWBORN_CHILD
+        return among(pairs, ~newborn) if newborn.any() else pairs
 
     def collisions(self, el: Elements, sizes: Sizes, c: KernelParameters) -> PairList:
         """Partners of other bergs within reach of contact."""
@@ -88,6 +94,15 @@ def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
     count = pairs.start.size - 1
     owner = np.repeat(np.arange(count), np.diff(pairs.start))
     keep = allowed[pairs.partner]
+    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
+    return PairList(start, pairs.partner[keep])
+
+
+def among(pairs: PairList, allowed: np.ndarray) -> PairList:
+    """Return ``pairs`` with only those of which both are allowed."""
+    count = pairs.start.size - 1
+    owner = np.repeat(np.arange(count), np.diff(pairs.start))
+    keep = allowed[pairs.partner] & allowed[owner]
     start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
     return PairList(start, pairs.partner[keep])
 

@@ -20,7 +20,7 @@ from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, 
 from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
-from riftberg.stepping.media import Surroundings, allocate_surroundings, find_surroundings
+from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings, find_surroundings
 from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.quasi_static import QuasiStaticStepper
@@ -70,11 +70,41 @@ class Forgetful:
 def make_stepper(run: RunState) -> Stepper:
     """Return the stepper of the scheme that the parameters name."""
     scheme = run.parameters.stepping.scheme
+    if run.parameters.stepping.frozen:
+        return FrozenStepper()
     if scheme == "mts":
         return MultipleStepper(run)
     if scheme == "quasi_static":
         return QuasiStaticStepper()
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
+
+
+class FrozenStepper(Forgetful):
+    """Nothing moves: time goes on, and the environment with it."""
+
+    def __init__(self) -> None:
+        self._applied = np.zeros((0, len(FORCES), 2))
+
+    def step(self, run: RunState) -> None:
+        """Advance by one long step."""
+        run.time += run.parameters.stepping.time_step
+        self._applied = np.zeros((run.elements.size, len(FORCES), 2))
+        self.surround(run)
+
+    def surround(self, run: RunState) -> None:
+        """Sample where the elements stand."""
+        p = run.parameters
+        lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
+        run.forcing.sample(run.elements, run.time - lag)
+
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
+        """Return the velocity as it stands."""
+        return run.elements.u.copy(), run.elements.v.copy()
+
+    @property
+    def applied(self) -> Floats:
+        """No force has acted."""
+        return self._applied
 
 
 def settle(run: RunState) -> None:

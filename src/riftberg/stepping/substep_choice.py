@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
-from riftberg.state import Bonds, Elements
+from riftberg.state import Bonds, Elements, Floats
 from riftberg.state.population import cut_out
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.lattice_modes import bond_operator, largest_eigenvalue
@@ -18,6 +18,9 @@ from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 MOST_COUNTED = 1e15
 """Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.limits`."""
+
+COARSE = 0.01
+"""Steps of the logarithm of sizes at which sub-steps are chosen anew: far less than the margin of ``stepping.safety``."""
 
 
 def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> float:
@@ -79,6 +82,30 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
             remedy=f"Set it to {least} or more, or leave it out to have it chosen",
         )
     return given
+
+
+def coarse_sizes(elements: Elements) -> tuple[Floats, ...]:
+    """Sizes of the bergs that the stable sub-step depends on, in steps of `COARSE`, for each of their elements.
+
+    Melt changes all sizes in every long step, the stable sub-step by a part of that; it is chosen anew where one of these
+    steps is passed. The steps are fixed, so that a run that is resumed chooses at the same times.
+    """
+    body = elements.body
+    if elements.size == 0:
+        return (body.mass, body.mass, body.mass, body.mass)
+    _, berg = np.unique(body.berg, return_inverse=True)
+    count = int(berg.max()) + 1
+    extremes = []
+    for values, least in (
+        (body.mass, True),
+        (body.thickness, True),
+        (body.thickness, False),
+        (body.length * body.width, True),
+    ):
+        of_berg = np.full(count, np.inf if least else 0.0)
+        (np.minimum if least else np.maximum).at(of_berg, berg, values)
+        extremes.append(np.floor(np.log(np.maximum(of_berg, 1e-300)) / COARSE)[berg])
+    return tuple(extremes)
 
 
 def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:

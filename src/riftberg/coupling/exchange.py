@@ -1,0 +1,428 @@
+"""Bergs beside an ocean model: one call for each of its steps, with names, units, stocks and a ledger that closes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from riftberg.constants import LATENT_HEAT
+from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.names import GIVEN, TAKEN, taken
+from riftberg.coupling.shares import Shares, shares_of
+from riftberg.errors import ForcingError, InputError
+from riftberg.life.calving import FluxCalving, Stores, check_flux
+from riftberg.life.ledger import PROCESSES, water_by_process
+from riftberg.life.process import LifeModel, date_of_birth
+from riftberg.life.thermodynamics import scaled_mass
+from riftberg.model import BareModel
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
+from riftberg.ocean.loading import Staggering, at_corners, wind_from_stress
+from riftberg.physics.floating import draft_of
+from riftberg.state import Floats
+from riftberg.stepping.media import FORCES
+
+STORES: Final = "exchange_"
+"""Beginning of the names under which a restart keeps stores and ledger of the exchange."""
+
+FITS: Final = 1e-9
+"""How closely the steps of ocean and bergs must fit, as part of a step."""
+
+
+class Balance(NamedTuple):
+    """The ledger of an exchange since its start.
+
+    Attributes
+    ----------
+    start, now : float
+        Ice in bergs and stores, kg.
+    taken, given : float
+        Ice that came from the land, and water that the ocean got, kg.
+    heat_start, heat_now, heat_taken, heat_given : float
+        The same for heat, J: ice lacks the latent heat.
+    """
+
+    start: float
+    now: float
+    taken: float
+    given: float
+    heat_start: float
+    heat_now: float
+    heat_taken: float
+    heat_given: float
+
+    @property
+    def error(self) -> float:
+        """Mass that is left over, as part of what the ledger holds; 0 if it closes."""
+        scale = max(abs(self.start), abs(self.now), self.taken, self.given, 1e-30)
+        return (self.start + self.taken - self.given - self.now) / scale
+
+    @property
+    def heat_error(self) -> float:
+        """The same for heat."""
+        scale = max(abs(self.heat_start), abs(self.heat_now), abs(self.heat_taken), abs(self.heat_given), 1e-30)
+        return (self.heat_start + self.heat_taken - self.heat_given - self.heat_now) / scale
+
+    def describe(self) -> str:
+        """Return the ledger in two lines."""
+        return (
+            f"ice {self.start:.6e} kg + taken {self.taken:.6e} - given {self.given:.6e} = {self.now:.6e} "
+            f"(error {self.error:.1e})\n"
+            f"heat {self.heat_start:.6e} J + taken {self.heat_taken:.6e} - given {self.heat_given:.6e} = {self.heat_now:.6e} "
+            f"(error {self.heat_error:.1e})"
+        )
+
+
+class _Seen(NamedTuple):
+    """Elements as they were after their motion and before the melt."""
+
+    ids: Any
+    shares: Shares
+    scaling: Floats
+    forces: Floats
+
+
+class Exchange:
+    """Bergs beside an ocean model.
+
+    Parameters
+    ----------
+    model : Model
+        Its forcing must be an `OceanForcing` on the grid of the ocean.
+    ocean_step : float, optional
+        Step of the ocean, s: a whole number of long steps of the bergs; one by default.
+    staggering : {"A", "B", "C"}, optional
+        Where currents and sea-ice velocities stand: in the middle of the cells, at north-east corners, or u on the east and
+        v on the north sides.
+    wind_staggering : {"A", "B", "C"}, optional
+        The same for wind or stress; A by default.
+    calving : bool, optional
+        Whether bergs calve from the flux of land ice that is handed over.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from riftberg import Iceberg, Model, Parameters
+    >>> from riftberg.coupling.exchange import Exchange, ocean_grid
+    >>> from riftberg.coupling.forcing import OceanForcing
+    >>> lon, lat = np.meshgrid(np.linspace(-40, -30, 21), np.linspace(-60, -54, 13))
+    >>> grid = ocean_grid(lon, lat)
+    >>> berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
+    >>> parameters = Parameters(melt={"enabled": True})
+    >>> exchange = Exchange(Model(berg, OceanForcing(grid, grid.fields()), parameters))
+    >>> given = exchange.step({"sea_surface_temperature": (275.0, "K"), "sea_surface_salinity": 34.0})
+    >>> float(given["ficeberg"].sum()) > 0.0
+    True
+    """
+
+    def __init__(
+        self, model: BareModel, ocean_step: float | None = None, *, staggering: Staggering = "B",
+        wind_staggering: Staggering = "A", calving: bool = True,
+    ) -> None:  # fmt: skip
+        if not isinstance(model.forcing, OceanForcing):
+            raise InputError(
+                "the model has the forcing " + type(model.forcing).__name__, where="Exchange",
+                remedy="Make the model with OceanForcing(grid, grid.fields(...))",
+            )  # fmt: skip
+        p = model.parameters
+        self.model, self.forcing, self.grid = model, model.forcing, model.forcing.ocean_grid
+        self.ocean_step = p.stepping.time_step if ocean_step is None else float(ocean_step)
+        self.steps = _whole_steps(self.ocean_step, p.stepping.time_step)
+        self.staggering: Staggering = staggering
+        self.wind_staggering: Staggering = wind_staggering
+        self.calving = FluxCalving(p, self.grid, _kept_stores(model)) if calving else None
+        self._seen: _Seen | None = None
+        if model.life is not None:
+            model.life.look_around = self._look
+        self._held = model.remembered.get(STORES + "held", np.zeros(2)).copy()
+        self._totals = model.remembered.get(STORES + "totals", np.zeros(4)).copy()
+        start = model.remembered.get(STORES + "start")
+        self._start = np.array(self.stocks()) if start is None else start.copy()
+        self._keep()
+
+    # --------------------------------------------------------------------------------------------------------- stocks
+
+    def stocks(self) -> tuple[float, float]:
+        """Return ice in bergs and stores (kg), and the heat it lacks (J, negative)."""
+        life, mass = self.model.elements.life, self.model.elements.body.mass
+        each = scaled_mass(life, mass)
+        ice, heat = float(each.sum()), float((each * (life.heat_density - LATENT_HEAT)).sum())
+        if self.calving is not None:
+            stored = float(self.calving.stores.ice.sum()) + float(self._held[0])
+            warmth = float(self.calving.stores.heat.sum()) + float(self._held[1])
+            ice, heat = ice + stored, heat + warmth - LATENT_HEAT * stored
+        return ice, heat
+
+    def balance(self) -> Balance:
+        """Return the ledger since the start."""
+        now = self.stocks()
+        came, went, heat_came, heat_went = self._totals.tolist()
+        return Balance(float(self._start[0]), now[0], came, went, float(self._start[1]), now[1], heat_came, heat_went)
+
+    # ----------------------------------------------------------------------------------------------------------- step
+
+    def step(self, given: Mapping[str, Any] | xr.Dataset) -> xr.Dataset:
+        """Take one step of the ocean.
+
+        Parameters
+        ----------
+        given : mapping or xarray.Dataset
+            What the ocean hands over, by the names of `riftberg.coupling.names.TAKEN`: numbers, arrays in the units of that
+            table, pairs of array and units, or xarray variables with units. What is left out stays as it is at rest or
+            absent; temperature must be there if bergs melt.
+
+        Returns
+        -------
+        xarray.Dataset
+            What the ocean gets, mean over its step (mass, area and friction velocity: at its end), with CF attributes; see
+            `riftberg.coupling.names.GIVEN`.
+
+        Raises
+        ------
+        InputError
+            If a name, a unit, a shape or a value is wrong; nothing has been stepped then.
+        """
+        arrays = self._arrays(given)
+        flux, heat = self._flux(arrays)
+        self.forcing.put(self._fields(arrays))
+        fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
+        by_process = np.zeros((len(PROCESSES), *flux.shape))
+        if self.calving is not None:
+            self._calve(flux, heat, fluxes)
+        else:
+            fluxes["left"], fluxes["left_heat"] = flux, heat - LATENT_HEAT * flux
+        for _ in range(self.steps):
+            self._seen = None
+            self.model.step()
+            if self._seen is None:
+                self._look(self.model)
+            self._add(fluxes, by_process)
+        self._count(fluxes, flux, heat)
+        return self._returned({**fluxes, **self._state()}, by_process)
+
+    def _arrays(self, given: Mapping[str, Any] | xr.Dataset) -> dict[str, Floats]:
+        items = {str(k): v for k, v in given.items()}
+        if isinstance(given, xr.Dataset):
+            items = {str(v.attrs.get("standard_name", k)): v for k, v in given.items()}
+        g = self.grid.arrays
+        cell = ((g.nj, g.ni), (g.nj + 2, g.ni + 2))
+        corner = (*cell, (g.nj + 1, g.ni + 1))
+        wide = {*CORNER_FIELDS, "taux", "tauy"}
+        shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
+        arrays = taken(items, shapes, g.mask[self.grid.domain])
+        self._check_water(arrays)
+        for pair in (("uo", "vo"), ("ui", "vi"), ("ua", "va"), ("taux", "tauy")):
+            if (pair[0] in arrays) != (pair[1] in arrays):
+                raise InputError(
+                    f"one of {pair[0]} and {pair[1]} alone", where="exchange", remedy="Hand over both parts"
+                )
+        if "taux" in arrays and "ua" in arrays:
+            raise InputError("wind and its stress", where="exchange", remedy="Hand over one of them")
+        return arrays
+
+    def _check_water(self, arrays: dict[str, Floats]) -> None:
+        """Refuse a step of bergs that melt without what their laws need of the water."""
+        melt = self.model.parameters.melt
+        if not melt.enabled or melt.zero_rates:
+            return
+        salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
+        for field, number, needed in (("sst", melt.temperature, True), ("sss", melt.salinity, salty)):
+            if needed and number is None and field not in arrays:
+                name = next(name for name, q in TAKEN.items() if q.field == field)
+                raise ForcingError(
+                    f"no {name}, but bergs melt",
+                    where="exchange",
+                    remedy=f"Hand it over, give melt.{name.split('_')[-1]} as a number, or set melt.enabled = false",
+                )
+
+    def _flux(self, arrays: dict[str, Floats]) -> tuple[Floats, Floats]:
+        shape = self.grid.arrays.nj, self.grid.arrays.ni
+        flux, heat = (np.broadcast_to(arrays.pop(name, np.zeros(shape)), shape) for name in ("calving", "calving_heat"))
+        check_flux(flux, heat, self.grid.arrays.mask[self.grid.domain], "exchange")
+        return np.array(flux), np.array(heat)
+
+    def _fields(self, arrays: dict[str, Floats]) -> Fields:
+        """Put the fields on the grid with its halo, vectors at its corners."""
+        if "taux" in arrays:
+            tau_x, tau_y = np.broadcast_arrays(arrays.pop("taux"), arrays.pop("tauy"))
+            arrays["ua"], arrays["va"] = wind_from_stress(np.atleast_2d(tau_x), np.atleast_2d(tau_y))
+            if tau_x.ndim == 0:
+                arrays["ua"], arrays["va"] = arrays["ua"][0, 0], arrays["va"][0, 0]
+        before = self.forcing.fields_at(0.0)
+        fields = {name: self.grid.extended(a) for name, a in arrays.items()}
+        for u, v, where in (
+            ("uo", "vo", self.staggering),
+            ("ui", "vi", self.staggering),
+            ("ua", "va", self.wind_staggering),
+        ):
+            if u in fields:
+                fields[u], fields[v] = at_corners(fields[u], fields[v], self.grid, where)
+        return before._replace(**fields)
+
+    def _calve(self, flux: Floats, heat: Floats, fluxes: dict[str, Floats]) -> None:
+        assert self.calving is not None
+        area = self.grid.arrays.area[self.grid.domain]
+        got = self.calving.take(flux, heat, self.ocean_step)
+        # What a running mean holds back is still there: it counts as a stock.
+        self._held[0] += float(((flux - got.flux) * area).sum()) * self.ocean_step
+        self._held[1] += float(((heat - got.heat_flux) * area).sum()) * self.ocean_step
+        fluxes["left"] = got.left / area
+        fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
+        births = self.calving.bear(*date_of_birth(_next_step(self.model)), self.ocean_step)
+        if births.ids.size:
+            self.model.append(births.elements)
+            if self.model.life is not None:
+                each = scaled_mass(births.elements.life, births.elements.body.mass)
+                lacks = each * (births.elements.life.heat_density - LATENT_HEAT)
+                self.model.life.enter(self.model, "calved", float(each.sum()), float(lacks.sum()))
+
+    def _look(self, model: LifeModel) -> None:
+        """Note where the elements are and what forces have acted, before the melt."""
+        m = self.model
+        shares = shares_of(m.elements, m.bonds, self.grid, m.parameters)
+        self._seen = _Seen(m.elements.body.id.copy(), shares, m.elements.life.mass_scaling.copy(), m.applied_forces())
+
+    def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
+        """Add what one step of the bergs gives."""
+        assert self._seen is not None
+        seen, part = self._seen, 1.0 / self.ocean_step
+        drag = -seen.forces[:, FORCES.index("water")] * seen.scaling[:, None]
+        for k, name in enumerate(("stress_x", "stress_y")):
+            fluxes[name] += seen.shares.per_area(drag[:, k]) / self.steps
+        life = self.model.life
+        if life is None or life.last is None:
+            return
+        step = life.last.melt
+        fluxes["melt"] += seen.shares.per_area(step.water * part)
+        fluxes["heat"] += seen.shares.per_area(step.water * (step.heat_density - LATENT_HEAT) * part)
+        for k, water in enumerate(water_by_process(step)):
+            by_process[k] += seen.shares.per_area(water * part)
+
+    def _state(self) -> dict[str, Floats]:
+        """Mass, area and friction velocity at the end of the step."""
+        assert self._seen is not None
+        el, p = self.model.elements, self.model.parameters
+        order = np.argsort(self._seen.ids)
+        rows = order[np.searchsorted(self._seen.ids, el.body.id, sorter=order)]
+        shares, scaling = self._seen.shares.taken(rows), el.life.mass_scaling
+        mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
+        afloat = np.minimum(1.0, el.environment.depth / draft_of(el.body.thickness, p.ice.density))
+        borne = el.body.mass * scaling * np.maximum(afloat, 0.0)
+        on_floor = el.body.mass * scaling - borne
+        speed = np.hypot(el.motion.u - el.environment.uo, el.motion.v - el.environment.vo)
+        friction = np.maximum(p.melt.least_friction, np.sqrt(p.melt.friction_drag * (speed**2 + p.melt.tide**2)))
+        covered = shares.sum(plan)
+        ustar = np.divide(shares.sum(plan * friction), covered, out=np.zeros_like(covered), where=covered > 0.0)
+        return {
+            "mass": shares.per_area(mass - on_floor),
+            "grounded": shares.per_area(on_floor),
+            "area": np.minimum(shares.per_area(plan), 1.0),
+            "ustar": ustar,
+        }
+
+    def _count(self, fluxes: dict[str, Floats], flux: Floats, heat: Floats) -> None:
+        area = self.grid.arrays.area[self.grid.domain] * self.ocean_step
+        came, came_heat = float((flux * area).sum()), float(((heat - LATENT_HEAT * flux) * area).sum())
+        went = float(((fluxes["melt"] + fluxes["left"]) * area).sum())
+        went_heat = float(((fluxes["heat"] + fluxes["left_heat"]) * area).sum())
+        self._totals += (came, went, came_heat, went_heat)
+        self._keep()
+
+    def _returned(self, fields: dict[str, Floats], by_process: Floats) -> xr.Dataset:
+        g = self.grid.arrays
+        data: dict[str, Any] = {}
+        for name, q in GIVEN.items():
+            attributes = {"units": q.units, "long_name": q.meaning}
+            attributes |= {"standard_name": name} if q.standard else {}
+            data[q.short] = (("j", "i"), fields[q.field], attributes)
+        data["ficeberg_process"] = (
+            ("process", "j", "i"), by_process, {"units": "kg m-2 s-1", "long_name": "melt water of bergs by process"}
+        )  # fmt: skip
+        lon, lat = g.lon_centre[self.grid.domain], g.lat_centre[self.grid.domain]
+        coordinates = {"process": list(PROCESSES), "lon": (("j", "i"), lon), "lat": (("j", "i"), lat)}
+        return xr.Dataset(data, coordinates)
+
+    def _keep(self) -> None:
+        """Leave stores and ledger where a restart finds them."""
+        kept = self.model.remembered
+        kept[STORES + "totals"], kept[STORES + "start"] = self._totals.copy(), self._start.copy()
+        kept[STORES + "held"] = self._held.copy()
+        if self.calving is not None:
+            s = self.calving.stores
+            kept[STORES + "ice"], kept[STORES + "heat"] = s.ice.copy(), s.heat.copy()
+            kept[STORES + "counter"] = s.counter.astype(float)
+            if s.mean_flux is not None and s.mean_heat is not None:
+                kept[STORES + "mean_flux"], kept[STORES + "mean_heat"] = s.mean_flux.copy(), s.mean_heat.copy()
+
+
+def _kept_stores(model: BareModel) -> Stores | None:
+    kept = model.remembered
+    if STORES + "ice" not in kept:
+        return None
+    flux, heat = (kept[name].copy() if (name := STORES + part) in kept else None for part in ("mean_flux", "mean_heat"))
+    counter = kept[STORES + "counter"].astype(np.int64)
+    return Stores(kept[STORES + "ice"].copy(), kept[STORES + "heat"].copy(), counter, flux, heat, begun=True)
+
+
+def _whole_steps(ocean: float, bergs: float) -> int:
+    steps = round(ocean / bergs) if bergs > 0.0 else 0
+    if steps < 1 or abs(steps * bergs - ocean) > FITS * bergs:
+        raise InputError(
+            f"the ocean steps by {ocean:g} s, the bergs by {bergs:g} s", where="Exchange",
+            remedy="Set stepping.time_step so that a whole number of long steps makes a step of the ocean",
+        )  # fmt: skip
+    return steps
+
+
+def ocean_grid(
+    lon: Any,
+    lat: Any,
+    *,
+    mask: Any = None,
+    area: Any = None,
+    latlon: bool = True,
+    period: float | None = None,
+    **options: Any,
+) -> Grid:
+    """Return the grid of an ocean model from the corners of its cells.
+
+    Parameters
+    ----------
+    lon, lat : array, shape (nj + 1, ni + 1)
+        Corners of the cells, degrees, or m where ``latlon`` is false.
+    mask : array, shape (nj, ni), optional
+        1 ocean, 0 land.
+    area : array, shape (nj, ni), optional
+        Areas of the cells as the ocean model has them, m2, so that what it gets is what left here; found from the corners if
+        left out.
+    latlon : bool, optional
+        Whether corners are degrees.
+    period : float, optional
+        Of the first coordinate; 360 degrees, or none in metres.
+    **options
+        See `riftberg.ocean.grid.Grid.from_corners`.
+    """
+    turn = (360.0 if latlon else 0.0) if period is None else period
+    given = None if mask is None else np.asarray(mask, dtype=float)
+    grid = Grid.from_corners(lon, lat, latlon=latlon, period=turn, mask=given, includes_southwest=True, **options)
+    if area is not None:
+        areas = np.asarray(area, dtype=float)
+        if areas.shape != (grid.arrays.nj, grid.arrays.ni) or not (np.isfinite(areas).all() and (areas > 0.0).all()):
+            raise InputError("areas of cells that are not positive numbers on the grid", where="ocean_grid")
+        grid.arrays.area[:] = grid.extended(areas)
+    return grid
+
+
+class _AtNextStep(NamedTuple):
+    """What `date_of_birth` reads of a model that is about to step."""
+
+    start: Any
+    time: float
+    parameters: Any
+
+
+def _next_step(model: BareModel) -> Any:
+    return _AtNextStep(model.start, model.time + model.parameters.stepping.time_step, model.parameters)

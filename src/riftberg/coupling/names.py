@@ -1,0 +1,194 @@
+"""Names, units and limits of what is exchanged: CF standard names where the table has one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError, nearest
+from riftberg.state import Floats
+from riftberg.units import parse_unit
+
+
+class Quantity(NamedTuple):
+    """What is exchanged.
+
+    Attributes
+    ----------
+    field : str
+        Short name here; of what comes in, the field of `riftberg.ocean.grid_arrays.Fields` where there is one.
+    units : str
+        Units in which it is handed over unless others are stated.
+    meaning : str
+        In plain words.
+    low, high : float
+        Limits of what can be.
+    short : str
+        Name in files: that of CMIP where there is one.
+    standard : bool
+        Whether its name is one of CF's table.
+    """
+
+    field: str
+    units: str
+    meaning: str
+    low: float = -np.inf
+    high: float = np.inf
+    short: str = ""
+    standard: bool = True
+
+
+TAKEN: Final[dict[str, Quantity]] = {
+    "eastward_sea_water_velocity": Quantity(
+        "uo", "m s-1", "current at the surface, along the rows of the grid", -20, 20
+    ),
+    "northward_sea_water_velocity": Quantity("vo", "m s-1", "current at the surface, across the rows", -20, 20),
+    "eastward_sea_ice_velocity": Quantity("ui", "m s-1", "sea-ice velocity along the rows", -20, 20),
+    "northward_sea_ice_velocity": Quantity("vi", "m s-1", "sea-ice velocity across the rows", -20, 20),
+    "eastward_wind": Quantity("ua", "m s-1", "wind along the rows", -150, 150),
+    "northward_wind": Quantity("va", "m s-1", "wind across the rows", -150, 150),
+    "surface_downward_eastward_stress": Quantity(
+        "taux", "Pa", "stress of the wind along the rows, in place of it", -20, 20
+    ),
+    "surface_downward_northward_stress": Quantity("tauy", "Pa", "stress of the wind across the rows", -20, 20),
+    "sea_surface_height_above_geoid": Quantity("ssh", "m", "sea level", -100, 100),
+    "sea_surface_temperature": Quantity("sst", "degree_Celsius", "temperature of the water", -5, 60),
+    "sea_surface_salinity": Quantity("sss", "1e-3", "salinity of the water", 0, 60),
+    "sea_ice_area_fraction": Quantity("ice_fraction", "1", "part of the sea that sea ice covers", 0, 1),
+    "sea_ice_thickness": Quantity("ice_thickness", "m", "thickness of sea ice", 0, 100),
+    "sea_floor_depth_below_geoid": Quantity("depth", "m", "depth of the sea floor", 0, 2e4),
+    "land_ice_specific_mass_flux_due_to_calving": Quantity("calving", "kg m-2 s-1", "ice that leaves the land", 0, 1e3),
+    "heat_flux_of_calved_ice": Quantity(
+        "calving_heat", "W m-2", "heat that this ice brings, from ice at its melting point", -1e9, 1e9, standard=False
+    ),
+}
+"""What the ocean hands over in a step, by name."""
+
+GIVEN: Final[dict[str, Quantity]] = {
+    "water_flux_into_sea_water_from_icebergs": Quantity("melt", "kg m-2 s-1", "melt water of bergs", short="ficeberg"),
+    "heat_flux_into_sea_water_due_to_iceberg_thermodynamics": Quantity(
+        "heat", "W m-2", "heat that melting brings to the sea; negative", short="hfibthermds2d"
+    ),
+    "water_flux_into_sea_water_from_land_ice": Quantity(
+        "left", "kg m-2 s-1", "land ice that became no berg", short="flandice"
+    ),
+    "heat_flux_into_sea_water_due_to_land_ice": Quantity(
+        "left_heat", "W m-2", "heat that this ice brings to the sea; negative", short="hflandice", standard=False
+    ),
+    "iceberg_mass_on_sea_water": Quantity(
+        "mass", "kg m-2", "mass of bergs that the water bears", short="ibmass", standard=False
+    ),
+    "grounded_iceberg_mass": Quantity(
+        "grounded", "kg m-2", "mass of bergs that the sea floor bears", short="ibmassgrd", standard=False
+    ),
+    "iceberg_area_fraction": Quantity("area", "1", "part of the cell that bergs cover", short="ibarea", standard=False),
+    "iceberg_friction_velocity": Quantity(
+        "ustar", "m s-1", "friction velocity of the water under bergs", short="ibustar", standard=False
+    ),
+    "downward_eastward_stress_from_icebergs": Quantity(
+        "stress_x", "Pa", "drag of bergs on the water, along the rows", short="ibtaux", standard=False
+    ),
+    "downward_northward_stress_from_icebergs": Quantity(
+        "stress_y", "Pa", "drag of bergs on the water, across the rows", short="ibtauy", standard=False
+    ),
+}
+"""What the ocean gets back, by name."""
+
+_CELSIUS: Final = ("degree_celsius", "degc", "celsius", "degrees_celsius", "c", "deg_c", "°c")
+_KELVIN: Final = ("k", "kelvin")
+_SALT: Final = ("1e-3", "psu", "g kg-1", "g/kg", "pss-78", "1e-03", "0.001")
+_NONE: Final = ("1", "", "none", "dimensionless")
+
+
+def in_units(values: Floats, units: str, wanted: str, where: str) -> Floats:
+    """Return values in the units that are wanted.
+
+    Raises
+    ------
+    InputError
+        If the units are unknown, or measure something else.
+    """
+    said = units.strip().lower()
+    if wanted == "degree_Celsius":
+        if said in _CELSIUS:
+            return values
+        if said in _KELVIN:
+            return values - 273.15
+        raise InputError(f"temperature in {units!r}", where=where, remedy="Give degree_Celsius or K")
+    if wanted == "1e-3" and said in _SALT:
+        return values
+    if said == wanted.lower() or (wanted == "1" and said in _NONE):
+        return values
+    try:
+        unit, ours = parse_unit(units), parse_unit(wanted)
+    except ValueError as error:
+        raise InputError(str(error), where=where, remedy=f"Give it in {wanted}") from error
+    if unit.powers != ours.powers:
+        raise InputError(f"units are {units!r}", where=where, remedy=f"Give it in {wanted}")
+    return values * (unit.factor / ours.factor)
+
+
+def taken(
+    given: Mapping[str, Any], shapes: Mapping[str, tuple[tuple[int, int], ...]], mask: Floats
+) -> dict[str, Floats]:
+    """Check what an ocean hands over, and return arrays by short name in the units used here.
+
+    Parameters
+    ----------
+    given : mapping
+        By name: a number, an array in the units of `TAKEN`, a pair of array and units, or an xarray variable with ``units``.
+    shapes : mapping
+        Shapes that an array of a short name may have.
+    mask : array
+        1 ocean, 0 land, of the cells of the domain.
+
+    Raises
+    ------
+    InputError
+        If a name or a unit is unknown, a shape does not fit, or values cannot be.
+    """
+    arrays = {}
+    for name, value in given.items():
+        if name not in TAKEN:
+            raise InputError(
+                f"unknown field {name!r}",
+                where="exchange",
+                remedy=f"{nearest(name, TAKEN)}Fields are {', '.join(TAKEN)}",
+            )
+        quantity = TAKEN[name]
+        values, units = _split(value, quantity.units)
+        values = in_units(values, units, quantity.units, f"exchange, {name}")
+        if values.ndim and values.shape not in shapes[quantity.field]:
+            raise InputError(
+                f"shape {values.shape}, expected {' or '.join(map(str, shapes[quantity.field]))}",
+                where=f"exchange, {name}", remedy="Give it on the grid of the exchange",
+            )  # fmt: skip
+        _check_limits(values, mask, name, quantity)
+        arrays[quantity.field] = values
+    return arrays
+
+
+def _split(value: Any, units: str) -> tuple[Floats, str]:
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str):
+        return np.asarray(value[0], dtype=float), value[1]
+    stated = getattr(value, "attrs", {}).get("units", units)
+    return np.asarray(value, dtype=float), str(stated)
+
+
+def _check_limits(values: Floats, mask: Floats, name: str, q: Quantity) -> None:
+    wet: NDArray[np.bool_] = mask >= 0.5 if values.shape == mask.shape else np.ones(values.shape, bool)
+    with np.errstate(invalid="ignore"):
+        bad = wet & ~((values >= q.low) & (values <= q.high))
+    if values.shape != mask.shape:
+        bad &= ~np.isnan(values)  # corners of land may lack a value
+    if bad.any():
+        at = tuple(int(k) for k in np.argwhere(bad)[0])
+        cell = f" in cell ({at[1] + 1}, {at[0] + 1})" if at else ""
+        hint = "It looks like kelvin: state units='K'" if q.field == "sst" and values[at] > 200.0 else "Check its units"
+        raise InputError(
+            f"{values[at]:g} {q.units}{cell}", where=f"exchange, {name}",
+            remedy=f"Values from {q.low:g} to {q.high:g} can be. {hint}",
+        )  # fmt: skip

@@ -1,0 +1,101 @@
+"""Shares that the elements have in the cells of an ocean grid, and sums over them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from riftberg.ocean.grid import Grid
+from riftberg.parameters import Parameters
+from riftberg.physics.geometry import separation
+from riftberg.physics.spreading import HEXAGON, RECTANGLE, add_shares, cover_all, lattice_angle
+from riftberg.state import Bonds, Elements, Floats, Ints
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of elements in cells, pair by pair.
+
+    Attributes
+    ----------
+    first : array of int, shape (elements + 1,)
+        Place of the first pair of each element.
+    cells : array of int
+        Flat index of the cell in arrays with halo.
+    shares : array
+        Part of the element in it; those of an element sum to one.
+    grid : Grid
+    """
+
+    first: Ints
+    cells: Ints
+    shares: Floats
+    grid: Grid
+
+    def sum(self, amount: Floats) -> Floats:
+        """Return the amount of the elements in each cell of the domain, shape (nj, ni)."""
+        area = self.grid.arrays.area
+        out = np.zeros(area.size)
+        add_shares(self.first, self.cells, self.shares, np.ascontiguousarray(amount, dtype=float), out)
+        return out.reshape(area.shape)[self.grid.domain]
+
+    def per_area(self, amount: Floats) -> Floats:
+        """Return the amount over the area of each cell."""
+        return np.asarray(self.sum(amount) / self.grid.arrays.area[self.grid.domain])
+
+    def taken(self, rows: Ints) -> Shares:
+        """Return the shares of some elements, in that order."""
+        counts = np.diff(self.first)[rows]
+        first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        where = np.repeat(self.first[rows] - first[:-1], counts) + np.arange(first[-1])
+        return Shares(first, self.cells[where], self.shares[where], self.grid)
+
+
+def axes(elements: Elements, bonds: Bonds, p: Parameters) -> Floats:
+    """Return the axis of each element, rad from east: of its lattice where it has bonds, else what it has turned by."""
+    earth = p.earth
+    unbroken = np.flatnonzero(bonds.status == 0)
+    a, b = bonds.first[unbroken], bonds.second[unbroken]
+    apart = np.array(
+        [
+            separation(x2, y2, x1, y1, earth.latlon, earth.radius, earth.period)
+            for x1, y1, x2, y2 in zip(
+                elements.lon[a].tolist(), elements.lat[a].tolist(), elements.lon[b].tolist(), elements.lat[b].tolist(),
+                strict=True,
+            )
+        ]
+    ).reshape(-1, 2)  # fmt: skip
+    angle = np.empty(elements.size)
+    folds = 6 if p.bonds.packing == "hexagonal" else 4
+    dx, dy = np.ascontiguousarray(apart[:, 0]), np.ascontiguousarray(apart[:, 1])
+    sums = np.zeros((2, elements.size))
+    lattice_angle(a, b, bonds.status[unbroken], dx, dy, folds, sums, elements.motion.rotation, angle)
+    return angle
+
+
+def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Shares:
+    """Return the exact shares of all elements: elements of a hexagonal lattice are hexagons, all others rectangles.
+
+    Parameters
+    ----------
+    elements, bonds : Elements, Bonds
+        Located in the cells of ``grid``.
+    grid : Grid
+    p : Parameters
+    """
+    g, place, body = grid.arrays, elements.place, elements.body
+    shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
+    angle = axes(elements, bonds, p)
+    room = 2 * elements.size + 64
+    while True:
+        first = np.zeros(elements.size + 1, np.int64)
+        cells, shares = np.zeros(room, np.int64), np.zeros(room)
+        count = cover_all(
+            place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle, g.lon, g.lat, g.mask,
+            g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period, first, cells, shares,
+        )  # fmt: skip
+        if count <= room:
+            return Shares(first, cells[:count], shares[:count], grid)
+        room = math.ceil(1.2 * count)

@@ -1,0 +1,102 @@
+"""KID's restart of calving, ``calving.res.nc``: ice in the stores of the size classes (files 6.4)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError
+from riftberg.kid.ncfile import checksum, opened_dataset, unpacked
+from riftberg.life.calving import Stores
+from riftberg.netcdf_lock import open_netcdf
+from riftberg.ocean.grid import Grid
+from riftberg.state import Floats
+from riftberg.whole_files import replacing
+
+AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
+"""Dimensions of the file with their CF axis."""
+
+
+def read_stores(path: Path, grid: Grid, classes: int) -> Stores | None:
+    """Return what the file holds; None without a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    grid : Grid
+        Its cells.
+    classes : int
+        Size classes.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, does not fit the grid, or holds what cannot be.
+    """
+    if not path.is_file():
+        return None
+    g = grid.arrays
+    shape = g.nj, g.ni
+    with opened_dataset(path) as dataset:
+
+        def read(name: str, *size: int) -> Floats:
+            values = unpacked(dataset, path, name)
+            if values.size != int(np.prod(size)) or values.shape[-len(size) :] != size:
+                raise InputError(
+                    f"shape {values.shape}, expected {size}",
+                    where=f"{path}, variable {name}",
+                    remedy="Give the file of a run on the same grid",
+                )
+            values = values.reshape(size)
+            if not np.isfinite(values).all() or (name == "stored_ice" and (values < 0.0).any()):
+                raise InputError(
+                    "values that are negative or no numbers",
+                    where=f"{path}, variable {name}",
+                    remedy="Correct the file",
+                )
+            return values
+
+        def maybe(name: str) -> Floats | None:
+            return read(name, *shape) if name in dataset.variables else None
+
+        counter = maybe("iceberg_counter_grd")
+        heat = maybe("stored_heat")
+        return Stores(
+            read("stored_ice", classes, *shape), np.zeros(shape) if heat is None else heat,
+            np.zeros(shape, np.int64) if counter is None else np.asarray(counter, np.int64),
+            maybe("rmean_calving"), maybe("rmean_calving_hflx"), begun=True,
+        )  # fmt: skip
+
+
+def write_stores(path: Path, stores: Stores) -> None:
+    """Write stores in the layout of the reference."""
+    classes, nj, ni = stores.ice.shape
+    plane = ("Time", "yaxis_1", "xaxis_1")
+    columns: list[tuple[str, str, tuple[str, ...], NDArray[Any]]] = [
+        ("stored_ice", "f8", ("Time", "zaxis_1", "yaxis_1", "xaxis_1"), stores.ice),
+        ("stored_heat", "f8", plane, stores.heat),
+        ("iceberg_counter_grd", "i4", plane, stores.counter),
+    ]
+    if stores.mean_flux is not None and stores.mean_heat is not None:
+        columns += [
+            ("rmean_calving", "f8", plane, stores.mean_flux),
+            ("rmean_calving_hflx", "f8", plane, stores.mean_heat),
+        ]
+    with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
+        for name, size in (("xaxis_1", ni), ("yaxis_1", nj), ("zaxis_1", classes), ("Time", None)):
+            dataset.createDimension(name, size)
+        for name, kind, dimensions, values in columns:
+            variable = dataset.createVariable(name, kind, dimensions)
+            variable.setncatts({"long_name": name.upper(), "units": "none", "checksum": checksum(values).strip()})
+        for name, axis in AXES.items():
+            variable = dataset.createVariable(name, "f8", (name,))
+            units = "time level" if name == "Time" else "none"
+            variable.setncatts({"long_name": name, "units": units, "cartesian_axis": axis})
+        for name, _, _, values in columns:
+            dataset.variables[name][0] = values
+        for name, size in (("xaxis_1", ni), ("yaxis_1", nj), ("zaxis_1", classes), ("Time", 1)):
+            dataset.variables[name][:] = np.arange(1.0, size + 1.0)

@@ -1,0 +1,341 @@
+"""Calving from a flux of land ice: stores of ice by size class in each cell, and the bergs that leave them.
+
+Source: files 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError
+from riftberg.life.draws import FmsStream
+from riftberg.ocean.cells import position_in_cell
+from riftberg.ocean.grid import Grid
+from riftberg.parameter_groups import Calving, ClassTable
+from riftberg.parameters import Parameters
+from riftberg.physics.calving import class_width, fill_stores, fractions_by_mass, mean_weights
+from riftberg.state import Elements, Floats, Ints, new_elements
+
+PART_OF_STEP: Final = 2.0 / 17.0
+"""Part of a step by which bergs that leave one store in one step differ in their day of birth (files, 3.2)."""
+
+_GOLDEN: Final = (0.7548776662466927, 0.5698402909980532)
+"""Steps of a sequence that fills a square evenly (Roberts 2018)."""
+
+WITHIN: Final = 0.8
+"""Part of a cell, along both axes, within which bergs of own runs are born."""
+
+
+class Classes(NamedTuple):
+    """Size classes of one hemisphere; arrays of shape (classes,).
+
+    Attributes
+    ----------
+    mass : array
+        Of one berg, kg.
+    fraction : array
+        Part of the mass of calved ice.
+    scaling : array
+        Number of bergs that one element stands for.
+    thickness, width, length : array
+        Of one berg, m.
+    """
+
+    mass: Floats
+    fraction: Floats
+    scaling: Floats
+    thickness: Floats
+    width: Floats
+    length: Floats
+
+
+def size_classes(table: ClassTable, calving: Calving, density: float) -> Classes:
+    """Return the classes of a table, with the sizes that follow from it (files, 3.1)."""
+    mass, fraction, scaling, thickness = (
+        np.array(q, dtype=float) for q in (table.mass, table.fraction, table.scaling, table.thickness)
+    )
+    if calving.fractions == "number":
+        given, fraction = fraction, np.zeros_like(fraction)
+        fractions_by_mass(given, mass, fraction)
+    ratio = calving.length_over_width
+    width = np.array([class_width(m, t, density, ratio) for m, t in zip(mass, thickness, strict=True)])
+    return Classes(mass, fraction, scaling, thickness, width, ratio * width)
+
+
+@dataclass
+class Stores:
+    """Ice that has left the land and is not yet a berg; arrays over the cells of the domain, without halo.
+
+    Attributes
+    ----------
+    ice : array, shape (classes, nj, ni)
+        By size class, kg.
+    heat : array, shape (nj, ni)
+        Heat that came with it, J.
+    counter : array of int, shape (nj, ni)
+        Bergs born in each cell so far.
+    mean_flux, mean_heat : array or None
+        Running means, kg m-2 s-1 and W m-2; None before the first step.
+    begun : bool
+        Whether the heat in the stores is known: at the first flux of a fresh run it is set from that flux.
+    """
+
+    ice: Floats
+    heat: Floats
+    counter: Ints
+    mean_flux: Floats | None = None
+    mean_heat: Floats | None = None
+    begun: bool = False
+
+    @classmethod
+    def empty(cls, classes: int, grid: Grid) -> Stores:
+        """Return stores without ice."""
+        shape = grid.arrays.nj, grid.arrays.ni
+        return cls(np.zeros((classes, *shape)), np.zeros(shape), np.zeros(shape, np.int64), begun=True)
+
+    @classmethod
+    def random(cls, south: Classes, north: Classes, grid: Grid, *, by_column: bool) -> Stores:
+        """Return stores filled at random, as the reference does without a file of stores (files, 3.3).
+
+        Parameters
+        ----------
+        south, north : Classes
+        grid : Grid
+        by_column : bool
+            One stream of draws for each column instead of one for each cell.
+        """
+        g = grid.arrays
+        stores = cls.empty(south.mass.size, grid)
+        stores.begun = False
+        draws = np.empty_like(stores.ice)
+        for i in range(g.ni):
+            if by_column:
+                stream = FmsStream(i + 1)
+                draws[:, :, i] = [[stream.next() for _ in range(g.nj)] for _ in range(len(draws))]
+                continue
+            for j in range(g.nj):
+                stream = FmsStream(i + 1 + 10000 * (j + 1))
+                draws[:, j, i] = [stream.next() for _ in range(len(draws))]
+        is_south = g.lat[grid.domain] < 0.0
+        mask = g.mask[grid.domain]
+        for k in range(len(draws)):
+            mass = np.where(is_south, south.mass[k], north.mass[k])
+            scaling = np.where(is_south, south.scaling[k], north.scaling[k])
+            stores.ice[k] = draws[k] * mask * mass * scaling
+        return stores
+
+    def next_identifier(self, column: int, row: int) -> int:
+        """Count a birth in a cell (indices of the domain) and return the identifier of the reference (files, 0.4)."""
+        self.counter[row, column] += 1
+        return (int(self.counter[row, column]) << 32) | (column + 1 + int(self.counter.shape[1]) * row)
+
+    def copy(self) -> Stores:
+        """Return stores that share no memory with these."""
+        flux, heat = (None if q is None else q.copy() for q in (self.mean_flux, self.mean_heat))
+        return Stores(self.ice.copy(), self.heat.copy(), self.counter.copy(), flux, heat, self.begun)
+
+
+class Accumulated(NamedTuple):
+    """What a flux of ice became in a step.
+
+    Attributes
+    ----------
+    flux, heat_flux : array
+        Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean.
+    left, heat_left : array
+        What no class takes: ice (kg s-1) and heat (W) of each cell.
+    stored, heat_stored : float
+        What went into the stores, kg and J.
+    """
+
+    flux: Floats
+    heat_flux: Floats
+    left: Floats
+    heat_left: Floats
+    stored: float
+    heat_stored: float
+
+
+class Births(NamedTuple):
+    """Bergs born in a step.
+
+    Attributes
+    ----------
+    elements : Elements
+        Not yet in the model; placed, with cells.
+    ids : array of int
+        Identifiers by the creating cell.
+    mass, heat : float
+        What left the stores, kg and J.
+    real : array, shape (classes, nj, ni)
+        Ice calved by class, kg s-1.
+    """
+
+    elements: Elements
+    ids: Ints
+    mass: float
+    heat: float
+    real: Floats
+
+
+class FluxCalving:
+    """Calving from a flux of land ice, on the grid of an ocean.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Group ``calving``, and what of the reference is to be followed.
+    grid : Grid
+        Of the ocean.
+    stores : Stores, optional
+        Ice to begin with; none by default.
+    """
+
+    def __init__(self, parameters: Parameters, grid: Grid, stores: Stores | None = None) -> None:
+        calving, density = parameters.calving, parameters.ice.density
+        self.parameters, self.grid = parameters, grid
+        self.south = size_classes(calving.south, calving, density)
+        self.north = size_classes(calving.north or calving.south, calving, density)
+        self.stores = Stores.empty(self.south.mass.size, grid) if stores is None else stores
+        g, corner = grid.arrays, parameters.compatibility.hemisphere_by_corner
+        self.is_south = np.ascontiguousarray((g.lat if corner else g.lat_centre)[grid.domain] < 0.0)
+        self._area = np.ascontiguousarray(g.area[grid.domain])
+        self._mask = np.ascontiguousarray(g.mask[grid.domain])
+
+    def take(self, flux: Floats, heat_flux: Floats, dt: float) -> Accumulated:
+        """Take the flux of one step into the stores.
+
+        Parameters
+        ----------
+        flux, heat_flux : array, shape (nj, ni)
+            Ice (kg m-2 s-1, not negative) and heat (W m-2) that leave the land.
+        dt : float
+            Step, s.
+        """
+        s = self.stores
+        flux, heat_flux = flux * self._mask, heat_flux * self._mask
+        if self.parameters.calving.smoothing_time > 0.0:
+            flux, heat_flux = self._smoothed(flux, heat_flux, dt)
+            flux, heat_flux = flux * self._mask, heat_flux * self._mask
+        if not s.begun:
+            rate = flux * self._area
+            some = rate != 0.0
+            s.heat[some] = s.ice.sum(axis=0)[some] * (heat_flux * self._area)[some] / rate[some]
+            s.begun = True
+        left, heat_left = np.zeros_like(flux), np.zeros_like(flux)
+        stored, heat = fill_stores(
+            s.ice, s.heat, flux, heat_flux, self._area, self.is_south, self.south.fraction, self.north.fraction, dt,
+            left, heat_left,
+        )  # fmt: skip
+        return Accumulated(flux, heat_flux, left, heat_left, stored, heat)
+
+    def _smoothed(self, flux: Floats, heat_flux: Floats, dt: float) -> tuple[Floats, Floats]:
+        s, tau = self.stores, self.parameters.calving.smoothing_time
+        if s.mean_flux is None or s.mean_heat is None:
+            s.mean_flux, s.mean_heat = flux.copy(), heat_flux.copy()
+        new, old = mean_weights(tau, dt)
+        for mean, now in ((s.mean_flux, flux), (s.mean_heat, heat_flux)):
+            mean[:] = new * now + old * mean
+        return s.mean_flux.copy(), s.mean_heat.copy()
+
+    def bear(self, year: int, day: float, dt: float) -> Births:
+        """Let bergs leave the stores that hold enough ice for one (files, 3.2).
+
+        Parameters
+        ----------
+        year, day : int and float
+            Date of birth.
+        dt : float
+            Step, s.
+        """
+        s = self.stores
+        rows: list[tuple[int, int, int, float, float]] = []
+        real = np.zeros_like(s.ice)
+        mass = heat = 0.0
+        for k in range(self.south.mass.size):
+            need = np.where(
+                self.is_south, self.south.mass[k] * self.south.scaling[k], self.north.mass[k] * self.north.scaling[k]
+            )
+            for j, i in np.argwhere(s.ice[k] >= need).tolist():
+                offset = 0.0
+                while s.ice[k, j, i] >= need[j, i]:
+                    warmth = self._heat_density(k, j, i)
+                    rows.append((k, j, i, day + offset / 86400.0, warmth))
+                    s.heat[j, i] -= need[j, i] * warmth
+                    s.ice[k, j, i] -= need[j, i]
+                    mass, heat = mass + need[j, i], heat + need[j, i] * warmth
+                    real[k, j, i] += need[j, i] / dt
+                    offset -= dt * PART_OF_STEP
+        elements, ids = self._elements(rows, year)
+        return Births(elements, ids, mass, heat, real)
+
+    def _heat_density(self, k: int, j: int, i: int) -> float:
+        """Heat of a new berg, J kg-1: of all ice in the store of its cell, or by the reference over that of its class (T16)."""
+        ice = self.stores.ice[:, j, i]
+        held = ice[k] if self.parameters.compatibility.heat_of_one_class else ice.sum()
+        return float(self.stores.heat[j, i] / held)
+
+    def _elements(self, rows: list[tuple[int, int, int, float, float]], year: int) -> tuple[Elements, Ints]:
+        e = new_elements(len(rows))
+        ids = np.zeros(len(rows), np.int64)
+        for n, (k, j, i, day, warmth) in enumerate(rows):
+            c = self.south if self.is_south[j, i] else self.north
+            e.mass[n], e.thickness[n], e.width[n], e.length[n] = c.mass[k], c.thickness[k], c.width[k], c.length[k]
+            e.start_mass[n], e.mass_scaling[n], e.heat_density[n] = c.mass[k], c.scaling[k], warmth
+            e.start_year[n], e.start_day[n] = year, day
+            ids[n] = self.stores.next_identifier(i, j)
+            self._place(e, n, i, j)
+        e.start_lon[:], e.start_lat[:] = e.lon, e.lat
+        return e, ids
+
+    def _place(self, e: Elements, n: int, i: int, j: int) -> None:
+        """Put a newborn into the middle of its cell; in own runs beside it, so that no two lie on top of each other."""
+        g = self.grid.arrays
+        row, column = j + g.halo, i + g.halo
+        e.cell_i[n], e.cell_j[n] = column, row
+        if self.parameters.compatibility.births_at_centre:
+            e.lon[n], e.lat[n] = g.lon_centre[row, column], g.lat_centre[row, column]
+            e.xi[n], e.eta[n], _ = position_in_cell(e.lon[n], e.lat[n], column, row, g)
+            return
+        count = float(self.stores.counter[j, i])
+        xi, eta = (0.5 + WITHIN * ((0.5 + step * count) % 1.0 - 0.5) for step in _GOLDEN)
+        for at, corner in ((e.lon, g.lon), (e.lat, g.lat)):
+            south = (1.0 - xi) * corner[row - 1, column - 1] + xi * corner[row - 1, column]
+            north = (1.0 - xi) * corner[row, column - 1] + xi * corner[row, column]
+            at[n] = (1.0 - eta) * south + eta * north
+        e.xi[n], e.eta[n] = xi, eta
+
+
+def check_flux(flux: Floats, heat_flux: Floats, mask: NDArray[np.float64], where: str) -> None:
+    """Refuse a flux of land ice that cannot be.
+
+    Raises
+    ------
+    InputError
+        If it is negative, not a number, or arrives in a cell of land.
+    """
+    for name, values in (("calving flux", flux), ("heat of the calving flux", heat_flux)):
+        bad = ~np.isfinite(values) & (mask >= 0.5)
+        if name == "calving flux":
+            bad |= values < 0.0
+        if bad.any():
+            j, i = np.argwhere(bad)[0]
+            raise InputError(
+                f"{name} is {values[j, i]:g} in cell ({i + 1}, {j + 1})",
+                where=where,
+                remedy="Ice leaves the land: give numbers of 0 or more"
+                if name == "calving flux"
+                else "Give finite numbers",
+            )
+    dry = (flux > 0.0) & (mask < 0.5)
+    if dry.any():
+        j, i = np.argwhere(dry)[0]
+        raise InputError(
+            f"ice calves into cell ({i + 1}, {j + 1}), which is land ({int(dry.sum())} such cells)",
+            where=where,
+            remedy="Move the flux to the nearest cell of water, or correct the mask",
+        )

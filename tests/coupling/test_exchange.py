@@ -1,0 +1,212 @@
+"""Bergs beside an ocean of any staggering: what leaves the bergs arrives in the cells; ledgers close; bad input is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.constants import LATENT_HEAT
+from riftberg.coupling.exchange import Exchange, ocean_grid
+from riftberg.coupling.forcing import OceanForcing
+from riftberg.errors import ForcingError, InputError
+from riftberg.life.thermodynamics import scaled_mass
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+
+NI, NJ = 16, 12
+ALONE = Parameters(
+    bonds={"law": "none"}, fracture={"enabled": False}, contact={"iterate": False},
+    stepping={"scheme": "verlet", "time_step": 1800.0, "interactions": False, "explicit_substeps": True},
+    melt={"enabled": True, "mode": "berg", "base": "turbulent", "bits_fraction": 0.3}, rolling={"enabled": True},
+)  # fmt: skip
+
+
+def grid(mask=None, area=None):
+    lon, lat = np.meshgrid(np.linspace(-40.0, -36.0, NI + 1), np.linspace(-58.0, -55.0, NJ + 1))
+    return ocean_grid(lon, lat, mask=mask, area=area)
+
+
+def loose(count: int = 12) -> Iceberg:
+    """Bergs of one element, here and there, of many sizes."""
+    r = np.random.default_rng(3)
+    lon, lat = r.uniform(-39, -37, count), r.uniform(-57.4, -55.6, count)
+    berg = Iceberg.from_points(lon, lat, thickness=200.0, radius=500.0)
+    e = berg.elements
+    e.body.length[:], e.body.width[:] = 10 ** r.uniform(2, 4.2, count), 10 ** r.uniform(2, 3, count)
+    e.body.thickness[:] = r.uniform(50, 300, count)
+    e.body.mass[:] = 850.0 * e.thickness * e.length * e.width
+    e.life.mass_scaling[:] = r.integers(1, 20, count)
+    return berg
+
+
+def exchange(parameters: Parameters = ALONE, berg: Iceberg | None = None, the_grid=None, **options) -> Exchange:
+    g = grid() if the_grid is None else the_grid
+    return Exchange(Model(berg or loose(), OceanForcing(g, g.fields(depth=500.0)), parameters), **options)
+
+
+def ocean(**more):
+    return {
+        "eastward_sea_water_velocity": 0.3,
+        "northward_sea_water_velocity": -0.1,
+        "eastward_wind": (20.0, "km h-1"),
+        "northward_wind": 3.0,
+        "sea_surface_temperature": (np.full((NJ, NI), 276.15), "K"),
+        "sea_surface_salinity": (34.0, "psu"),
+        **more,
+    }
+
+
+def ice_flux(value: float = 0.02):
+    flux = np.zeros((NJ, NI))
+    flux[3:8, 5] = value
+    return {
+        "land_ice_specific_mass_flux_due_to_calving": flux,
+        "heat_flux_of_calved_ice": np.where(flux > 0, -50.0, 0.0),
+    }
+
+
+def test_what_bergs_lose_arrives_and_the_ledger_closes_to_round_off() -> None:
+    run = exchange(ocean_step=3600.0)
+    area = run.grid.arrays.area[run.grid.domain]
+    for _ in range(20):
+        before = run.stocks()
+        given = run.step(ocean(**ice_flux(0.05)))
+        came = 0.05 * area[3:8, 5].sum() * 3600.0
+        went = float(((given["ficeberg"] + given["flandice"]).values * area).sum() * 3600.0)
+        after = run.stocks()
+        assert abs(before[0] + came - went - after[0]) < 1e-12 * before[0]
+    assert abs(run.balance().error) < 1e-12
+    assert abs(run.balance().heat_error) < 1e-10
+    assert run.model.elements.size > 12  # some were born
+    np.testing.assert_allclose(given["ficeberg_process"].sum("process"), given["ficeberg"], rtol=1e-9, atol=1e-18)
+
+
+def test_cells_hold_the_mass_of_the_bergs_that_cover_them() -> None:
+    run = exchange()
+    given = run.step(ocean())
+    area = run.grid.arrays.area[run.grid.domain]
+    elements = run.model.elements
+    total = scaled_mass(elements.life, elements.body.mass).sum()
+    assert float(((given["ibmass"] + given["ibmassgrd"]).values * area).sum()) == pytest.approx(total, rel=1e-13)
+    assert float(given["ibarea"].max()) <= 1.0
+    assert ((given["ibustar"].values > 0) == (given["ibarea"].values > 0)).all()
+
+
+def test_heat_is_the_latent_heat_of_the_melt_water() -> None:
+    given = exchange().step(ocean())
+    np.testing.assert_allclose(given["hfibthermds2d"], -LATENT_HEAT * given["ficeberg"], rtol=1e-12)
+    assert float(given["ficeberg"].max()) > 0.0
+
+
+def test_drag_on_the_water_is_what_the_water_does_to_the_bergs_turned_round() -> None:
+    run = exchange(ALONE.changed(melt={"enabled": False}, rolling={"enabled": False}))
+    given = run.step(ocean())
+    area = run.grid.arrays.area[run.grid.domain]
+    for k, name in enumerate(("ibtaux", "ibtauy")):
+        force = run.model.applied_forces()[:, 0, k] * run.model.elements.life.mass_scaling
+        assert float((given[name].values * area).sum()) == pytest.approx(-force.sum(), rel=1e-12)
+
+
+def test_a_berg_aground_weighs_on_the_floor() -> None:
+    g = grid()
+    berg = loose(3)
+    run = Exchange(Model(berg, OceanForcing(g, g.fields(depth=20.0)), ALONE.changed(melt={"enabled": False})))
+    given = run.step(ocean())
+    share = float(given["ibmassgrd"].sum() / (given["ibmassgrd"] + given["ibmass"]).sum())
+    assert 0.5 < share < 1.0
+
+
+@pytest.mark.parametrize("staggering", ["A", "B", "C"])
+def test_a_uniform_current_is_the_same_in_every_staggering(staggering: str) -> None:
+    run = exchange(staggering=staggering)  # type: ignore[arg-type]
+    run.step(ocean())
+    np.testing.assert_allclose(run.model.elements.environment.uo, 0.3, rtol=1e-12)
+
+
+def test_stress_in_place_of_wind_gives_the_wind_of_the_reference() -> None:
+    run = exchange()
+    taken = ocean(surface_downward_eastward_stress=0.15, surface_downward_northward_stress=0.0)
+    for name in ("eastward_wind", "northward_wind"):
+        del taken[name]
+    run.step(taken)
+    np.testing.assert_allclose(run.model.elements.environment.ua, 0.15 / np.sqrt(0.0015 * 0.15), rtol=1e-12)
+
+
+def test_a_dataset_with_standard_names_is_taken() -> None:
+    cells = ("j", "i"), np.full((NJ, NI), 2.0), {"standard_name": "sea_surface_temperature", "units": "degC"}
+    run = exchange()
+    run.step(xr.Dataset({"tos": cells}))
+    assert (run.model.elements.environment.sst == 2.0).all()
+
+
+def test_areas_of_the_ocean_model_are_those_that_fluxes_are_of() -> None:
+    area = np.full((NJ, NI), 5e8)
+    run = exchange(the_grid=grid(area=area))
+    before = run.stocks()[0]
+    given = run.step(ocean())
+    assert float((given["ficeberg"] * 5e8 * 1800.0).sum()) == pytest.approx(before - run.stocks()[0], rel=1e-9)
+
+
+def test_a_running_mean_of_the_flux_loses_nothing() -> None:
+    run = exchange(ALONE.changed(calving={"smoothing_time": 86400.0}))
+    for k in range(10):
+        run.step(ocean(**ice_flux(0.01 if k < 5 else 0.0)))
+    assert abs(run.balance().error) < 1e-12
+    assert abs(run.balance().heat_error) < 1e-10
+
+
+def test_a_run_that_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    whole, first = exchange(), exchange()
+    for _ in range(6):
+        last = whole.step(ocean(**ice_flux()))
+    for _ in range(3):
+        first.step(ocean(**ice_flux()))
+    first.model.save(tmp_path / "r.nc")
+    g = grid()
+    model = Model.resume(tmp_path / "r.nc", OceanForcing(g, g.fields(depth=500.0)))
+    second = Exchange(model)
+    for _ in range(3):
+        again = second.step(ocean(**ice_flux()))
+    assert second.stocks() == whole.stocks()
+    xr.testing.assert_identical(again, last)
+    assert second.balance() == whole.balance()
+
+
+def test_steps_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(InputError, match=r"ocean steps by 2000 s, the bergs by 1800 s.*whole number"):
+        exchange(ocean_step=2000.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"sea_surface_temperature": np.full((NJ, NI), 275.0)}, "looks like kelvin"),
+        ({"sea_surface_temperature": (1.0, "m")}, "temperature in 'm'"),
+        ({"eastward_wind": (1.0, "kg")}, "units are 'kg'"),
+        ({"sea_surface_temprature": 1.0}, "Did you mean 'sea_surface_temperature'"),
+        ({"sea_surface_height_above_geoid": np.zeros((3, 3))}, r"shape \(3, 3\)"),
+        ({"land_ice_specific_mass_flux_due_to_calving": np.full((NJ, NI), -1e-3)}, "-0.001"),
+        ({"sea_ice_area_fraction": 40.0}, "Check its units"),
+        ({"sea_surface_salinity": np.full((NJ, NI), np.nan)}, "nan"),
+        ({"surface_downward_eastward_stress": 0.1}, "alone"),
+    ],
+)
+def test_bad_fields_are_refused_before_anything_is_stepped(more, message: str) -> None:
+    run = exchange()
+    with pytest.raises(InputError, match=message):
+        run.step(ocean(**more))
+    assert run.model.step_number == 0
+
+
+def test_melt_without_temperature_and_calving_into_land_are_refused() -> None:
+    with pytest.raises(ForcingError, match="no sea_surface_temperature"):
+        exchange().step({})
+    mask = np.ones((NJ, NI))
+    mask[4, 5] = 0.0
+    run = exchange(the_grid=grid(mask=mask), berg=loose(1))
+    with pytest.raises(InputError, match=r"cell \(6, 5\), which is land"):
+        run.step(ocean(**ice_flux()))
