@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
+from riftberg.diagnostics.summary import fragment_areas
 from riftberg.errors import InputError
 from riftberg.experiments import EXPERIMENTS, Options, build, find, names
 from riftberg.experiments.changes import changed, parse_settings, reference_numerics
@@ -76,3 +78,14 @@ def test_the_list_imports_nothing_heavy() -> None:
     code = "import sys, riftberg.experiments; print([m for m in ('numpy', 'numba', 'xarray') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("numerics", ["own", pytest.param("reference", marks=pytest.mark.slow)])
+def test_grounding_fracture_ends_in_more_than_one_fragment(numerics: Any) -> None:
+    """Bug: with Riftberg's numerics three bonds failed and the berg stayed whole, although the experiment says it breaks."""
+    model, info = build("grounding-fracture", Options(numerics=numerics))
+    model.advance(info.days)
+    areas = fragment_areas(model)
+    assert len(areas) >= 2
+    assert areas[0] < 450.0
+    assert areas[1] > 100.0

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-from fakes import FakeModel
-from riftberg.diagnostics.beam import BeamCase, bent, clamped_line
+from fakes import BendingModel, FakeModel
+from riftberg.diagnostics.beam import BeamCase, bent
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.diagnostics.why import explain
 from riftberg.runs.run_file import RunWriter, open_run
@@ -38,17 +38,6 @@ MEAN, MOST = 1.0, 30.0
 BEAM = BeamCase("clamped", 10, 2, 9 * 3000.0, 6000.0, 200.0, 2e8)
 
 
-class Bending(FakeModel):
-    """A beam that comes down along the line of theory within a day."""
-
-    def _place(self) -> None:
-        along, down = clamped_line(BEAM.length, BEAM.load, 5e6 * BEAM.second_moment, BEAM.columns)
-        part = min(1.0, self.time / 86_400.0) * 1.02
-        x, y = self._x.reshape(10, 2), self._y.reshape(10, 2)
-        self.elements.lon[:] = (x + part * (along[:, None] - x + x[0, 0])).ravel()
-        self.elements.lat[:] = (y - part * down[:, None]).ravel()
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Four days, a break after one, with damage that grows along the berg."""
@@ -62,7 +51,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
 @pytest.fixture(scope="module")
 def beam(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     folder = tmp_path_factory.mktemp("beam")
-    Bending(10, 2, latlon=False).advance(2, recorders=[RunWriter(folder / "run.nc", every_hours=3, experiment="beam")])
+    BendingModel(BEAM).advance(2, recorders=[RunWriter(folder / "run.nc", every_hours=3, experiment="beam")])
     return open_run(folder)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -223,6 +224,21 @@ def test_dates_of_a_berg_that_stays_do_not_pile_up(tmp_path: Path) -> None:
     assert [text.get_text() for text in ax.texts if text.get_text().endswith(" s")] == ["0 s"]
 
 
+def test_a_break_on_impact_is_drawn_at_the_record_that_saw_it(run: xr.Dataset) -> None:
+    """The record before showed a scale up to 0.0015 kPa: nothing had touched the ice yet."""
+    scene = Scene(run)
+    birth = scene.birth(2)
+    assert birth is not None
+    before = int(np.searchsorted(scene.times, birth[0])) - 1
+    assert plots._before_breakups(scene) == [before]
+    struck = run.copy(deep=True)
+    peak = struck["peak_stress"].transpose("time", "bond").values.copy()
+    peak[: before + 1], peak[before + 1] = 0.5, 18_000.0
+    struck["peak_stress"] = (("time", "bond"), peak)
+    assert plots._before_breakups(Scene(struck)) == [before + 1]
+    assert [plots.stress_unit(top)[0] for top in (1.5, 1.8e4, 5e7)] == ["Pa", "kPa", "MPa"]
+
+
 # ---- sea floor -------------------------------------------------------------------------------------------------------
 
 
@@ -340,6 +356,14 @@ def test_the_replay_page_has_the_colours_of_the_pictures() -> None:
         assert to_hex(scale(0.0)) in page
         assert to_hex(scale(1.0)) in page
     assert colours.GROUND.lower() in page
+
+
+def test_colours_stand_in_one_place() -> None:
+    """Two pictures had two reds for the sea floor as soon as one of them was written anew."""
+    folder = Path(colours.__file__).parent
+    for path in sorted(folder.glob("*.py")):
+        if path.name != "colours.py":
+            assert not re.findall(r"#[0-9A-Fa-f]{6}", path.read_text(encoding="utf-8")), path.name
 
 
 # Machado, Oliveira and Fernandes (2009), full severity, on linear RGB.

@@ -37,7 +37,15 @@ PARAMETERS = Parameters(
     stepping={"time_step": 1800.0},
     earth={"latlon": False, "period": 0.0},
 )
-"""Physics of the reference's case with Riftberg's numerics."""
+"""Physics of the reference's case."""
+
+OWN = PARAMETERS.changed(fracture={"normal_strength": 1200.0}, stepping={"scheme": "quasi_static"})
+"""With Riftberg's numerics the lattice stands in equilibrium with the loads.
+
+In the reference's run the bonds fail in the ringing after the impact (34 of 173). Without that ringing the stress at the
+seamount stays below 1850 Pa but for the corner that lands first; from 1000 to 1400 Pa the berg breaks in two at the same 13
+bonds.
+"""
 
 
 def points() -> tuple[Floats, Floats]:
@@ -64,7 +72,7 @@ def build(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
     from riftberg.runs.model import Model
 
-    parameters = PARAMETERS
+    parameters = OWN
     if options.numerics == "reference":
         parameters = reference_numerics(PARAMETERS.changed(stepping={"substeps": 200}))
         parameters = parameters.changed(stepping={"skip_first_long_force": False})

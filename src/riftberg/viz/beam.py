@@ -55,7 +55,7 @@ def _shape(ax: Axes, run: xr.Dataset, beam: BentBeam) -> None:
     for record, face, label in ((0, colours.ICE, "start"), (-1, colours.MODEL, "model, at the end")):
         shown = (scene.polygons(record % len(scene.times)) - origin) / unit
         ax.add_collection(
-            PolyCollection(list(shown), facecolors=face, edgecolors="#00000066", linewidths=0.4, label=label)
+            PolyCollection(list(shown), facecolors=face, edgecolors=(0.0, 0.0, 0.0, 0.4), linewidths=0.4, label=label)
         )
     ax.plot(
         beam.theory_along / unit, -beam.theory_down / unit, color=colours.OBSERVED, lw=1.8, label="theory, centre line"

@@ -42,6 +42,12 @@ STRENGTH: Final = "#555555"
 """The strength of the ice, and quiet lines."""
 
 GRID: Final = "#DDDDDD"
+ZERO: Final = "#BBBBBB"
+"""The line at zero."""
+
+PAIRING: Final = "#999999"
+"""Lines that join what belongs together: model and observation of one time, a fragment and its birth."""
+
 SEA: Final = "#F4F7FA"
 """Under everything, where neither currents nor a sea floor are known."""
 
@@ -52,6 +58,8 @@ ARROW: Final = "#35506B"
 ISOBATH: Final = "#8A8A8A"
 ICE: Final = "#E3E8EC"
 """Ice under bonds that are in colour."""
+
+ICE_EDGE: Final = "#B8C2CA"
 
 LAND: Final = "#D3CBBB"
 SHELF: Final = "#F1F4F6"

@@ -197,7 +197,11 @@ class Panel:
         broken = ~scene.unbroken[record]
         self.ax.add_collection(
             PolyCollection(
-                list(scene.polygons(record)), facecolors=colours.ICE, edgecolors="#B8C2CA", linewidths=0.2, zorder=4
+                list(scene.polygons(record)),
+                facecolors=colours.ICE,
+                edgecolors=colours.ICE_EDGE,
+                linewidths=0.2,
+                zorder=4,
             )
         )
         # The largest values on top.

@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
 
+IMPACT = 0.02
+"""A break came by an impact where no bond had this part of the strength at the record before."""
+
 
 def heading(run: xr.Dataset, what: str) -> str:
     """Return the title of a figure; its second line says what the forcing is."""
@@ -196,15 +199,16 @@ def draw_stress(
     records = chosen(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
     stress = scene.tension()
-    tension = {r: stress[r] / 1e3 for r in records}
-    top = max(1e-3, *(float(np.nanmax(values, initial=0.0)) for values in tension.values()))
-    strength = fracture.normal_strength / 1e3
+    name, unit = stress_unit(max(float(np.nanmax(stress[r], initial=0.0)) for r in records))
+    tension = {r: stress[r] / unit for r in records}
+    top = max(1.0 / unit, *(float(np.nanmax(values, initial=0.0)) for values in tension.values()))
+    strength = fracture.normal_strength / unit
     beyond = fracture.enabled and top >= strength
-    text = f"; strength {strength:g} kPa" if fracture.enabled else ""
+    text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
     title = heading(run, "stress in the bonds")
     figure = _bond_maps(
         scene, tension, colours.stress_map(), root_scale(strength if beyond else top),
-        f"largest tensile stress of a bond (kPa){text}; dotted: broken", title, water=water or stored_water(run),
+        f"largest tensile stress of a bond ({name}){text}; dotted: broken", title, water=water or stored_water(run),
         beyond=beyond, dpi=dpi,
     )  # fmt: skip
     style.save_figure(figure, path)
@@ -302,14 +306,25 @@ def _bond_bar(figure: Figure, shades: Colormap, scale: Normalize, label: str, be
     bar.set_label(label, fontsize=9)
 
 
+def stress_unit(top: float) -> tuple[str, float]:
+    """Return the unit of a scale of stress up to ``top`` (Pa), and its size in Pa."""
+    return ("MPa", 1e6) if top >= 1e7 else ("Pa", 1.0) if top < 100.0 else ("kPa", 1e3)
+
+
 def _before_breakups(scene: Scene) -> list[int]:
-    """Return the last records before the large break-ups; without any, the record of the largest stress."""
+    """Return the last records before the large break-ups; without any, the record of the largest stress.
+
+    A berg that breaks on impact bears nothing at the record before: then it is the record after, whose largest stress is
+    that since the one before.
+    """
     births = sorted(birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None)
     records = {max(0, int(np.searchsorted(scene.times, birth)) - 1) for birth in births[:4]}
+    stress = scene.tension().max(axis=1, initial=0.0)
     if not records:
-        stress = scene.tension()
-        records = {int(np.argmax(stress.max(axis=1)))} if stress.size else {0}
-    return sorted(records)
+        return [int(np.argmax(stress))]
+    calm = IMPACT * scene.parameters.fracture.normal_strength
+    last = len(stress) - 1
+    return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
 
 def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
@@ -374,7 +389,7 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
         ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 3.2 - 0.7 * rank),
                 label=fragment_name(scene, number))  # fmt: skip
         if scene.birth(number) is not None and there.any():
-            ax.axvline(times[there][0], color="#999999", lw=0.8, ls=":")
+            ax.axvline(times[there][0], color=colours.PAIRING, lw=0.8, ls=":")
             ax.plot(times[there][0], area[there][0], "o", color=colour, mec="black", ms=7, zorder=5)
     ax.margins(y=0.12)
     ax.set_ylim(bottom=0.0)

@@ -14,7 +14,7 @@ from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.colours import GRID, MODEL, OBSERVED
+from riftberg.viz.colours import GRID, MODEL, OBSERVED, PAIRING
 from riftberg.viz.moments import day_text
 from riftberg.viz.style import date_axis, new_figure
 
@@ -125,7 +125,7 @@ def _draw_tracks(ax: Axes, score: Score) -> None:
         if m.lon is not None and m.lat is not None:
             made_at = _near(m.lon, middle), m.lat
             ends.append(made_at)
-            ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color="#999999", lw=0.9, zorder=1)
+            ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color=PAIRING, lw=0.9, zorder=1)
             ax.plot(*made_at, "o", color=MODEL, mec="black", mew=0.5, **look)
     seen = np.array([(_near(m.lon_observed, middle), m.lat_observed) for _, m in berg]).reshape(-1, 2)
     made = np.array(
@@ -168,7 +168,7 @@ def _frame(ax: Axes, ends: Sequence[tuple[float, float]]) -> None:
     (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
     draw_coast(ax, Box(west, east, south, north), zorder=0.5)
     style.geographic_axes(ax, latlon=True)
-    ax.grid(color="#E3E3E3", lw=0.6)
+    ax.grid(color=GRID, lw=0.6)
     ax.set_axisbelow(True)
     unit = stretch / (DEGREE * EARTH_RADIUS_A68 / 1e3)
     x, y = east - 0.32 * (east - west), south + 0.05 * (north - south)

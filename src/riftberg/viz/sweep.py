@@ -10,7 +10,7 @@ import xarray as xr
 
 from riftberg.errors import InputError
 from riftberg.runs.scene import Box
-from riftberg.viz import style
+from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
 
 if TYPE_CHECKING:
@@ -72,11 +72,8 @@ class _SweepFigure:
         self._tracks(left)
         self._dates(top)
         self._sizes(bottom)
-        for letter, ax in zip("abc", (left, top, bottom), strict=True):
-            ax.annotate(
-                letter, (0.0, 1.0), (-34, 8), xycoords="axes fraction", textcoords="offset points", fontsize=12,
-                fontweight="bold", ha="left", va="bottom",
-            )  # fmt: skip
+        for k, ax in enumerate((left, top, bottom)):
+            style.letter(ax, k)
         self._key()
         count = self.done.sizes["member"]
         note = f"{count} runs" + (f", {missing} more failed or not yet run" if missing else "")
@@ -90,12 +87,14 @@ class _SweepFigure:
         """Draw where the largest piece of each member was at each time."""
         x_name, y_name = ("lon", "lat") if self.latlon else ("x", "y")
         x, y, area = (self.done[name].values for name in (x_name, y_name, "area"))
+        first = float(x[np.isfinite(x)][0])
+        x = _near(x, first, self.latlon)
         box = _box(x, y, self.latlon)
         ax.set_xlim(box.west, box.east)
         ax.set_ylim(box.south, box.north)
         ax.set_aspect(1.0 / np.cos(np.radians(0.5 * (box.south + box.north))) if self.latlon else 1.0)
         style.geographic_axes(ax, latlon=self.latlon, ticks=5)
-        ax.set_facecolor("#F4F7FA")
+        ax.set_facecolor(colours.SEA)
         draw_coast(ax, box, latlon=self.latlon)
         for k in range(len(x)):
             for place in range(x.shape[1]):
@@ -105,8 +104,19 @@ class _SweepFigure:
                     ls="-" if main else (0, (3, 1.5)), alpha=0.9 if main else 0.6, solid_capstyle="round",
                 )  # fmt: skip
             ends = self.done["fragment_parent"].values[k] > 0
-            births = (self.done[f"fragment_{name}"].values[k][ends] for name in (x_name, y_name))
-            ax.plot(*births, ls="", marker="*", ms=7, mec="white", mew=0.4, color=self._colour(k))
+            births = [self.done[f"fragment_{name}"].values[k][ends] for name in (x_name, y_name)]
+            ax.plot(
+                _near(births[0], first, self.latlon),
+                births[1],
+                ls="",
+                marker="*",
+                ms=7,
+                mec="white",
+                mew=0.4,
+                color=self._colour(k),
+            )
+        unit = (1.0 / 111.2 if self.latlon else 1e3) * ax.get_aspect()  # type: ignore[operator]
+        style.scale_bar(ax, km=style.round_length(0.25 * (box.east - box.west) / unit), units_per_km=unit)
         ax.set_title("Tracks; a star where a piece broke off", fontsize=10, pad=6)
 
     def _spread(self) -> np.ndarray[Any, Any]:
@@ -155,7 +165,7 @@ class _SweepFigure:
             ax.set_xticks(range(len(self.words)), self.words)
         if named:
             ax.set_xlabel(self.label, fontsize=9)
-        ax.grid(color="#DDDDDD", lw=0.5)
+        ax.grid(color=colours.GRID, lw=0.5)
         ax.set_axisbelow(True)
         ax.tick_params(labelsize=8)
 
@@ -191,6 +201,11 @@ def _scale(done: xr.Dataset, name: str) -> tuple[np.ndarray[Any, Any], str, list
         )
         values = values / factor
     return values, title if unit in ("1", "") else f"{title} ({unit})", []
+
+
+def _near(x: np.ndarray[Any, Any], first: float, latlon: bool) -> np.ndarray[Any, Any]:
+    """Put longitudes on one branch, so that no track runs around the globe at its seam."""
+    return np.asarray(x - 360.0 * np.round((x - first) / 360.0)) if latlon else x
 
 
 def _box(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any], latlon: bool) -> Box:

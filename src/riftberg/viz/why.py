@@ -88,7 +88,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
             (n, f, COLOURS[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0
         ]
         if budget.residual is not None:
-            vectors.append(("other part", budget.residual, "#000000"))
+            vectors.append(("other part", budget.residual, "black"))
         per_mass = [(label, np.array(force) / budget.mass * 1e6, colour) for label, force, colour in vectors]
         reach = max(reach, *(float(np.hypot(*v)) for _, v, _ in per_mass))
         for _, vector, colour in per_mass:
@@ -99,8 +99,8 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     ax.set_xlim(-reach, reach)
     ax.set_ylim(-reach, reach)
     ax.set_aspect("equal", adjustable="box")
-    ax.axhline(0.0, color="#DDDDDD", lw=0.6, zorder=0)
-    ax.axvline(0.0, color="#DDDDDD", lw=0.6, zorder=0)
+    ax.axhline(0.0, color=colours.GRID, lw=0.6, zorder=0)
+    ax.axvline(0.0, color=colours.GRID, lw=0.6, zorder=0)
     ax.set_title(f"      forces at {minute_text(b.decisive.time)}", fontsize=9)
     size = area_text(1e6 * b.area_km2, squared="²")
     ax.set_ylabel(
@@ -121,7 +121,7 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
     ax.axvline(_hours(b.first_break, b.time), color=colours.GROUND, ls=":", lw=1.2)
     ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color=colours.GROUND, fontsize=7, ha="right", va="top",
             transform=ax.get_xaxis_transform())  # fmt: skip
-    ax.axhline(0.0, color="#BBBBBB", lw=0.6)
+    ax.axhline(0.0, color=colours.ZERO, lw=0.6)
     ax.set_title(f"load of the cut of {b.decisive.cut_km:.3g} km, by force", fontsize=9)
     ax.set_ylabel("nominal stress (kPa)", fontsize=9)
     ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
@@ -142,7 +142,7 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
     ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
     if b.first_bonds[0].peak:
-        ax.plot([], [], lw=0.8, ls=":", color="#222222", label="at the records")
+        ax.plot([], [], lw=0.8, ls=":", color="black", label="at the records")
     ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, title="bonds, by time of failure",
               title_fontsize=7)  # fmt: skip
     which = "largest tensile stress between records (kPa)" if b.first_bonds[0].peak else "tensile stress (kPa)"
