@@ -51,6 +51,8 @@ class FakeForcing:
 class FakeModel:
     """Berg of ``nx`` by ``ny`` square elements; its last columns break off at ``break_time`` seconds."""
 
+    life: Any = None  # nothing melts
+
     def __init__(
         self,
         nx: int = 8,

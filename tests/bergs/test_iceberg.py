@@ -176,11 +176,11 @@ def test_overlap_is_found_even_where_no_bond_reaches():
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
-        ({"density": 1100.0}, "Ice floats"),
+        ({"density": 1100.0}, "density: .* is not possible.*Allowed: a number > 0 and < 1025, in kg m-3"),
         ({"lat": [0.0, 0.0, 0.0]}, "equal length"),
         ({"lon": [0.0, np.inf]}, "not numbers"),
         ({"lat": [0.0, 89.5]}, "within 89"),
-        ({"radius": -1.0}, "positive radius"),
+        ({"radius": -1.0}, "radius: .* is not possible.*Allowed: a number > 0, in m"),
         ({"lon": [], "lat": []}, "no elements"),
     ],
 )

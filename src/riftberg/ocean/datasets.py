@@ -31,7 +31,7 @@ from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import given, moment, number
+from riftberg.values import given, moment, number, required
 
 FILLS: Final = {
     "uo": ("uo", "vo", "vorticity"),
@@ -138,6 +138,8 @@ class DatasetForcing(ShownForcing):
         grid: Grid | None = None,
         notices: Sequence[str] = (),
     ) -> None:
+        wanted = "a list of parts, or take DatasetForcing.from_xarray"
+        required(parts, (list, tuple), wanted, where="parts", kind=ForcingError)
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
@@ -183,6 +185,8 @@ class DatasetForcing(ShownForcing):
         >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
         (array([0.1]), array([0.1]))
         """
+        wanted = "an xarray.Dataset, or a list of them"
+        required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
         forcing = cls([part_of(ds, begin) for ds in in_memory(several)], **options)

@@ -28,7 +28,7 @@ from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import moment, number
+from riftberg.values import moment, number, required
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
@@ -90,6 +90,7 @@ class GriddedForcing(ShownForcing):
         sea_level_gaps: bool = False,
         start: datetime | date | str | np.datetime64 | None = None, source: str = "",
     ) -> None:  # fmt: skip
+        required(grid, Grid, "a Grid, for example Grid.cartesian(20, 20, 1000.0)", where="grid", kind=ForcingError)
         self.grid: Grid | None = grid
         self._grid = grid
         self.start, self.source = None if start is None else moment(start, where="start"), source
