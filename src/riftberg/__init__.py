@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
-    from riftberg.ocean.gridded import GriddedForcing
+    from riftberg.ocean.gridded import FieldRules, GriddedForcing
     from riftberg.ocean.ready_made import Forcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
@@ -41,6 +41,7 @@ _HOMES = {
     "A68A_2022": "riftberg.parameters",
     "A68A_2022_KID": "riftberg.parameters",
     "Steady": "riftberg.ocean.analytic",
+    "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.ready_made",
@@ -55,6 +56,7 @@ __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
     "DatasetForcing",
+    "FieldRules",
     "Forcing",
     "GriddedForcing",
     "Iceberg",

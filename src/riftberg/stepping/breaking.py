@@ -37,12 +37,12 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 @kernel
 def any_exceeds(rows, count):
-    """Number of unbroken rows whose stress is above their strength; a loop that vectorises."""
-    found = 0.0
+    """Number of unbroken rows whose stress is above their strength; a whole number, so that the loop vectorises."""
+    overloaded = 0
     for r in range(count):
         over = (rows.normal_stress[r] > rows.normal_limit[r]) | (rows.shear_stress[r] > rows.shear_limit[r])
-        found += rows.alive[r] if over else 0.0
-    return found
+        overloaded += 1 if over & (rows.alive[r] > 0.0) else 0
+    return overloaded
 
 
 @stage
@@ -116,51 +116,47 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
     dt : float
         Sub-step (s) by which damping is softened; 0 for fully explicit damping, as in the reference.
     """
-    shown, body = el.shown, el.body
+    first, second, bond = pairs.first, pairs.second, pairs.bond
+    x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count
+    u, v, u_shown, v_shown = el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair
+    radius, mass, own_radius, own_mass = sizes.bond_radius, sizes.bond_mass, sizes.radius, sizes.mass
     for k in range(pairs.count[0]):
-        i, j = pairs.first[k], pairs.second[k]
-        if search and pairs.bond[k] >= 0 and status[pairs.bond[k]] == 0:
+        i, j = first[k], second[k]
+        if search and bond[k] >= 0 and status[bond[k]] == 0:
             continue
-        rx, ry = separation(
-            shown.lon_pair[i],
-            shown.lat_pair[i],
-            shown.lon_pair[j],
-            shown.lat_pair[j],
-            law.latlon,
-            law.earth_radius,
-            law.period,
-        )
-        apart = pairs.bond[k] <= OTHER_BERGS
-        radii = sizes.radius[i] + sizes.radius[j] if apart else sizes.bond_radius[i] + sizes.bond_radius[j]
+        rx, ry = separation(x[i], y[i], x[j], y[j], law.latlon, law.earth_radius, law.period)
+        apart = bond[k] <= OTHER_BERGS
+        radii = own_radius[i] + own_radius[j] if apart else radius[i] + radius[j]
         reach = max(radii, law.contact_distance) if apart else radii
         if rx * rx + ry * ry >= reach * reach:
             continue
         if apart:
-            pairs.bond[k] = TOUCHED
+            bond[k] = TOUCHED
         for end in range(2):
             e, c = (i, j) if end == 0 else (j, i)
-            looks = not (skip_full and body.bond_count[e] == max_bonds) and body.bond_count[c] < max_bonds
+            looks = not (skip_full and bond_count[e] == max_bonds) and bond_count[c] < max_bonds
             if search and not looks and not apart:
                 continue
             s = 1.0 if end == 0 else -1.0
-            ix, iy = contact_acceleration(e, c, s * rx, s * ry, radii, apart, el, sizes, law, dt * max_bonds)
+            m1, m2 = (own_mass[e], own_mass[c]) if apart else (mass[e], mass[c])
+            ix, iy = contact_acceleration(
+                COLLISION if apart else SAME_BERG_CONTACT, e, c, s * rx, s * ry, radii, u, v, u_shown, v_shown, m1, m2,
+                law, dt * max_bonds,
+            )  # fmt: skip
             ax[e] += ix
             ay[e] += iy
 
 
 @stage
-def contact_acceleration(e, c, rx, ry, radii, apart, el, sizes, law, span):
-    """Acceleration (m s-2) of element e by its contact with c of the same berg, or of another (apart): spring and damper.
+def contact_acceleration(kind, e, c, rx, ry, radii, u, v, u_shown, v_shown, m1, m2, law, span):
+    """Acceleration (m s-2) of element e by its contact with c of the same berg, or of another: spring and damper.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
-    shown = el.shown
-    m1, m2 = (sizes.mass[e], sizes.mass[c]) if apart else (sizes.bond_mass[e], sizes.bond_mass[c])
-    kind = COLLISION if apart else SAME_BERG_CONTACT
-    du, dv = shown.u_pair[c] - el.motion.u[e], shown.v_pair[c] - el.motion.v[e]
+    du, dv = u_shown[c] - u[e], v_shown[c] - v[e]
     ix, iy, p11, p12, p22 = pair_terms(kind, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
-    wu, wv = shown.u_pair[c] - shown.u_pair[e], shown.v_pair[c] - shown.v_pair[e]
+    wu, wv = u_shown[c] - u_shown[e], v_shown[c] - v_shown[e]
     soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m1 / min(m1, m2)))
     return ix + soft * (p11 * wu + p12 * wv), iy + soft * (p12 * wu + p22 * wv)
