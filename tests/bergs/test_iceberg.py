@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import BergError
 
@@ -83,7 +83,7 @@ def test_makeberg_rules_give_the_elements_of_the_published_run(shared):
         file.set_auto_mask(False)
         lon, lat, mass, width = (file[name][:] for name in ("lon", "lat", "mass", "width"))
     assert len(berg.elements.id) == len(lon) == 472
-    metres = np.hypot(*separation(Metric(True, berg.earth_radius), berg.elements.lon, berg.elements.lat, lon, lat))
+    metres = np.hypot(*separations(Metric(True, berg.earth_radius), berg.elements.lon, berg.elements.lat, lon, lat))
     print(f"largest difference from the published elements: {metres.max():.3g} m")
     assert metres.max() < 1e-6
     np.testing.assert_allclose(berg.elements.mass, mass, rtol=1e-15)

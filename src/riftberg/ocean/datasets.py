@@ -81,7 +81,7 @@ class Part(NamedTuple):
         return ", ".join(dict.fromkeys(PurePath(name).name for name in given.split(", ")))
 
 
-def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
+def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
     """Return a canonical dataset on its own points and at its own times.
 
     Parameters
@@ -186,7 +186,7 @@ class DatasetForcing(ShownForcing):
         required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
-        return cls([part_of(ds, begin) for ds in in_memory(several)], **options)
+        return cls([product_part(ds, begin) for ds in in_memory(several)], **options)
 
     @property
     def provides(self) -> frozenset[str]:
@@ -319,8 +319,8 @@ class DatasetForcing(ShownForcing):
         if part is None:
             return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
         places = part.mesh.locate(_flat(lon), _flat(lat))
-        found = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
-        return np.where(found > 0.0, found, np.nan).reshape(np.shape(lon))
+        depth = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
+        return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
 
     def describe(self) -> str:
         """Return what each product gives, on which points and at which times."""
