@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -67,6 +68,26 @@ def test_no_code_of_the_project_asks_for_an_old_name(folder):
         if name in old
     }
     assert asked == set()
+
+
+@pytest.mark.parametrize("path", moved.GONE_MODULES)
+def test_a_module_that_is_gone_says_what_does_its_work(path):
+    with pytest.raises(ModuleNotFoundError, match=f"{path} is gone: {moved.GONE_MODULES[path]}".replace(".", r"\.")):
+        importlib.import_module(f"riftberg.{path}")
+
+
+@pytest.mark.parametrize("name", moved.GONE_NAMES)
+def test_a_name_that_is_gone_says_what_does_its_work(name):
+    home, _, old = f"riftberg.{name}".rpartition(".")
+    with pytest.warns(DeprecationWarning, match=f"{old} is gone: "), pytest.raises(AttributeError, match=old):
+        getattr(importlib.import_module(home), old)
+
+
+@pytest.mark.parametrize("text", [*moved.GONE_MODULES.values(), *moved.GONE_NAMES.values()])
+def test_what_does_the_work_of_the_gone_is_there(text):
+    for path in re.findall(r"riftberg[\w.]+\w", text):
+        home, _, name = path.rpartition(".")
+        assert hasattr(importlib.import_module(home), name) or importlib.util.find_spec(path), path
 
 
 def test_what_never_was_is_still_an_error():

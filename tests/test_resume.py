@@ -13,7 +13,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import GriddedForcing
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
@@ -76,7 +76,7 @@ def gridded() -> Forcing:
         )
         for k in range(6)
     ]  # fmt: skip
-    return GriddedForcing(grid, records, 3600.0 * np.arange(6), stepwise=("ssh",))
+    return GriddedForcing(grid, records, 3600.0 * np.arange(6), FieldRules(stepwise=("ssh",)))
 
 
 def state_of(model: Model) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def test_bonds_that_break_after_the_step_do_not_shift_the_bonds_of_contact_pairs
     resumed.step()
     assert differing(resumed, whole) == []
     joined = {*zip(whole.bonds.first, whole.bonds.second, strict=True)}
-    pairs = whole._stepper._all.room.pairs  # type: ignore[attr-defined]
+    pairs = whole._stepper._kept[0].room.pairs  # type: ignore[attr-defined]
     for k in range(pairs.count[0]):
         bond = pairs.bond[k]
         ends = pairs.first[k], pairs.second[k]

@@ -12,7 +12,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from riftberg import A68A_2022, DatasetForcing, Iceberg, Model, Parameters, Steady
+import riftberg
+from riftberg import A68A_2022, DatasetForcing, GriddedForcing, Iceberg, Model, Parameters, Steady
 from riftberg.errors import BergError, ForcingError, InputError
 from riftberg.experiments.options import Options
 from riftberg.experiments.yaml_file import build_file
@@ -229,3 +230,41 @@ def test_what_is_native_stays() -> None:
     assert numbers(["1 km", 5], "m", where="x").tolist() == [1000.0, 5.0]
     with pytest.raises(InputError, match="x: True is no number"):
         numbers([True, 1.0][0], "m", where="x")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: block(offset="a"), "offset: 'a' is not two numbers"),
+        (lambda: block(offset=(0.5, "x")), "offset: 'x' is not a number"),
+        (lambda: block(latlon=False, placement=5), "placement: 5 is not two numbers"),
+        (lambda: block(latlon=False, placement=("3 kPa", 0)), "placement: '3 kPa' is in kPa"),
+        (lambda: block(velocity=None), "velocity: None is not possible"),
+        (lambda: block(thickness=None), "thickness: None is not possible"),
+        (lambda: block(thickness=True), "thickness: true is no number"),
+        (lambda: block(thickness="200 kPa"), "thickness: '200 kPa' is in kPa"),
+        (lambda: block(conformal="no"), "conformal: 'no' is neither true nor false"),
+        (
+            lambda: Iceberg.from_points([0, 3e3], [0, 0], thickness=200, latlon=False, bond_length="x"),
+            "bond_length: 'x'",
+        ),
+        (lambda: Iceberg.from_points(["a", 3e3], [0, 0], thickness=200, latlon=False), "lon: 'a' is not a number"),
+        (lambda: Iceberg.from_table([(0, 0)], thickness=200, placement=(1, 1)), "rows: .* is not possible"),
+        (lambda: Iceberg.from_mask("x.nc", threshold="a"), "threshold: 'a' is not a number"),
+        (lambda: block().with_strength("weibull", shape="a"), "shape: 'a' is not a number"),
+        (lambda: block().with_strength("weibull", shape=3, seed=-1), "-1 is no seed"),
+        (lambda: block().with_rifts([[1, 2], [3, 4]], strength="x"), "strength: 'x' is not a number"),
+        (lambda: GriddedForcing(5, []), "grid: 5 cannot be used here. Give a Grid"),
+        (lambda: DatasetForcing(5), "parts: 5 cannot be used here"),
+        (lambda: DatasetForcing.from_xarray(5, "2020-01-01"), "datasets: 5 cannot be used here"),
+        (lambda: riftberg.open_run(5), "open_run: 5 cannot be used here"),
+        (lambda: riftberg.open_sweep(5), "open_sweep: 5 cannot be used here"),
+        (lambda: riftberg.draw_map(5), "draw_map: 5 cannot be used here"),
+        (lambda: riftberg.draw_sweep(5, "a.png"), "draw_sweep: 5 cannot be used here"),
+        (lambda: Model.resume(5, Steady()), "Model.resume: 5 cannot be used here"),
+    ],
+)
+def test_arguments_of_the_wrong_kind_are_refused_in_words(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)

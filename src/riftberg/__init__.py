@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
-    from riftberg.ocean.gridded import GriddedForcing
+    from riftberg.ocean.gridded import FieldRules, GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
@@ -40,6 +40,7 @@ _HOMES = {
     "A68A_2022": "riftberg.parameters",
     "A68A_2022_KID": "riftberg.parameters",
     "Steady": "riftberg.ocean.analytic",
+    "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
     "open_run": "riftberg.runs.run_file",
@@ -53,6 +54,7 @@ __all__ = [
     "A68A_2022",
     "A68A_2022_KID",
     "DatasetForcing",
+    "FieldRules",
     "GriddedForcing",
     "Iceberg",
     "Model",

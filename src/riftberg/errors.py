@@ -26,7 +26,8 @@ class InputError(RiftbergError):
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
         self.what, self.where, self.remedy = what, where, remedy
         text = f"{where}: {what}" if where else what
-        super().__init__(f"{text}. {remedy}" if remedy else text)
+        end = "" if text.endswith((".", "?")) else "."
+        super().__init__(f"{text}{end} {remedy}" if remedy else text)
 
 
 class ForcingError(InputError):

@@ -54,19 +54,19 @@ def check_file(
     path = Path(path)
     where = shown(path)
     try:
-        found = path.stat()
+        status = path.stat()
     except FileNotFoundError as error:
         raise kind(missing, where=where, remedy=remedy) from error
     except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
         raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
     for is_kind, what in _KINDS:
-        if is_kind(found.st_mode):
+        if is_kind(status.st_mode):
             raise kind(what, where=where, remedy=remedy)
-    if found.st_size == 0:
+    if status.st_size == 0:
         raise kind("the file is empty", where=where, remedy=remedy)
     if most is not None:
         refuse_large(
-            found.st_size, most, f"bytes of input ({human(found.st_size)})", where=where, remedy=remedy, kind=kind
+            status.st_size, most, f"bytes of input ({human(status.st_size)})", where=where, remedy=remedy, kind=kind
         )
     try:
         with path.open("rb") as file:

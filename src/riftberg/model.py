@@ -100,17 +100,17 @@ class BareModel(RunState):
         parameters: Parameters | None = None,
         start: datetime | date | str | np.datetime64 = DEFAULT_START,
     ) -> None:
-        given = A68A_2022 if parameters is None else parameters
-        check_arguments(berg, forcing, given)
+        asked = A68A_2022 if parameters is None else parameters
+        check_arguments(berg, forcing, asked)
         start = moment(start, where="start")
-        check_coordinates(berg, forcing, given)
+        check_coordinates(berg, forcing, asked)
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
-        packed = given.changed(bonds={"packing": berg.packing}) if berg.packing != given.bonds.packing else given
+        packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         self._begin(Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), start)
-        if not given.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
-            earth = given.earth
-            refuse_overlap(self.elements, given.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+        if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
+            earth = asked.earth
+            refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
     @classmethod
     def going_on(
@@ -254,7 +254,8 @@ class BareModel(RunState):
                 self.life.act(self)
             for process in self.after_step:
                 process(self)
-            self._follow_changes()
+            if self.after_step:  # a scheme changes neither rows nor sizes
+                self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
             raise
@@ -280,15 +281,15 @@ class BareModel(RunState):
         """Note what must be followed up when it changes: which rows there are, mass and sizes."""
         body, population = self.elements.body, self.population
         self._seen_rows = population.version, population.next_bond
-        self._seen_sizes = body.id.copy(), tuple(a.copy() for a in _sizes_of(self.elements))
+        self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
         self._seen_coarse = coarse_sizes(self.elements)
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
         version, next_bond = self._seen_rows
-        ids, sizes = self._seen_sizes
-        # Most steps change nothing: then the rows are the same, and comparing them as they stand is enough.
-        if self.population.version == version and all(map(np.array_equal, _sizes_of(self.elements), sizes)):
+        ids = self._seen_ids
+        # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
+        if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
             return
         coarse = coarse_sizes(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
@@ -426,6 +427,10 @@ def _sizes_of(elements: Elements) -> tuple[Floats, ...]:
     """Mass and sizes of the elements: what melt and calving change."""
     body = elements.body
     return body.mass, body.thickness, body.length, body.width
+
+
+def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
+    return [a.tobytes() for a in arrays]
 
 
 def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:

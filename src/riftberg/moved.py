@@ -45,11 +45,14 @@ MODULES: Final = {
 """Old module to new one, below ``riftberg``; what stood in an old package stands in the new one under the same name."""
 
 NAMES: Final = {
+    "bergs.bonding.separation": "bergs.bonding.separations",
     "bergs.assembly.radius_of": "bergs.assembly.inscribed_radius",
     "bergs.iceberg.Body": "bergs.options.Material",
     "bergs.placement.Plane": "bergs.placement.FillingPlane",
     "bergs.placement.TangentPlane": "plane.EqualAreaPlane",
     "bergs.regions.Ice": "bergs.regions.IceMask",
+    "cli.pictures.beside": "cli.pictures.picture_path",
+    "cli.run.COMPILE_TIME": "cli.compilation.COMPILE_TIME",
     "diagnostics.compare.Day": "diagnostics.compare.RunDay",
     "diagnostics.compare.Told": "diagnostics.compare.ComparedRun",
     "diagnostics.compare.dated": "diagnostics.compare.with_hours",
@@ -57,6 +60,7 @@ NAMES: Final = {
     "diagnostics.observed.Observed": "diagnostics.observed.Observations",
     "diagnostics.overlap.overlap": "diagnostics.overlap.intersection_over_union",
     "diagnostics.score.Day": "diagnostics.score.ScoredDay",
+    "experiments.Builder": "experiments.options.Builder",
     "cli.progress.ProgressRecorder": "runs.progress.ProgressRecorder",
     "experiments.changes.kinds_of": "values.kinds_of",
     "experiments.changes.unit_of": "values.unit_of",
@@ -71,11 +75,13 @@ NAMES: Final = {
     "kid.driver.build_forcing": "kid.driver.driver_forcing",
     "kid.ncfile.opened": "kid.ncfile.opened_dataset",
     "kid.ncfile.unpack": "kid.ncfile.true_values",
+    "ocean.files_forcing.PARTNER": "ocean.datasets.VECTORS",
     "parameter_groups.Bonds": "parameter_groups.BondParameters",
     "physics.drag.draft_of": "physics.floating.draft_of",
     "parameters.Bonds": "parameters.BondParameters",
     "plane.Plane": "plane.ConformalPlane",
     "runs.background.bilinear": "runs.background.on_even_grid",
+    "stepping.schemes.without": "stepping.partners.without",
     "viz.panels.NO_WATER": "viz.colours.NO_WATER",
     "viz.panels.damage_map": "viz.colours.damage_map",
     "viz.panels.day_text": "viz.moments.day_text",
@@ -88,9 +94,34 @@ NAMES: Final = {
 }
 """Old name to new one, below ``riftberg``, where a module stayed and a name in it did not."""
 
+GONE_MODULES: Final = {
+    "experiments.files_fields": "riftberg.ocean.product_records reads fields, riftberg.ocean.mesh places elements in them",
+    "experiments.files_levels": "riftberg.ocean.product_records reads levels",
+    "ocean.over_draft": "riftberg.ocean.at_elements.mean_to_draft takes the mean over the draft at the element",
+    "ocean.own_grids": "riftberg.ocean.datasets.DatasetForcing keeps each product on its own points",
+    "stepping.surroundings": "riftberg.stepping.media holds one row for each medium",
+}
+"""Modules below ``riftberg`` that nothing replaces one for one, and what does their work now."""
+
+GONE_NAMES: Final = {
+    "diagnostics.overlap.shapely_module": "shapely belongs to the package: import shapely",
+    "kid.checks.check_bits": "bergy bits melt now: see riftberg.state.Life",
+    "kid.checks.check_rolling": "bergs roll now: see riftberg.physics.rolling",
+    "kid.checks.tips_over": "bergs roll now: see riftberg.physics.rolling",
+    "kid.entry_table.FOOTLOOSE": "footloose calving runs now",
+    "kid.entry_table.MELT": "melt laws run now",
+    "kid.restart.Origin": "what it held belongs to the state: see riftberg.state.Life",
+    "products.axes.name_axes": "riftberg.products.place.positioned puts each field on its own axes",
+    "runs.track.from_plane": "use the method inverse of riftberg.plane.OrthographicPlane",
+    "runs.track.to_plane": "use the method forward of riftberg.plane.OrthographicPlane",
+    "stepping.long_kick.sea_floor_rates": "see riftberg.stepping.long_kick.begin_substeps",
+    "stepping.multiple.advance": "use riftberg.stepping.multiple.take_long_step, which takes other arguments",
+}
+"""Names of which only the work is left, done by something that is called in another way."""
+
 PACKAGE: Final = "riftberg."
 
-HOMES: Final = frozenset(PACKAGE + name.rpartition(".")[0] for name in NAMES)
+HOMES: Final = frozenset(PACKAGE + name.rpartition(".")[0] for name in (*NAMES, *GONE_NAMES))
 """Modules in which a name has changed."""
 
 
@@ -114,6 +145,9 @@ class OldPaths(MetaPathFinder, Loader):
         """Return where a module is, or None where no module was ever called so."""
         if fullname in HOMES:
             return _with_old_names(PathFinder.find_spec(fullname, path, target))
+        gone = GONE_MODULES.get(fullname.removeprefix(PACKAGE))
+        if gone is not None:
+            raise ModuleNotFoundError(f"{fullname} is gone: {gone}", name=fullname)
         new = new_path(fullname)
         if new is None or importlib.util.find_spec(new) is None:
             return None
@@ -155,7 +189,10 @@ def old_names(module: str) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a module in which names have changed."""
 
     def __getattr__(name: str) -> Any:  # noqa: N807
-        new = NAMES.get(f"{module.removeprefix(PACKAGE)}.{name}")
+        path = f"{module.removeprefix(PACKAGE)}.{name}"
+        new = NAMES.get(path)
+        if path in GONE_NAMES:  # Python's own error of a failed import would not say more than that it is not there
+            warnings.warn(f"{module}.{name} is gone: {GONE_NAMES[path]}", DeprecationWarning, stacklevel=2)
         if new is None:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         home, _, today = new.rpartition(".")

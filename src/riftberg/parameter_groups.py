@@ -342,7 +342,13 @@ class Melt(Group):
     gamma_t: float = quantity(0.022, "1", "that coefficient for heat; for salt a 35th", "files 1.5 Gamma_T_3EQ", gt=0)
     friction_drag: float = quantity(1.5e-3, "1", "drag coefficient of water at the base", "files 1.5", ge=0)
     least_friction: float = quantity(1e-3, "m s-1", "smallest friction velocity", "files 1.5 ustar_icebergs_bg", ge=0)
-    tide: float = quantity(0.0, "m s-1", "speed of tides that the current lacks", "files 1.5 utide_icebergs", ge=0)
+    tide: float = quantity(
+        0.0,
+        "m s-1",
+        "speed of tides that the current lacks, at the base; not in the turbulent law of mode berg and mixed",
+        "files 1.5 utide_icebergs",
+        ge=0,
+    )
     least_gap: float | None = quantity(
         None,
         "m",

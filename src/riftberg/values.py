@@ -299,6 +299,28 @@ def explained(error: ValidationError, section: type[BaseModel]) -> InputError:
     return InputError(f"{value_shown(first['input'])} is not possible", where=place, remedy=allowed(field))
 
 
+def required(
+    value: Any, kinds: type | tuple[type, ...], wanted: str, *, where: str, kind: type[InputError] = InputError
+) -> None:
+    """Refuse an argument of another kind than is wanted, in words.
+
+    Parameters
+    ----------
+    value : object
+        As it was given.
+    kinds : type or tuple of type
+        What it may be.
+    wanted : str
+        What would be right, such as ``"a path"``.
+    where : str
+        Name of the argument.
+    kind : type, optional
+        Error to raise.
+    """
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {wanted}")
+
+
 def moment(value: Any, *, where: str) -> datetime:
     """Return a date as UTC without zone: from a date, a text, a datetime64 or a Timestamp.
 

@@ -65,8 +65,8 @@ def remove_leftovers(path: Path) -> None:
     # Not a pattern for glob: the name may hold its special characters.
     with suppress(OSError), os.scandir(path.parent) as entries:
         for entry in entries:
-            found = mine.fullmatch(entry.name)
-            if found and not (found[1] and _runs(int(found[1]))):
+            leftover = mine.fullmatch(entry.name)
+            if leftover and not (leftover[1] and _runs(int(leftover[1]))):
                 with suppress(OSError):
                     os.unlink(entry.path)
 

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds, separation
+from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds, separations
 from riftberg.errors import BergError
 from riftberg.state import Elements, new_elements
 
@@ -21,7 +21,7 @@ def all_pairs(elements: Elements, rule: BondRule, metric: Metric) -> list[tuple[
     for a in range(len(reach)):
         b = np.arange(a + 1, len(reach))
         lon, lat = np.full(len(b), elements.lon[a]), np.full(len(b), elements.lat[a])
-        dx, dy = separation(metric, lon, lat, elements.lon[b], elements.lat[b])
+        dx, dy = separations(metric, lon, lat, elements.lon[b], elements.lat[b])
         found += [(a, int(k)) for k in b[np.hypot(dx, dy) < reach[a] + reach[b]]]
     return found
 

@@ -167,7 +167,7 @@ def test_the_berg_and_the_set_up_are_the_published_ones(shared: Path, folder: Pa
     assert (info.name, info.days, model.date) == ("a68a-paper", 18.0, datetime(2020, 12, 9, 13))
     assert round(info.days * 48) == 864
     forcing = model.forcing
-    assert forcing.zone == (360.0 - 37.51, -55.2166)  # type: ignore[attr-defined]
+    assert forcing.rules.zone == (360.0 - 37.51, -55.2166)  # type: ignore[attr-defined]
     corner, h = np.array([322.49, -55.2166]), 1e-6
     lon, lat = corner[0] + np.array([h, h, -h, -h]), corner[1] + np.array([h, -h, h, -h])
     assert forcing.depth(lon, lat).tolist() == [0.0, 1000.0, 1000.0, 1000.0]

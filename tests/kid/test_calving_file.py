@@ -66,7 +66,7 @@ def test_a_file_of_another_grid_or_with_impossible_ice_is_refused(tmp_path: Path
 
 
 def test_the_stores_of_the_specification_are_reproduced() -> None:
-    """Least, largest and mean store of a 20 x 20 grid with scalings of one (spec of files 8.8)."""
+    """Least, largest and mean store of a 20 x 20 grid with scalings of one (files 8.8)."""
     from riftberg.life.calving import size_classes
     from riftberg.parameter_groups import SOUTHERN_CLASSES, Calving
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import DatasetForcing, part_of
+from riftberg.ocean.datasets import DatasetForcing, product_part
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, new_elements
 
@@ -28,7 +28,7 @@ def at(lon: Sequence[float] | Floats, lat: Sequence[float] | Floats, thickness: 
 
 
 def forcing_of(*datasets: xr.Dataset) -> DatasetForcing:
-    return DatasetForcing([part_of(ds, START) for ds in datasets])
+    return DatasetForcing([product_part(ds, START) for ds in datasets])
 
 
 def waves(x: Floats, y: Floats, hours: Floats) -> Floats:

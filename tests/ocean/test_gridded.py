@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -11,13 +12,15 @@ from ocean.grids import degrees, random_fields, scattered, square_lakes
 from riftberg.errors import ForcingError
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.gridded import GriddedForcing
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.ocean.interpolation import sample_gridded
 from riftberg.ocean.loading import without_gaps
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.state import Environment
 
-ENVIRONMENT = Environment._fields
+ENVIRONMENT = tuple(
+    name for name in Environment._fields if not name.startswith("keel_")
+)  # from forcing with levels alone
 
 
 def environment(e):
@@ -70,7 +73,7 @@ def test_linear_interpolation_in_time(scene, time):
 def test_records_may_be_held(scene):
     """interpolation='previous': each record holds until the next begins."""
     grid, states, e = scene
-    forcing = GriddedForcing(grid, states, [0.0, 3600.0, 7200.0], interpolation="previous")
+    forcing = GriddedForcing(grid, states, [0.0, 3600.0, 7200.0], FieldRules(interpolation="previous"))
     for time, k in ((0.0, 0), (3599.0, 0), (3600.0, 1), (7200.0, 2)):
         expected = by_hand(grid, states[k], e).copy()
         forcing.sample(e, time)
@@ -80,7 +83,7 @@ def test_records_may_be_held(scene):
 def test_single_fields_may_be_held(scene):
     """The A68a run averages wind and current between hours but not sea level (equations 10.5)."""
     grid, states, e = scene
-    forcing = GriddedForcing(grid, states, [0.0, 3600.0, 7200.0], stepwise=("ssh",))
+    forcing = GriddedForcing(grid, states, [0.0, 3600.0, 7200.0], FieldRules(stepwise=("ssh",)))
     between = mean(states[0], states[1], 0.5)._replace(ssh=states[0].ssh)
     expected = by_hand(grid, between, e).copy()
     forcing.sample(e, 1800.0)
@@ -139,16 +142,18 @@ def test_drift_near_land_is_added(scene):
     sample_gridded(e, grid.arrays, clean, 0, 0.0, 0.0, 0.4, False, False)
     add_tidal_drift(e, grid.arrays, clean.ssh, 0.3)
     expected = environment(e).copy()
-    GriddedForcing(grid, states[0], depth_rule="cell", coastal_drift=0.4, tidal_drift=0.3).sample(e, 0.0)
+    GriddedForcing(grid, states[0], rules=FieldRules(depth_rule="cell", coastal_drift=0.4, tidal_drift=0.3)).sample(
+        e, 0.0
+    )
     np.testing.assert_array_equal(environment(e), expected)
 
 
 def test_depth_rules_by_name(scene):
     """cell, biquadratic and zone select the three rules of the spec."""
     grid, states, e = scene
-    GriddedForcing(grid, states[0], depth_rule="cell").sample(e, 0.0)
+    GriddedForcing(grid, states[0], rules=FieldRules(depth_rule="cell")).sample(e, 0.0)
     np.testing.assert_array_equal(e.depth, (states[0].depth + states[0].ssh)[e.cell_j, e.cell_i])
-    GriddedForcing(grid, states[0], depth_rule="zone", zone=(-37.3, -55.4)).sample(e, 0.0)
+    GriddedForcing(grid, states[0], rules=FieldRules(depth_rule="zone", zone=(-37.3, -55.4))).sample(e, 0.0)
     dry = (e.lon > 360.0 - 37.3) & (e.lat > -55.4)
     np.testing.assert_array_equal(e.depth, np.where(dry, 0.0, 1000.0))
     assert 0 < dry.sum() < dry.size
@@ -170,16 +175,17 @@ def test_times_outside_the_records_are_refused_with_dates(scene):
 def test_gaps_in_the_sea_level_make_no_slope_where_that_is_asked_for(scene):
     """Spec 3.2: a slope that needs a missing value is 0; elsewhere nothing changes, and currents are still checked."""
     grid, states, e = scene
-    g, zone = grid.arrays, {"depth_rule": "zone", "zone": (0.0, 89.0)}
-    GriddedForcing(grid, states[0], **zone).sample(e, 0.0)
+    g, zone = grid.arrays, FieldRules(depth_rule="zone", zone=(0.0, 89.0))
+    with_gaps = replace(zone, sea_level_gaps=True)
+    GriddedForcing(grid, states[0], rules=zone).sample(e, 0.0)
     whole = environment(e)
     j, i = int(e.cell_j[0]), int(e.cell_i[0])
     ssh = states[0].ssh.copy()
     ssh[j, i] = np.nan
     gappy = states[0]._replace(ssh=ssh)
     with pytest.raises(ForcingError, match="ssh is NaN over water"):
-        GriddedForcing(grid, gappy, **zone).check(e, 0.0, 0.0)
-    forcing = GriddedForcing(grid, gappy, **zone, sea_level_gaps=True)
+        GriddedForcing(grid, gappy, rules=zone).check(e, 0.0, 0.0)
+    forcing = GriddedForcing(grid, gappy, rules=with_gaps)
     forcing.check(e, 0.0, 0.0)
     forcing.sample(e, 0.0)
     assert e.slope_x[0] == e.slope_y[0] == 0.0
@@ -192,9 +198,9 @@ def test_gaps_in_the_sea_level_make_no_slope_where_that_is_asked_for(scene):
     uo = states[0].uo.copy()
     uo[g.mask >= 0.5] = np.nan
     with pytest.raises(ForcingError, match="uo is NaN over water"):
-        GriddedForcing(grid, gappy._replace(uo=uo), **zone, sea_level_gaps=True).check(e, 0.0, 0.0)
+        GriddedForcing(grid, gappy._replace(uo=uo), rules=with_gaps).check(e, 0.0, 0.0)
     with pytest.raises(ForcingError, match="a depth that needs the sea level"):
-        GriddedForcing(grid, gappy, sea_level_gaps=True)
+        FieldRules(sea_level_gaps=True)
 
 
 @pytest.mark.parametrize("lazy", [False, True])
@@ -235,17 +241,42 @@ def test_elements_on_land_or_not_located_are_refused(scene):
         ({"times": [0.0, 3600.0]}, "2 times for 3 records"),
         ({"times": [0.0, 3600.0, 3600.0]}, "rising"),
         ({}, "records without times"),
-        ({"times": [0, 1, 2], "depth_rule": "deep"}, "depth_rule = 'deep'"),
-        ({"times": [0, 1, 2], "depth_rule": "zone"}, "without a zone"),
-        ({"times": [0, 1, 2], "interpolation": "cubic"}, "interpolation = 'cubic'"),
-        ({"times": [0, 1, 2], "stepwise": ["wind"]}, "stepwise names 'wind'"),
     ],
 )
-def test_impossible_options_are_refused(scene, options, text):
-    """Each wrong option is named in the message."""
+def test_impossible_times_are_refused(scene, options, text):
+    """What is wrong with the times is named in the message."""
     grid, states, _ = scene
     with pytest.raises(ForcingError, match=text):
         GriddedForcing(grid, states, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"depth_rule": "deep"}, "depth_rule = 'deep'"),
+        ({"depth_rule": "zone"}, "without a zone"),
+        ({"interpolation": "cubic"}, "interpolation = 'cubic'"),
+        ({"stepwise": ["wind"]}, "stepwise names 'wind'"),
+    ],
+)
+def test_impossible_rules_are_refused(options, text):
+    """Each wrong rule is named in the message."""
+    with pytest.raises(ForcingError, match=text):
+        FieldRules(**options)
+
+
+def test_rules_given_one_by_one_still_work_and_warn(scene):
+    """As they were given before `FieldRules`."""
+    grid, states, _ = scene
+    with pytest.warns(DeprecationWarning, match="depth_rule, tidal_drift: give rules=FieldRules"):
+        forcing = GriddedForcing(grid, states[0], depth_rule="cell", tidal_drift=0.3)
+    assert forcing.rules == FieldRules(depth_rule="cell", tidal_drift=0.3)
+    with pytest.warns(DeprecationWarning, match="tidal_drift is now rules.tidal_drift"):
+        assert forcing.tidal_drift == 0.3
+    with pytest.raises(TypeError, match="depth_role"):
+        GriddedForcing(grid, states[0], depth_role="cell")
+    with pytest.raises(AttributeError, match="depth_role"):
+        forcing.depth_role  # noqa: B018
 
 
 def test_fields_of_the_wrong_shape_are_refused(scene):
@@ -301,7 +332,7 @@ def test_description_says_what_it_is_and_covers():
     grid = Grid.cartesian(6, 6, 10.0)
     fields = grid.fields()
     text = GriddedForcing(
-        grid, [fields, fields], [0.0, 60.0], source="a test", coastal_drift=0.4, start=datetime(2020, 1, 1)
+        grid, [fields, fields], [0.0, 60.0], FieldRules(coastal_drift=0.4), source="a test", start=datetime(2020, 1, 1)
     ).describe()
     assert text.startswith("gridded fields from a test\n2 records from 0 s (2020-01-01 00:00:00) to 60 s")
     assert "coastal drift 0.4 m/s" in text

@@ -14,7 +14,7 @@ from riftberg.stepping.media import allocate_surroundings
 from riftberg.stepping.multiple import StepPlan, StepReport, kick_slowly, take_substeps
 from riftberg.stepping.partners import without
 from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.substep import allocate_scratch, pairs_from_list
+from riftberg.stepping.substep import Room, allocate_scratch, pairs_from_list
 
 RADIUS = 1500.0
 FAR = 3 * RADIUS
@@ -179,10 +179,8 @@ def long_step(
     fast = take_substeps(
         el,
         bonds,
-        allocate_rows(bonds, n),
-        pairs,
+        Room(allocate_rows(bonds, n), pairs, allocate_scratch(n)),
         partners._replace(collision=none),
-        allocate_scratch(n),
         sizes,
         around,
         np.arange(n) if rank is None else rank,

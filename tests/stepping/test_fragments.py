@@ -51,3 +51,15 @@ def test_the_heaviest_piece_keeps_the_number() -> None:
     bonds.status[6] = 1
     tree.update(elements, bonds, 1800.0, CONSTANTS)
     assert elements.berg.tolist() == [1] * 7 + [2] * 3
+
+
+def test_a_berg_present_at_the_start_has_no_parent_whatever_numbers_its_elements_carry() -> None:
+    """A state made by hand, or read from elsewhere, may hold numbers of bergs that no tree knows."""
+    elements, bonds = row_of_ice(6)
+    bonds.status[2] = 2
+    elements.berg[:] = [7, 7, 7, 9, 9, 9]
+    tree = FragmentTree()
+    tree.update(elements, bonds, 0.0, CONSTANTS)
+    assert [(f.number, f.parent) for f in tree.rows] == [(1, 0), (2, 0)]
+    assert tree.breakups == []
+    assert elements.berg.tolist() == [1, 1, 1, 2, 2, 2]

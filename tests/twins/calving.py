@@ -1,4 +1,4 @@
-"""Twin of calving from a flux of land ice (spec of files 3), with whole arrays and without loops over cells."""
+"""Twin of calving from a flux of land ice (files 3), with whole arrays and without loops over cells."""
 
 from __future__ import annotations
 

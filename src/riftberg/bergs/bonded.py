@@ -13,9 +13,18 @@ from riftberg.bergs.assembly import inscribed_radius
 from riftberg.bergs.raster import is_map
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
+from riftberg.input_files import value_shown
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, copy_state
-from riftberg.values import number
+from riftberg.values import native, number
+
+
+def check_seed(seed: Any) -> int | None:
+    """Return a seed as a whole number, 0 or more; None stays."""
+    plain = native(seed)
+    if plain is None or (isinstance(plain, int) and not isinstance(plain, bool) and plain >= 0):
+        return plain
+    raise BergError(f"{value_shown(seed)} is no seed", where="seed", remedy="Give a whole number, 0 or more")
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,6 +152,7 @@ class BondedBerg:
                 None if value is None else number(value, "1", where=name, kind=BergError)
                 for name, value in (("shape", shape), ("spread", spread))
             )
+            seed = check_seed(seed)
             seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
             factors = strength.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
             made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}

@@ -102,7 +102,7 @@ def count_bonds(elements: Elements, bonds: Bonds) -> None:
     elements.bond_count[:] = np.bincount(ends, minlength=len(elements.id))
 
 
-def separation(metric: Metric, lon_a: Floats, lat_a: Floats, lon_b: Floats, lat_b: Floats) -> tuple[Floats, Floats]:
+def separations(metric: Metric, lon_a: Floats, lat_a: Floats, lon_b: Floats, lat_b: Floats) -> tuple[Floats, Floats]:
     """Return eastward and northward metres from points b to points a, with the metric of the mean latitude."""
     dx, dy = lon_a - lon_b, lat_a - lat_b
     if metric.period > 0:
@@ -127,7 +127,7 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     first, second = np.repeat(np.arange(size), np.diff(near.start)), near.partner
     once = first < second
     first, second = first[once], second[once]
-    dx, dy = separation(metric, lon[first], lat[first], lon[second], lat[second])
+    dx, dy = separations(metric, lon[first], lat[first], lon[second], lat[second])
     distance = np.sqrt(dx * dx + dy * dy)
     joined = distance < reaches[first] + reaches[second]
     return first[joined], second[joined], distance[joined]

@@ -38,7 +38,7 @@ from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_regi
 from riftberg.bergs.report import describe, one_line
 from riftberg.errors import BergError
 from riftberg.plane import EqualAreaPlane
-from riftberg.values import given, numbers
+from riftberg.values import given, number, numbers
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,7 +180,9 @@ class Iceberg(BondedBerg):
         **options
             As in `from_outline`.
         """
-        material, layout = sorted_options(options, ShapeOptions, thickness)
+        # Without a thickness the values of the source are thicknesses.
+        material, layout = sorted_options(options, ShapeOptions, 0.0 if thickness is None else thickness)
+        threshold = None if threshold is None else number(threshold, "1", where="threshold", kind=BergError)
         mask = source if isinstance(source, Raster) else read_raster(source, variable, date=date)
         threshold = (0.0 if thickness is None else 0.5) if threshold is None else threshold
         if rules == "makeberg":
@@ -314,6 +316,9 @@ class Iceberg(BondedBerg):
         """
         material, _ = sorted_options(options, PointOptions, thickness)
         unit = "degree" if material.latlon else "m"
+        period = number(period, unit, where="period", kind=BergError)
+        if bond_length is not None:
+            bond_length = number(bond_length, "m", where="bond_length", kind=BergError)
         lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
         lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
         if lon.shape != lat.shape or lon.ndim != 1:

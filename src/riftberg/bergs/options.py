@@ -160,7 +160,7 @@ def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tu
 
 def plain_thickness(thickness: Any) -> Any:
     """Return a thickness with a unit, or a Series or list of thicknesses, in metres; maps and paths pass as they are."""
-    if isinstance(thickness, bool):
+    if isinstance(thickness, bool) or thickness is None:
         return given(thickness, BergKeys, "thickness", kind=BergError)
     if isinstance(thickness, str):
         return given(thickness, BergKeys, "thickness", kind=BergError) if looks_like_quantity(thickness) else thickness
@@ -181,8 +181,10 @@ def option(name: str, value: Any, latlon: bool = True) -> Any:
     latlon : bool
         Whether positions are degrees.
     """
-    if value is None or name in ("pieces", "offset"):
-        return native(value) if name == "offset" else value
+    if name == "pieces" or (value is None and name in ("placement", "offset")):
+        return value
+    if name == "offset":
+        return _pair(name, value, "1")
     if name in ("latlon", "conformal"):
         return _flag(name, value)
     if name == "density":
@@ -198,7 +200,7 @@ def _of_berg(name: str, value: Any, latlon: bool) -> Any:
         parts = [numbers(part, unit, where=name, kind=BergError) for part in (value if name == "velocity" else [value])]
         return tuple(parts) if name == "velocity" else parts[0]
     if name == "placement" and not latlon:
-        return tuple(number(part, "m", where=name, kind=BergError) for part in value)
+        return _pair(name, value, "m")
     plain = given(value, BergKeys, name, kind=BergError)
     if name in MOST:
         try:
@@ -210,6 +212,15 @@ def _of_berg(name: str, value: Any, latlon: bool) -> Any:
     if name == "shift":
         check_degrees(plain, where=name, kind=BergError)
     return plain
+
+
+def _pair(name: str, value: Any, unit: str) -> tuple[float, float]:
+    """Return two numbers in a unit."""
+    plain = native(value)
+    if not isinstance(plain, list | tuple) or len(plain) != 2:
+        raise BergError(f"{value_shown(value)} is not two numbers", where=name, remedy=f"Allowed: 2 numbers, in {unit}")
+    first, second = (number(part, unit, where=name, kind=BergError) for part in plain)
+    return first, second
 
 
 def _one_per_element(value: Any, name: str) -> bool:

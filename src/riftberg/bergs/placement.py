@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.constants import DEGREE
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats, Ints
@@ -125,7 +125,7 @@ def relax(
     """
     scale = DEGREE * metric.radius
     for _ in range(rounds):
-        x, y = separation(metric, lon[first], lat[first], lon[second], lat[second])
+        x, y = separations(metric, lon[first], lat[first], lon[second], lat[second])
         length = np.hypot(x, y)
         if np.max(np.abs(rest - length), initial=0.0) < 1e-6:
             break

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from riftberg.bergs.bonded import BondedBerg
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.physics.floating import draft_of
 from riftberg.places import latitude, longitude
 from riftberg.state import Floats
@@ -71,7 +71,7 @@ def axes(berg: BondedBerg) -> tuple[float, float, float]:
     e = berg.elements
     lon, lat = berg.centroid
     centre = np.full_like(e.lon, lon), np.full_like(e.lat, lat)
-    x, y = separation(Metric(berg.latlon, berg.earth_radius), e.lon, e.lat, *centre)
+    x, y = separations(Metric(berg.latlon, berg.earth_radius), e.lon, e.lat, *centre)
     angle = 0.5 * np.arctan2(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
     along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
     size = 2.0 * berg.radius

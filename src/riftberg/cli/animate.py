@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from riftberg.cli.failures import reported
-from riftberg.cli.pictures import ObservedFile, Run, beside, outlines
+from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.spans import positive
 from riftberg.errors import InputError
 from riftberg.limits import refuse_large
@@ -40,7 +40,7 @@ def animate(
     positive(hours, "--hours", "hours", most=1e6)
     shown = outlines(observed)
     with open_run(run) as dataset:
-        goal = beside(run, output, "film" + default_ending(), observed=observed)
+        goal = picture_path(run, output, "film" + default_ending(), observed=observed)
         check_frames(dataset["time"].values, hours)
         path = _filmed(dataset, goal, hours, fps, dpi, shown, quiet)
     typer.echo(path)

@@ -48,14 +48,14 @@ def check_picture_format(name: str) -> None:
         raise InputError(f"{name!r} is not known", where="--format", remedy=f"Use {', '.join(FORMATS)}")
 
 
-def folder_beside(run: Path, given: Path | None) -> Path:
+def folder_beside(run: Path, wished: Path | None) -> Path:
     """Return the folder where results go: the one asked for, else that of the run."""
-    return given if given is not None else run if is_folder(run) else run.parent
+    return wished if wished is not None else run if is_folder(run) else run.parent
 
 
-def beside(run: Path, given: Path | None, name: str, *, observed: Path | None = None) -> Path:
+def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | None = None) -> Path:
     """Return where a picture goes: where it was asked for, else beside the run; refused where it cannot be written."""
-    path = given if given is not None else folder_beside(run, None) / name
+    path = wished if wished is not None else folder_beside(run, None) / name
     check_output(path, inputs=[run, run / "run.nc", observed])
     return path
 

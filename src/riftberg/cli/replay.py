@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from riftberg.cli.failures import reported
-from riftberg.cli.pictures import ObservedFile, Run, beside, outlines
+from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.spans import within
 
 
@@ -32,7 +32,7 @@ def replay(
     with open_run(run) as dataset:
         path = write_replay(
             dataset,
-            beside(run, output, "replay.html", observed=observed),
+            picture_path(run, output, "replay.html", observed=observed),
             title=title,
             observed=shown,
             largest=largest * 1e6,

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 
@@ -85,70 +85,94 @@ def run(
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
     with allow_large(large):
-        _run(
-            experiment, output, settings, days, data, without, numerics, fetch, grid, every, resume, map_, quiet, forces
-        )
+        options = make_options(settings, days, data, without, numerics, fetch, grid)
+        positive(every, "--every", "hours", most=1e6)
+        _run(experiment, options, Wishes(output, every, forces, map_, quiet), resume, both=numerics == "both")
 
 
-def _run(
-    experiment: str, output: Path | None, settings: list[str] | None, days: float | None, data: Path | None,
-    without: list[str] | None, numerics: str | None, fetch: bool, grid: float | None, every: float | None,
-    resume: Path | None, map_: bool, quiet: bool, forces: bool,
-) -> None:  # fmt: skip
-    options = make_options(settings, days, data, without, numerics, fetch, grid)
-    positive(every, "--every", "hours", most=1e6)
-    if output is not None:
-        check_folder(output, RESULTS)
-    announce_compilation(quiet)
-    if numerics == "both":
+class Wishes(NamedTuple):
+    """What a run shall write and show, as it was asked for on the command line.
+
+    Attributes
+    ----------
+    output : pathlib.Path or None
+        Folder of the results.
+    every : float or None
+        Hours between records; None for those of the experiment.
+    forces : bool
+        Write the mean force of each medium.
+    draw : bool
+        Draw a map at the end.
+    quiet : bool
+        Show no progress.
+    """
+
+    output: Path | None
+    every: float | None
+    forces: bool
+    draw: bool
+    quiet: bool
+
+    def hours(self, info: Info) -> float:
+        """Return the hours between records of an experiment."""
+        return info.output_every_hours if self.every is None else self.every
+
+    def recording(self, options: Options) -> list[str]:
+        """Return the options of length and records, for going on with a run."""
+        words = [] if options.days is None else ["--days", f"{options.days!r}"]
+        if self.every is not None:
+            words += ["--every", f"{self.every!r}"]
+        return words + (["--forces"] if self.forces else [])
+
+    def shown(self) -> str:
+        """Return the options of what is shown, for going on with a run."""
+        large = " --allow-large" if large_allowed() else ""
+        return ("" if self.draw else " --no-map") + (" --quiet" if self.quiet else "") + large
+
+
+def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None, *, both: bool) -> None:
+    if wishes.output is not None:
+        check_folder(wishes.output, RESULTS)
+    announce_compilation(wishes.quiet)
+    if both:
         if resume is not None:
             raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
-        _run_both(experiment, options, output, every, map_, quiet, forces)
+        _run_both(experiment, options, wishes)
         return
     model, info = _built(experiment, options, resume)
-    info = replace(info, output_forces=info.output_forces or forces)
+    info = replace(info, output_forces=info.output_forces or wishes.forces)
     _tell(info)
-    given = [*_as_given(experiment, options), *_recording(options, every, forces)]
-    session = Session(
-        model, info, output_folder(output, info.name), shlex.join(given), output is not None, _shown(map_, quiet)
-    )
-    session.run_and_report(
-        days if days is not None else info.days, info.output_every_hours if every is None else every, quiet, map_
-    )
+    command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
+    folder = output_folder(wishes.output, info.name)
+    session = Session(model, info, folder, command, wishes.output is not None, wishes.shown())
+    days = options.days if options.days is not None else info.days
+    session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
 
 
-def _run_both(
-    experiment: str,
-    options: Options,
-    output: Path | None,
-    every: float | None,
-    draw: bool,
-    quiet: bool,
-    forces: bool,
-) -> None:
+def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
     """Run an experiment with both numerics and show them side by side."""
     from riftberg.cli.compare import comparison, joined_maps, show
     from riftberg.experiments import build
 
     folders: list[Path] = []
-    folder = output
+    folder = wishes.output
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
-        info = replace(info, output_forces=info.output_forces or forces)
+        info = replace(info, output_forces=info.output_forces or wishes.forces)
         if not folders:
             _tell(info)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
-        given = [*_as_given(experiment, chosen), *_recording(options, every, forces)]
-        session = Session(model, info, folders[-1], shlex.join(given), True, _shown(draw, quiet))
-        hours = info.output_every_hours if every is None else every
-        session.run_and_report(options.days if options.days is not None else info.days, hours, quiet, draw)
+        command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
+        session = Session(model, info, folders[-1], command, True, wishes.shown())
+        days = options.days if options.days is not None else info.days
+        session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
     assert folder is not None
     table = comparison(folders, BOTH)
     show(table)
     files = [table.write(folder / "comparison.json")]
-    if draw:
+    if wishes.draw:
         files += joined_maps(folders, folder / "comparison.png")
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
@@ -157,21 +181,6 @@ def _tell(info: Info) -> None:
     """Say what should be known before the run."""
     for notice in info.notices:
         say(f"Notice: {notice}")
-
-
-def _recording(options: Options, every: float | None, forces: bool) -> list[str]:
-    """Return the options of length and records, for going on with a run."""
-    words = [] if options.days is None else ["--days", f"{options.days!r}"]
-    if every is not None:
-        words += ["--every", f"{every!r}"]
-    if forces:
-        words.append("--forces")
-    return words
-
-
-def _shown(draw: bool, quiet: bool) -> str:
-    """Return the options of what is shown, for going on with a run."""
-    return ("" if draw else " --no-map") + (" --quiet" if quiet else "") + (" --allow-large" if large_allowed() else "")
 
 
 def _as_given(experiment: str, options: Options) -> list[str]:
@@ -234,9 +243,9 @@ def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path
 def _beside(folder: Path) -> Path:
     """Return a folder beside one, that holds nothing yet: the files of the part that was run stay as they are."""
     number = 2
-    while (found := folder.with_name(f"{folder.name}-{number}")).exists():
+    while (free := folder.with_name(f"{folder.name}-{number}")).exists():
         number += 1
-    return found
+    return free
 
 
 def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Model, Info]:

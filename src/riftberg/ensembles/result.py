@@ -16,6 +16,7 @@ from riftberg.errors import InputError
 from riftberg.input_files import check_file, is_folder, reading
 from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
+from riftberg.values import required
 from riftberg.version import __version__
 from riftberg.whole_files import replacing
 
@@ -243,6 +244,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
         If it is none.
     """
     ds: xr.Dataset
+    required(path, (str, Path), "the path of a sweep.nc, or of its folder", where="open_sweep")
     path = Path(path)
     remedy = "Name a folder that 'riftberg sweep' made"
     if path.suffix == ".zarr":

@@ -19,7 +19,7 @@ from riftberg.experiments.options import Info, Options
 from riftberg.kid.ncfile import opened_dataset
 from riftberg.kid.restart import read_restart
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import GriddedForcing
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.state import Floats
 
@@ -60,7 +60,8 @@ def forcing_of(folder: Path) -> GriddedForcing:
         va=_field_of_file(wind, "va"),
         ssh=_field_of_file(folder / FILES["sea level"], "SSH"),
     )
-    return GriddedForcing(grid, fields, depth_rule="zone", zone=ZONE, source="ORAS5 and JRA-55, means of December 2020")
+    rules = FieldRules(depth_rule="zone", zone=ZONE)
+    return GriddedForcing(grid, fields, rules=rules, source="ORAS5 and JRA-55, means of December 2020")
 
 
 def build(options: Options) -> tuple[Model, Info]:

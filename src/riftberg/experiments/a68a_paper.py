@@ -32,7 +32,7 @@ from riftberg.kid.restart import read_restart
 from riftberg.model import DEFAULT_START
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import GriddedForcing
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.runs.model import Model
 
@@ -88,10 +88,12 @@ def forcing_of(
         grid,
         records,
         times,
-        depth_rule="zone",
-        zone=(0.0, 90.0) if zone is None else (zone[0] + 360.0, zone[1]),  # nothing lies north of the pole
-        stepwise=() if own else ("ssh",),
-        sea_level_gaps=True,
+        FieldRules(
+            depth_rule="zone",
+            zone=(0.0, 90.0) if zone is None else (zone[0] + 360.0, zone[1]),  # nothing lies north of the pole
+            stepwise=() if own else ("ssh",),
+            sea_level_gaps=True,
+        ),
         start=DEFAULT_START,
         source="hourly OSCAR currents, DUACS sea level and NCEP wind of December 2020",
     )

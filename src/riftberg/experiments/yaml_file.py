@@ -213,7 +213,7 @@ def _explained(error: ValidationError, document: Document) -> InputError:
     """Turn the first finding of pydantic into a message with its place."""
     errors = error.errors()
     # Of an entry that is a text or a section, what is wrong with the section tells more.
-    first = next((found for found in errors if "NamedFiles" in str(found["loc"])), errors[0])
+    first = next((finding for finding in errors if "NamedFiles" in str(finding["loc"])), errors[0])
     loc = tuple(first["loc"])
     loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
     place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))

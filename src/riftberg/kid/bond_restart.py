@@ -12,7 +12,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.bergs.bonding import Metric, count_bonds, separation
+from riftberg.bergs.bonding import Metric, count_bonds, separations
 from riftberg.errors import BergError, InputError
 from riftberg.kid.identifiers import cell_indices, join_id, split_id
 from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole_column, write_restart_file
@@ -74,7 +74,7 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
         bonds.status[:] = status[keep]
     bonds.break_time[bonds.status != 0] = 0.0
     a, b = bonds.first, bonds.second
-    dx, dy = separation(metric, elements.lon[a], elements.lat[a], elements.lon[b], elements.lat[b])
+    dx, dy = separations(metric, elements.lon[a], elements.lat[a], elements.lon[b], elements.lat[b])
     bonds.bond_length[:] = np.sqrt(dx * dx + dy * dy)
     _check_lengths(bonds, elements, path)
     count_bonds(elements, bonds)

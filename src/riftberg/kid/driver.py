@@ -6,9 +6,9 @@ Source: equations 3.1 and 10.1 to 10.5; files 7.2 and 8.9.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from riftberg.kid.parameters import time_step, zonal_period
 from riftberg.limits import MOST_STEPS, refuse_large
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.gridded import DepthRule, GriddedForcing
+from riftberg.ocean.gridded import DepthRule, FieldRules, GriddedForcing
 from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.state import Elements, Floats
 
@@ -171,29 +171,30 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
         Length of the run.
     """
     driver, icebergs = namelist.driver, namelist.icebergs
-    options = _options(icebergs)
+    rules = _field_rules(icebergs)
     if driver.flag("a68_test"):
         records, times = a68_records(driver, icebergs, grid, case, clock.dt, clock.steps)
         source = f"the A68 data of {driver.text('data_dir')}"
-        return GriddedForcing(grid, records, times, stepwise=("ssh",), source=source, **options)
-    return GriddedForcing(grid, uniform_fields(driver, icebergs, grid), source="KID's stand-alone driver", **options)
+        return GriddedForcing(grid, records, times, replace(rules, stepwise=("ssh",)), source=source)
+    fields = uniform_fields(driver, icebergs, grid)
+    return GriddedForcing(grid, fields, rules=rules, source="KID's stand-alone driver")
 
 
-def _options(icebergs: NamelistGroup) -> dict[str, Any]:
+def _field_rules(icebergs: NamelistGroup) -> FieldRules:
     """Return how the fields reach the elements (section 3.2)."""
     rule: DepthRule = "biquadratic" if icebergs.flag("mts") else "cell"
     zone = None
     if icebergs.flag("mts") and icebergs.flag("A68_test"):
         rule, zone = "zone", (icebergs.number("A68_xdisp") + 360.0, icebergs.number("A68_ydisp"))
-    return {
-        "depth_rule": rule,
-        "zone": zone,
-        "sea_level_gaps": rule == "zone",
-        "coastal_drift": icebergs.number("coastal_drift"),
-        "tidal_drift": icebergs.number("tidal_drift"),
-        "mirrored": icebergs.flag("old_bug_bilin"),
-        "even_parity": icebergs.flag("rev_mind"),
-    }
+    return FieldRules(
+        depth_rule=rule,
+        zone=zone,
+        sea_level_gaps=rule == "zone",
+        coastal_drift=icebergs.number("coastal_drift"),
+        tidal_drift=icebergs.number("tidal_drift"),
+        mirrored=icebergs.flag("old_bug_bilin"),
+        even_parity=icebergs.flag("rev_mind"),
+    )
 
 
 def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:

@@ -65,8 +65,8 @@ def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
 def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
     """Return the size of a dimension."""
     if name not in dataset.dimensions:
-        found = ", ".join(dataset.dimensions) or "none"
-        raise InputError(f"no dimension '{name}' (found: {found})", where=str(path), remedy="KID files have it")
+        names = ", ".join(dataset.dimensions) or "none"
+        raise InputError(f"no dimension '{name}' (found: {names})", where=str(path), remedy="KID files have it")
     size = len(dataset.dimensions[name])
     refuse_large(
         size, MOST_RECORDS, "records", size=500.0, where=str(path), kind=InputError,

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.kid.blocks import BlockWriter
 from riftberg.kid.bond_restart import DEM_COLUMNS, GONE, directed
 from riftberg.kid.calendar import Date, is_sampled
@@ -280,7 +280,7 @@ _BOND: Final = (
 class BondRecorder(_Sampler):
     """Writes KID's bond trajectory file during a run: every listed bond in both directions.
 
-    ``n1``, ``n2`` are the separation divided by the length of the element, as in KID, so no unit vector in general
+    ``n1``, ``n2`` are the separations divided by the length of the element, as in KID, so no unit vector in general
     (quirk T36). ``length`` is the present length with DEM bonds; else the initial one, in units of the coordinates.
     """
 
@@ -305,7 +305,7 @@ class BondRecorder(_Sampler):
         columns = {name: values[keep] for name, values in columns.items()}
         a, b = columns["first"], columns["other"]
         metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
-        dx, dy = separation(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
+        dx, dy = separations(metric, e.lon[a], e.lat[a], e.lon[b], e.lat[b])
         columns["n1"], columns["n2"] = dx / e.length[a], dy / e.length[a]
         columns["lon"], columns["lat"] = 0.5 * (e.lon[a] + e.lon[b]), 0.5 * (e.lat[a] + e.lat[b])
         for k, rows in ((1, a), (2, b)):

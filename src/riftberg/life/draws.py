@@ -23,7 +23,7 @@ class FmsStream:
     Examples
     --------
     >>> round(FmsStream((0, 0, 1, 1, 1, 0, 0, 0)).next(), 6)
-    0.384012
+    0.121208
     """
 
     def __init__(self, seed: int | Sequence[int]) -> None:

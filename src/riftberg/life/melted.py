@@ -142,7 +142,8 @@ def melt_rates(
         return base_melt_rate(sea.speed, sea.temperature, span), sides, waves
     if values.mode == EXPOSED:
         if values.turbulent:
-            base = base_melt_rate(sea.speed, sea.temperature, span)
+            speed = math.sqrt(sea.speed * sea.speed + values.exchange.tide * values.exchange.tide)
+            base = base_melt_rate(speed, sea.temperature, span)
         else:
             base = _shelf_rate(sea, lat, thickness, depth, values)
         return base, open_part * sides, open_part * waves

@@ -31,7 +31,7 @@ from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import given, moment, number
+from riftberg.values import given, moment, number, required
 
 FILLS: Final = {
     "uo": ("uo", "vo", "vorticity"),
@@ -81,7 +81,7 @@ class Part(NamedTuple):
         return ", ".join(dict.fromkeys(PurePath(name).name for name in given.split(", ")))
 
 
-def part_of(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
+def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
     """Return a canonical dataset on its own points and at its own times.
 
     Parameters
@@ -135,6 +135,8 @@ class DatasetForcing(ShownForcing):
         grid: Grid | None = None,
         notices: Sequence[str] = (),
     ) -> None:
+        wanted = "a list of parts, or take DatasetForcing.from_xarray"
+        required(parts, (list, tuple), wanted, where="parts", kind=ForcingError)
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
@@ -180,9 +182,11 @@ class DatasetForcing(ShownForcing):
         >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
         (array([0.1]), array([0.1]))
         """
+        wanted = "an xarray.Dataset, or a list of them"
+        required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
-        return cls([part_of(ds, begin) for ds in in_memory(several)], **options)
+        return cls([product_part(ds, begin) for ds in in_memory(several)], **options)
 
     @property
     def provides(self) -> frozenset[str]:
@@ -315,8 +319,8 @@ class DatasetForcing(ShownForcing):
         if part is None:
             return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
         places = part.mesh.locate(_flat(lon), _flat(lat))
-        found = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
-        return np.where(found > 0.0, found, np.nan).reshape(np.shape(lon))
+        depth = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
+        return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
 
     def describe(self) -> str:
         """Return what each product gives, on which points and at which times."""

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, part_of, served
+from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.mesh import AxesMesh
@@ -63,12 +63,12 @@ class Run(NamedTuple):
         return [(moment - self.start).total_seconds() for moment in moments]
 
 
-def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> DatasetForcing:
+def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
     """Return the forcing for a run.
 
     Parameters
     ----------
-    given : FileForcing
+    settings : FileForcing
         Files, box, and perhaps spacing of a model grid.
     folder : pathlib.Path
         Folder of relative file names.
@@ -80,29 +80,29 @@ def forcing_from_files(given: FileForcing, folder: Path, run: Run) -> DatasetFor
     ForcingError
         If a pattern matches nothing, or currents are missing, or the files do not cover place and time.
     """
-    opened = open_named(_paths(given.entries, folder))
-    datasets = [part for ds in serving_only(opened, given) for part in _near(ds, given, run)]
+    opened = open_named(_paths(settings.entries, folder))
+    datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
     if not any("uo" in ds for ds in datasets):
-        found = sorted({str(name) for ds in opened for name in ds.data_vars})
+        fields = sorted({str(name) for ds in opened for name in ds.data_vars})
         raise ForcingError(
             "no ocean current (uo, vo) in these files",
-            where=", ".join(entry.file for entry in given.entries),
-            remedy=f"They give {', '.join(found)}; add a file of currents",
+            where=", ".join(entry.file for entry in settings.entries),
+            remedy=f"They give {', '.join(fields)}; add a file of currents",
         )
     _check_pairs(datasets)
-    datasets = [_not_too_fine(surface_of_others(ds, currents=given.currents == "draft")) for ds in datasets]
-    if given.spacing is None:
-        parts, grid = [part_of(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
+    datasets = [_not_too_fine(surface_of_others(ds, currents=settings.currents == "draft")) for ds in datasets]
+    if settings.spacing is None:
+        parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
     else:
-        model_grid = ModelGrid.of(given, datasets, run)
+        model_grid = ModelGrid.of(settings, datasets, run)
         parts, grid = [model_grid.part(ds, run) for ds in datasets], model_grid.grid
     return DatasetForcing(
         parts,
         ice_density=run.ice_density,
         draft=float(run.drafts.mean()),
-        coastal_drift=given.coastal_drift,
+        coastal_drift=settings.coastal_drift,
         grid=grid,
-        notices=_notices(datasets, given),
+        notices=_notices(datasets, settings),
     )
 
 
@@ -149,13 +149,13 @@ class ModelGrid(NamedTuple):
     grid: Grid
 
     @classmethod
-    def of(cls, given: FileForcing, datasets: list[xr.Dataset], run: Run) -> ModelGrid:
+    def of(cls, settings: FileForcing, datasets: list[xr.Dataset], run: Run) -> ModelGrid:
         """Return the grid that an experiment file asks for."""
-        assert given.spacing is not None
-        lon, lat = (_lines(*span, given.spacing) for span in (_box(given.longitude), given.latitude))
+        assert settings.spacing is not None
+        lon, lat = (_lines(*span, settings.spacing) for span in (_box(settings.longitude), settings.latitude))
         hours = (run.end - run.start) / timedelta(hours=1)
-        count = math.ceil(hours / given.every_hours - 1e-9)
-        moments = [run.start + timedelta(hours=given.every_hours * k) for k in range(count + 1)]
+        count = math.ceil(hours / settings.every_hours - 1e-9)
+        moments = [run.start + timedelta(hours=settings.every_hours * k) for k in range(count + 1)]
         mask = None
         for ds in datasets:
             if "depth_below_surface" in ds.data_vars:
@@ -187,52 +187,54 @@ def _check_pairs(datasets: list[xr.Dataset]) -> None:
     """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
     for ds in datasets:
         for pair in records.VECTORS:
-            given = [name for name in pair if name in ds.data_vars]
-            if len(given) == 1:
-                other = pair[1 - pair.index(given[0])]
+            components = [name for name in pair if name in ds.data_vars]
+            if len(components) == 1:
+                other = pair[1 - pair.index(components[0])]
                 raise ForcingError(
-                    f"gives {given[0]} and no file gives {other} with the same records on the same grid",
+                    f"gives {components[0]} and no file gives {other} with the same records on the same grid",
                     where=records.named(ds),
                     remedy=f"Add the file with {QUANTITIES[other].long_name}",
                 )
 
 
-def _notices(datasets: list[xr.Dataset], given: FileForcing) -> tuple[str, ...]:
+def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
     """Return what the files leave out, and doubts about them, in a line each."""
     held = {str(name) for ds in datasets for name in ds.data_vars}
-    told = [f"{records.named(ds)}: {ds.attrs[key]}" for ds in datasets for key in ("told", "doubt") if key in ds.attrs]
-    if "ssh" not in held and given.sea_level == "files":
-        told.append(
+    notices = [
+        f"{records.named(ds)}: {ds.attrs[key]}" for ds in datasets for key in ("told", "doubt") if key in ds.attrs
+    ]
+    if "ssh" not in held and settings.sea_level == "files":
+        notices.append(
             "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
             "is 0. With sea_level: none in forcing this is not said"
         )
-    if not held & {"ua", "taux"} and given.wind == "files":
-        told.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
-    told += [
+    if not held & {"ua", "taux"} and settings.wind == "files":
+        notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
+    notices += [
         f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
         for ds in datasets
         if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if str(name) in MOVING])
     ]
-    return tuple(told)
+    return tuple(notices)
 
 
 def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | None]]:
     """Return all files with the product that is named for them."""
-    found = [(entry, sorted(glob.glob(str(folder / entry.file)))) for entry in entries]
-    for entry, matches in found:
+    files = [(entry, sorted(glob.glob(str(folder / entry.file)))) for entry in entries]
+    for entry, matches in files:
         if not matches:
             raise ForcingError(
                 f"no file matches {entry.file!r}", where=str(folder), remedy="Correct forcing.files or --data"
             )
-    return [(path, entry.product) for entry, matches in found for path in matches]
+    return [(path, entry.product) for entry, matches in files for path in matches]
 
 
-def serving_only(datasets: list[xr.Dataset], given: FileForcing) -> list[xr.Dataset]:
+def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.Dataset]:
     """Return datasets with the fields that a run takes from them: of several the last, and no stress beside a wind."""
-    left_out = {"ssh"} if given.sea_level == "none" else set()
+    left_out = {"ssh"} if settings.sea_level == "none" else set()
     held = {str(name) for ds in datasets for name in ds.data_vars}
-    if given.wind == "none" or {"ua", "va"} <= held:
-        left_out |= {"taux", "tauy"} | ({"ua", "va"} if given.wind == "none" else set())
+    if settings.wind == "none" or {"ua", "va"} <= held:
+        left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
     last = {str(name): number for number, ds in enumerate(datasets) for name in ds.data_vars if str(name) in WANTED}
     kept = [
         [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
@@ -247,7 +249,7 @@ def _box(longitude: tuple[float, float]) -> tuple[float, float]:
     return west, east if east > west else east + 360.0
 
 
-def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> list[xr.Dataset]:
+def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     """Return a dataset around place and time of the run, in parts without records that hold no value.
 
     Raises
@@ -256,15 +258,17 @@ def _near(ds: xr.Dataset, given: FileForcing, run: Run) -> list[xr.Dataset]:
         If the records have too long a gap in the run, or do not cover it.
     """
     own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
-    margin = MARGIN * own if given.spacing is None else 2.0 * given.spacing
+    margin = MARGIN * own if settings.spacing is None else 2.0 * settings.spacing
     if "time" not in ds.dims:
-        return [_with_area(window(ds, _box(given.longitude), given.latitude, margin=margin))]
+        return [_with_area(window(ds, _box(settings.longitude), settings.latitude, margin=margin))]
     first, last = utc(run.start), utc(run.end)
-    ds = with_rules(ds, given)
+    ds = with_rules(ds, settings)
     records.check_ends(ds, np.array([first, last]))
     # So much more that a missing record at the edge can be bridged by those beyond it.
     spare = np.timedelta64(round(records.gap_limit(ds)), "s")
-    near = _with_area(window(ds, _box(given.longitude), given.latitude, (first - spare, last + spare), margin=margin))
+    near = _with_area(
+        window(ds, _box(settings.longitude), settings.latitude, (first - spare, last + spare), margin=margin)
+    )
     parts = records.without_empty(near)
     lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
     if lost:
@@ -289,10 +293,10 @@ def _told_of_missing(part: xr.Dataset, near: xr.Dataset) -> xr.Dataset:
     return part.assign_attrs(doubt=f"{earlier}{lost} record(s) without any value of {names} count as missing")
 
 
-def with_rules(ds: xr.Dataset, given: FileForcing) -> xr.Dataset:
+def with_rules(ds: xr.Dataset, settings: FileForcing) -> xr.Dataset:
     """Note on a dataset what the experiment file says about gaps and ends, in seconds."""
-    told = {"max_gap_seconds": given.max_gap, "hold_seconds": given.hold}
-    return ds.assign_attrs({name: 3600.0 * hours for name, hours in told.items() if hours is not None})
+    limits = {"max_gap_seconds": settings.max_gap, "hold_seconds": settings.hold}
+    return ds.assign_attrs({name: 3600.0 * hours for name, hours in limits.items() if hours is not None})
 
 
 def _with_area(ds: xr.Dataset) -> xr.Dataset:

@@ -203,10 +203,10 @@ class Grid:
             What stands beyond closed ends where no value is given. Cyclic ends always hold copies.
         """
         g = self.arrays
-        given = np.asarray(values, dtype=np.float64)
-        if given.ndim == 0:
-            given = np.broadcast_to(given, (g.nj, g.ni))
-        full, rows, columns = _put(given, g.ni, g.nj, g.halo)
+        field = np.asarray(values, dtype=np.float64)
+        if field.ndim == 0:
+            field = np.broadcast_to(field, (g.nj, g.ni))
+        full, rows, columns = _put(field, g.ni, g.nj, g.halo)
         if outside not in ("nearest", "zero"):
             raise InputError(f"outside = {outside!r}", remedy="Use 'nearest' or 'zero'")
         inner = full[rows, columns]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +30,7 @@ from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import moment, number
+from riftberg.values import moment, number, required
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
@@ -44,6 +46,60 @@ NO_CELLS: Ints = np.empty(0, dtype=np.int64)
 
 TIME_TOLERANCE = 1e-6
 """Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
+
+
+@dataclass(frozen=True)
+class FieldRules:
+    """How fields on a grid reach the elements.
+
+    Parameters
+    ----------
+    depth_rule : {"biquadratic", "cell", "zone"}
+        How the depth under an element is found.
+    zone : tuple of float, optional
+        (longitude, latitude) of the south-west point of the dry quadrant, for ``depth_rule="zone"``.
+    interpolation : {"linear", "previous"}
+        Between records: linear, or the record before.
+    stepwise : sequence of str
+        Fields that keep the record before although the others are interpolated (sea level in the A68 run, equations 10.5).
+    coastal_drift, tidal_drift : float
+        Drift away from land and random current near land, m s-1.
+    mirrored, even_parity : bool
+        Quirks Q22 and Q20.
+    sea_level_gaps : bool
+        Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
+        reference (equations 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
+
+    Raises
+    ------
+    ForcingError
+        If a rule is not known, or two of them cannot be combined.
+    """
+
+    depth_rule: DepthRule = "biquadratic"
+    zone: tuple[float, float] | None = None
+    interpolation: TimeRule = "linear"
+    stepwise: Sequence[str] = ()
+    coastal_drift: float = 0.0
+    tidal_drift: float = 0.0
+    mirrored: bool = False
+    even_parity: bool = False
+    sea_level_gaps: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("coastal_drift", "tidal_drift"):
+            object.__setattr__(self, name, number(getattr(self, name), "m s-1", where=name, kind=ForcingError))
+        if self.depth_rule not in DEPTH_RULES:
+            raise ForcingError(f"depth_rule = {self.depth_rule!r}", remedy=f"Use one of {', '.join(DEPTH_RULES)}")
+        if self.depth_rule == "zone" and self.zone is None:
+            raise ForcingError("depth_rule = 'zone' without a zone", remedy="Give zone=(longitude, latitude)")
+        if self.interpolation not in ("linear", "previous"):
+            raise ForcingError(f"interpolation = {self.interpolation!r}", remedy="Use 'linear' or 'previous'")
+        if self.sea_level_gaps and self.depth_rule != "zone":
+            raise ForcingError("sea_level_gaps with a depth that needs the sea level", remedy="Fill the gaps")
+        unknown = sorted(set(self.stepwise) - set(Fields._fields))
+        if unknown:
+            raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
 
 
 class GriddedForcing(ShownForcing):
@@ -62,21 +118,8 @@ class GriddedForcing(ShownForcing):
     times : array_like, optional
         Times of the records, s since the start of the run, increasing. Not needed for a single state, which then
         holds for ever.
-    depth_rule : {"biquadratic", "cell", "zone"}
-        How the depth under an element is found.
-    zone : tuple of float, optional
-        (longitude, latitude) of the south-west point of the dry quadrant, for ``depth_rule="zone"``.
-    interpolation : {"linear", "previous"}
-        Between records: linear, or the record before.
-    stepwise : sequence of str
-        Fields that keep the record before although the others are interpolated (sea level in the A68 run, equations 10.5).
-    coastal_drift, tidal_drift : float
-        Drift away from land and random current near land, m s-1.
-    mirrored, even_parity : bool
-        Quirks Q22 and Q20.
-    sea_level_gaps : bool
-        Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
-        reference (equations 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
+    rules : FieldRules, optional
+        How the fields reach the elements.
     start : date, optional
         Date of time 0, named in messages.
     source : str
@@ -84,42 +127,28 @@ class GriddedForcing(ShownForcing):
     """
 
     def __init__(
-        self, grid: Grid, records: Records, times: ArrayLike | None = None, *, depth_rule: DepthRule = "biquadratic",
-        zone: tuple[float, float] | None = None, interpolation: TimeRule = "linear", stepwise: Sequence[str] = (),
-        coastal_drift: float = 0.0, tidal_drift: float = 0.0, mirrored: bool = False, even_parity: bool = False,
-        sea_level_gaps: bool = False,
-        start: datetime | date | str | np.datetime64 | None = None, source: str = "",
+        self, grid: Grid, records: Records, times: ArrayLike | None = None, rules: FieldRules | None = None, *,
+        start: datetime | date | str | np.datetime64 | None = None, source: str = "", **earlier: Any,
     ) -> None:  # fmt: skip
+        required(grid, Grid, "a Grid, for example Grid.cartesian(20, 20, 1000.0)", where="grid", kind=ForcingError)
+        rules = _with_earlier(FieldRules() if rules is None else rules, earlier)
         self.grid: Grid | None = grid
         self._grid = grid
-        self.start, self.source = None if start is None else moment(start, where="start"), source
+        self.rules, self.source = rules, source
+        self.start = None if start is None else moment(start, where="start")
         self.notices: tuple[str, ...] = ()
-        self.coastal_drift, self.tidal_drift = (
-            number(value, "m s-1", where=name, kind=ForcingError)
-            for name, value in (("coastal_drift", coastal_drift), ("tidal_drift", tidal_drift))
-        )
-        self.mirrored, self.even_parity = bool(mirrored), bool(even_parity)
-        self.depth_rule, self.zone, self.interpolation = depth_rule, zone, interpolation
-        self.sea_level_gaps = bool(sea_level_gaps)
-        self._check_rules(stepwise)
-        self._rule = DEPTH_RULES[depth_rule]
-        self._zone_lon, self._zone_lat = (float(z) for z in zone) if zone else (0.0, 0.0)
-        self._held = frozenset(Fields._fields if interpolation == "previous" else stepwise)
-        self._store = _Records(grid, records, {"ssh"} if sea_level_gaps else set())
+        self._rule = DEPTH_RULES[rules.depth_rule]
+        self._zone_lon, self._zone_lat = (float(z) for z in rules.zone) if rules.zone else (0.0, 0.0)
+        self._held = frozenset(Fields._fields if rules.interpolation == "previous" else rules.stepwise)
+        self._store = _Records(grid, records, {"ssh"} if rules.sea_level_gaps else set())
         self._times = _checked_times(times, self._store.count)
 
-    def _check_rules(self, stepwise: Sequence[str]) -> None:
-        if self.depth_rule not in DEPTH_RULES:
-            raise ForcingError(f"depth_rule = {self.depth_rule!r}", remedy=f"Use one of {', '.join(DEPTH_RULES)}")
-        if self.depth_rule == "zone" and self.zone is None:
-            raise ForcingError("depth_rule = 'zone' without a zone", remedy="Give zone=(longitude, latitude)")
-        if self.interpolation not in ("linear", "previous"):
-            raise ForcingError(f"interpolation = {self.interpolation!r}", remedy="Use 'linear' or 'previous'")
-        if self.sea_level_gaps and self.depth_rule != "zone":
-            raise ForcingError("sea_level_gaps with a depth that needs the sea level", remedy="Fill the gaps")
-        unknown = sorted(set(stepwise) - set(Fields._fields))
-        if unknown:
-            raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
+    def __getattr__(self, name: str) -> Any:
+        """Answer to the names that rules had when the forcing itself held them."""
+        if name not in FieldRules.__dataclass_fields__ or "rules" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        warnings.warn(f"{name} is now rules.{name}", DeprecationWarning, stacklevel=2)
+        return getattr(self.rules, name)
 
     @property
     def cover(self) -> tuple[float, float]:
@@ -198,12 +227,13 @@ class GriddedForcing(ShownForcing):
         if elements.lon.size == 0:
             return
         fields, grid = self.fields_at(time, elements.cell_i, elements.cell_j), self._grid.arrays
+        rules = self.rules
         sample_gridded(
             elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
-            self.coastal_drift, self.mirrored, self.even_parity,
+            rules.coastal_drift, bool(rules.mirrored), bool(rules.even_parity),
         )  # fmt: skip
-        if self.tidal_drift > 0.0:
-            add_tidal_drift(elements, grid, fields.ssh, self.tidal_drift, self.mirrored)
+        if rules.tidal_drift > 0.0:
+            add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored))
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).
@@ -263,28 +293,39 @@ class GriddedForcing(ShownForcing):
         out = np.full(i.size, np.nan)
         fill_depth(
             x, y, i, j, xi, eta, g, fields.depth, fields.ssh,
-            self._rule, self._zone_lon, self._zone_lat, self.even_parity, out,
+            self._rule, self._zone_lon, self._zone_lat, bool(self.rules.even_parity), out,
         )  # fmt: skip
         return out.reshape(np.shape(lon))
 
     def describe(self) -> str:
         """Return what this forcing is, where it comes from and what it covers, in plain words."""
-        begin, end = self.cover
+        (begin, end), rules = self.cover, self.rules
         if self._times is None:
             time = "constant in time"
         else:
-            between = "linear between them" if self.interpolation == "linear" else "each held until the next"
+            between = "linear between them" if rules.interpolation == "linear" else "each held until the next"
             time = f"{len(self._times)} records from {self._date(begin)} to {self._date(end)}, {between}"
-        depth = f"within a quadrant at {self.zone}" if self.depth_rule == "zone" else self.depth_rule
+        depth = f"within a quadrant at {rules.zone}" if rules.depth_rule == "zone" else rules.depth_rule
         lines = ["gridded fields" + (f" from {self.source}" if self.source else ""), time, f"depth: {depth}"]
-        if self._held and self.interpolation == "linear":
+        if self._held and rules.interpolation == "linear":
             lines.append(f"held until the next record: {', '.join(sorted(self._held))}")
-        if self.sea_level_gaps:
+        if rules.sea_level_gaps:
             lines.append("no slope of the sea surface beside gaps in the sea level")
         for name in ("coastal_drift", "tidal_drift"):
-            if getattr(self, name) > 0.0:
-                lines.append(f"{name.replace('_', ' ')} {getattr(self, name):g} m/s")
+            if getattr(rules, name) > 0.0:
+                lines.append(f"{name.replace('_', ' ')} {getattr(rules, name):g} m/s")
         return "\n".join([*lines, *self.notices, self._grid.describe()])
+
+
+def _with_earlier(rules: FieldRules, earlier: dict[str, Any]) -> FieldRules:
+    """Return the rules with those given one by one, as it was done before; a `TypeError` for any other name."""
+    if earlier:
+        changed = replace(rules, **earlier)
+        warnings.warn(
+            f"{', '.join(sorted(earlier))}: give rules=FieldRules(...)", DeprecationWarning, stacklevel=3
+        )  # fmt: skip
+        return changed
+    return rules
 
 
 def _checked_times(times: ArrayLike | None, count: int) -> list[float] | None:

@@ -224,14 +224,14 @@ def _dates(ds: xr.Dataset) -> Any:
     return ds["time"].values if "time" in ds.dims else np.empty(0, "datetime64[ns]")
 
 
-def plane_of(field: xr.DataArray | xr.Dataset) -> tuple[str, ...]:
+def plane_dims(field: xr.DataArray | xr.Dataset) -> tuple[str, ...]:
     """Return the horizontal dimensions."""
     return next((plane for plane in PLANES if set(plane) <= set(field.dims)), ())
 
 
 def _as_block(field: xr.DataArray) -> Floats:
     """Return values in the order (time, level, row, column); axes that a field lacks have length 1."""
-    plane = plane_of(field)
+    plane = plane_dims(field)
     lead = [name for name in ("time", "depth") if name in field.dims]
     values = np.asarray(values_of(field.transpose(*lead, *plane)), np.float64)
     shape = [field.sizes.get(name, 1) for name in ("time", "depth")]
@@ -242,8 +242,8 @@ def _as_block(field: xr.DataArray) -> Floats:
 def _check_dimensions(ds: xr.Dataset) -> None:
     """Refuse fields with a dimension that is none of time, depth and the plane: what it means is not known here."""
     for name, field in ds.data_vars.items():
-        beyond = set(map(str, field.dims)) - {"time", "depth", *plane_of(field)}
-        if beyond or not plane_of(field):
+        beyond = set(map(str, field.dims)) - {"time", "depth", *plane_dims(field)}
+        if beyond or not plane_dims(field):
             raise ForcingError(
                 f"{name} has the dimensions ({', '.join(map(str, field.dims))})",
                 where=named(ds) or "forcing",

@@ -77,23 +77,23 @@ def own_interval(ds: xr.Dataset) -> float:
     return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 
-def seconds_of(given: Period, default: float) -> float:
+def seconds_of(period: Period, default: float) -> float:
     """Return a length of time in seconds."""
-    if given is None:
+    if period is None:
         return default
-    return float(given / np.timedelta64(1, "s")) if isinstance(given, np.timedelta64) else float(given)
+    return float(period / np.timedelta64(1, "s")) if isinstance(period, np.timedelta64) else float(period)
 
 
-def gap_limit(ds: xr.Dataset, given: Period = None) -> float:
+def gap_limit(ds: xr.Dataset, period: Period = None) -> float:
     """Return the longest gap (s) that is interpolated across: as given, as noted on the dataset, or by the rule."""
     rule = float(ds.attrs.get("max_gap_seconds", GAP_FACTOR * own_interval(ds)))
-    return seconds_of(given, rule)
+    return seconds_of(period, rule)
 
 
-def hold_of(ds: xr.Dataset, given: Period = None) -> float:
+def hold_of(ds: xr.Dataset, period: Period = None) -> float:
     """Return how long (s) the first and last record are held: as given, as noted, or half the time a mean stands for."""
     rule = float(ds.attrs.get("hold_seconds", 0.5 * float(ds.attrs.get("averaging_seconds", 0.0))))
-    return seconds_of(given, rule)
+    return seconds_of(period, rule)
 
 
 def long_gaps(records: Dates, limit: float, first: np.datetime64, last: np.datetime64) -> list[Gap]:

@@ -102,14 +102,14 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
     for name, dims in {**needed, **{n: d for n, d in OPTIONAL.items() if n in run.variables}}.items():
         if name not in run.variables:
             raise _error(f"variable {name} is missing", file)
-        found = run[name]
-        moving = name in _SHAPE and set(found.dims) == {"trajectory", "time"}
-        if not moving and (set(found.dims) != set(dims) or len(found.dims) != len(dims)):
-            raise _error(f"dimensions {found.dims} instead of {dims}", file, f"variable {name}")
-        if found.dtype.kind not in "iuf":
-            raise _error(f"numbers are needed, not values of type {found.dtype}", file, f"variable {name}")
+        variable = run[name]
+        moving = name in _SHAPE and set(variable.dims) == {"trajectory", "time"}
+        if not moving and (set(variable.dims) != set(dims) or len(variable.dims) != len(dims)):
+            raise _error(f"dimensions {variable.dims} instead of {dims}", file, f"variable {name}")
+        if variable.dtype.kind not in "iuf":
+            raise _error(f"numbers are needed, not values of type {variable.dtype}", file, f"variable {name}")
         refuse_large(
-            found.size, MOST_VALUES, f"values of {name}", size=found.dtype.itemsize, where=shown(file),
+            variable.size, MOST_VALUES, f"values of {name}", size=variable.dtype.itemsize, where=shown(file),
             remedy="Write fewer records (--every)", kind=InputError,
         )  # fmt: skip
     for dimension, word in (("trajectory", "elements"), ("time", "records")):
@@ -141,9 +141,9 @@ def read_parameters(text: Any, file: Path) -> Parameters:
         ) from error  # fmt: skip
     except ValidationError as error:
         first = error.errors()[0]
-        found = ".".join(str(part) for part in first["loc"])
+        key = ".".join(str(part) for part in first["loc"])
         raise _error(
-            f"no parameters of Riftberg ({found}: {str(first['msg'])[:100]})" if found else "no JSON of parameters",
+            f"no parameters of Riftberg ({key}: {str(first['msg'])[:100]})" if key else "no JSON of parameters",
             file,
             place,
             "The file is damaged, or was written by another version of Riftberg",
@@ -197,7 +197,7 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
         _check_finite(run, name, file, _LARGEST, positive=name in _POSITIVE)
     if not (run["berg"].min() >= 1):
         raise _error("numbers of fragments begin with 1", file, "variable berg")
-    check_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
+    check_bond_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
     check_status(run["status"].values, file, "variable status")
     _check_fragments(run, file)
 
@@ -230,7 +230,7 @@ def _absent(run: xr.Dataset, name: str, shape: tuple[int, ...]) -> Any:
     return np.isnan(berg.transpose(*run[name].dims).values)
 
 
-def check_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
+def check_bond_ends(first: Any, second: Any, elements: int, file: Path, place: str) -> None:
     """Refuse bonds that join no two elements of the run."""
     bad = (first < 0) | (second < 0) | (first >= elements) | (second >= elements) | (first == second)
     if bad.any():
@@ -327,7 +327,7 @@ def check_restart(state: State, path: Path) -> None:
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
         raise _error("no elements", path, remedy=remedy)
     bonds, count = state.bonds, state.elements.mass.size
-    check_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
+    check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
     check_status(bonds.status, path, "variable bond_status")
     _check_tables(state, path, remedy)
     ids = state.elements.id
@@ -374,9 +374,11 @@ def _check_substeps(state: State, path: Path, remedy: str) -> None:
             k = int(np.argmax(bad))
             raise _error(f"element {k + 1} has {own[k]} sub-steps", path, "variable element_substeps", remedy)
         return
-    found = np.asarray(state.extra["substeps"])
-    if found.dtype.kind not in "iu" or found.size != 1 or not 1 <= int(found) <= MOST_SUBSTEPS:
-        raise _error(f"{value_shown(found.tolist())} sub-steps in a long step", path, "variable extra/substeps", remedy)
+    number = np.asarray(state.extra["substeps"])
+    if number.dtype.kind not in "iu" or number.size != 1 or not 1 <= int(number) <= MOST_SUBSTEPS:
+        raise _error(
+            f"{value_shown(number.tolist())} sub-steps in a long step", path, "variable extra/substeps", remedy
+        )
 
 
 def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
@@ -471,13 +473,13 @@ def read_summary(path: Path) -> dict[str, Any]:
     return summary
 
 
-def _check_keys(found: dict[str, Any], wanted: Mapping[str, Any], path: Path, above: str) -> None:
+def _check_keys(content: dict[str, Any], wanted: Mapping[str, Any], path: Path, above: str) -> None:
     for key, kinds in wanted.items():
         where = f"{shown(path)}, key {above}{key}"
         remedy = "Make the run again: 'riftberg run' writes summary.json beside run.nc"
-        if key not in found:
+        if key not in content:
             raise InputError("this key is missing", where=where, remedy=remedy)
-        value = found[key]
+        value = content[key]
         right = _is_number(value) if kinds == (int, float) else isinstance(value, kinds)
         if not right or (kinds is int and (isinstance(value, bool) or value < 0)):
             raise InputError(f"{value_shown(value)} is not possible", where=where, remedy=remedy)

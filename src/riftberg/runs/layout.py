@@ -91,8 +91,8 @@ def _rows_of(ids: Ints, rows: Ints) -> Ints:
     order = np.argsort(rows, kind="stable")
     place = np.searchsorted(rows[order], ids)
     row = np.append(order, rows.size)[np.minimum(place, rows.size)]
-    found = np.append(rows, -1)[row] == ids
-    return np.where(found, row, rows.size).astype(np.int64)
+    there = np.append(rows, -1)[row] == ids
+    return np.where(there, row, rows.size).astype(np.int64)
 
 
 def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArray[Any]:

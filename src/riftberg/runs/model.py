@@ -16,7 +16,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
-from riftberg.values import number
+from riftberg.values import number, required
 
 OWN_EXTRAS = ("substeps", "next_element", "next_bond")
 """What a restart file holds beside the state that no recorder has left there."""
@@ -151,6 +151,7 @@ class Model(BareModel):
         forcing : Forcing
             The same forcing as before. Processes (``after_step``) are attached anew.
         """
+        required(path, (str, Path), "the path of a restart file", where="Model.resume")
         state = load_state(path)
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,

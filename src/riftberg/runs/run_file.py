@@ -47,6 +47,7 @@ from riftberg.runs.ledger_records import define_ledger, ledger_row, write_ledger
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
+from riftberg.values import required
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
@@ -351,6 +352,7 @@ def open_run(path: str | Path) -> xr.Dataset:
     InputError
         If it is no run file, or a damaged one: see `riftberg.runs.checks`.
     """
+    required(path, (str, Path), "the path of a run.nc, or of its folder", where="open_run")
     path = Path(path)
     file = path / "run.nc" if is_folder(path) else path
     return open_checked(file)

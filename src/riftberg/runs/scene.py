@@ -32,7 +32,7 @@ class Box:
     north: float
 
 
-def held(values: Floats) -> Floats:
+def filled_forward(values: Floats) -> Floats:
     """Fill the records (rows) before an element is there with its first value, and those after its end with its last."""
     known = np.isfinite(values)
     if known.all():
@@ -108,12 +108,14 @@ class Scene:
         x, y = ("lon", "lat") if self.latlon else ("x", "y")
         east, north = (run[name].transpose("time", "trajectory").values for name in (x, y))
         self.there: NDArray[np.bool_] = np.isfinite(north)
-        self.x: Floats = self._joined(held(east))
-        self.y: Floats = held(north)
+        self.x: Floats = self._joined(filled_forward(east))
+        self.y: Floats = filled_forward(north)
         berg = run["berg"].transpose("time", "trajectory").values
         self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
         area = run["length"] * run["width"]
-        self._areas_in_time = held(area.transpose("time", "trajectory").values) if "time" in area.dims else None
+        self._areas_in_time = (
+            filled_forward(area.transpose("time", "trajectory").values) if "time" in area.dims else None
+        )
         self.area: Floats = area.values if self._areas_in_time is None else self._areas_in_time[0]
         self.times: NDArray[np.datetime64] = run["time"].values
 

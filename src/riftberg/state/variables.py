@@ -10,6 +10,7 @@ Compiled code takes the groups that it needs: ``motion = el.motion``, then ``mot
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -209,12 +210,8 @@ class Elements(NamedTuple):
     environment: Environment
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """Find a variable in its group."""
-        group = _GROUP_OF.get(name)
-        if group is None:
-            raise AttributeError(f"elements have no variable {name!r}")
-        array: NDArray[Any] = getattr(getattr(self, group), name)
-        return array
+        """Refuse a name that is no variable; those of the registry are properties, set below it."""
+        raise AttributeError(f"elements have no variable {name!r}")
 
     @property
     def size(self) -> int:
@@ -231,7 +228,7 @@ class Elements(NamedTuple):
 
     def copy(self) -> Elements:
         """Return elements that share no memory with these; once a long step, so by group and not by name."""
-        return Elements(*(kind(*map(np.copy, group)) for kind, group in zip(GROUPS.values(), self, strict=True)))
+        return Elements(*(kind(*[a.copy() for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
     def taken(self, rows: Any) -> Elements:
         """Return a copy of some rows (numbers or a mask)."""
@@ -277,7 +274,7 @@ class Bonds(NamedTuple):
 
     def copy(self) -> Bonds:
         """Return bonds that share no memory with these."""
-        return Bonds(**{name: array.copy() for name, array in self.arrays().items()})
+        return Bonds._make(array.copy() for array in self)
 
     def taken(self, rows: Any) -> Bonds:
         """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
@@ -301,7 +298,11 @@ ELEMENT_VARIABLES: tuple[Variable, ...] = tuple(v for group, kind in GROUPS.item
 BOND_VARIABLES: tuple[Variable, ...] = _registered(Bonds)
 """Registry of the variables of a bond."""
 
-_GROUP_OF: dict[str, str] = {v.name: v.group for v in ELEMENT_VARIABLES}
+# Each variable of an element is a property as well: found without `__getattr__`, which steps in pure Python would feel.
+for _variable in ELEMENT_VARIABLES:
+    setattr(
+        Elements, _variable.name, property(attrgetter(f"{_variable.group}.{_variable.name}"), doc=_variable.long_name)
+    )
 
 
 def elements_of(arrays: dict[str, NDArray[Any]]) -> Elements:

@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.state import Bonds, Elements, Ints
+from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
-from riftberg.stepping.bond_rows import BondRows, allocate_rows
-from riftberg.stepping.breaking import ContactPairs, allocate_pairs
 from riftberg.stepping.media import Surroundings
 from riftberg.stepping.partners import Neighbourhood
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.substep import Scratch, allocate_scratch
-
-
-class Room(NamedTuple):
-    """Room for the sub-steps of some bergs."""
-
-    rows: BondRows
-    pairs: ContactPairs
-    scratch: Scratch
-
-
-def _room_for(elements: Elements, bonds: Bonds) -> Room:
-    pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Room(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
+from riftberg.stepping.substep import allocate_room
 
 
 class Batch:
@@ -38,11 +23,10 @@ class Batch:
         self._bond_rows: Ints = np.zeros(0, np.int64)
         self.near = Neighbourhood()
         self.take(run)
-        self.room = _room_for(self.elements, self.bonds)
+        self.room = allocate_room(self.elements, self.bonds)
 
     def take(self, run: RunState) -> None:
         """Take the state of a run."""
-        self.population_version = run.population.version
         if self.rows is None:
             self.elements, self.bonds = run.elements, run.bonds
         else:

@@ -93,8 +93,8 @@ def by_identifier(ids: Ints, values: Floats, wanted: Ints) -> Floats:
     """Return rows of values in the order of other identifiers; zeros for those that have none."""
     order = np.argsort(ids, kind="stable")
     place = order[np.minimum(np.searchsorted(ids[order], wanted), max(ids.size - 1, 0))] if ids.size else wanted[:0]
-    found = np.zeros((wanted.size, *values.shape[1:]))
+    taken = np.zeros((wanted.size, *values.shape[1:]))
     if ids.size:
         known = ids[place] == wanted
-        found[known] = values[place[known]]
-    return found
+        taken[known] = values[place[known]]
+    return taken

@@ -222,12 +222,16 @@ def _fill_slots(rows, count):
 @stage
 def store_rows(rows: BondRows, count: int, bonds: Bonds) -> None:
     """Copy displacements, stresses, lengths and damage from the rows back to the state."""
+    bond, status = rows.bond, bonds.status
+    sx, sy, normal, shear, peak = rows.sx, rows.sy, rows.normal_stress, rows.shear_stress, rows.peak_stress
+    length, turned, damage = rows.length, rows.relative_rotation, rows.damage
+    to_sx, to_sy, to_normal, to_shear = bonds.shear_x, bonds.shear_y, bonds.normal_stress, bonds.shear_stress
+    to_peak, to_length, to_turned, to_damage = (
+        bonds.peak_stress, bonds.bond_length, bonds.relative_rotation, bonds.damage,
+    )  # fmt: skip
     for r in range(count):
-        b = rows.bond[r]
-        if bonds.status[b] != 0:
+        b = bond[r]
+        if status[b] != 0:
             continue  # broken in this long step: the state keeps what held when it broke
-        bonds.shear_x[b], bonds.shear_y[b] = rows.sx[r], rows.sy[r]
-        bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
-        bonds.peak_stress[b], bonds.bond_length[b] = rows.peak_stress[r], rows.length[r]
-        bonds.relative_rotation[b] = rows.relative_rotation[r]
-        bonds.damage[b] = rows.damage[r]
+        to_sx[b], to_sy[b], to_normal[b], to_shear[b] = sx[r], sy[r], normal[r], shear[r]
+        to_peak[b], to_length[b], to_turned[b], to_damage[b] = peak[r], length[r], turned[r], damage[r]

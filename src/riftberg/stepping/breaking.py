@@ -34,12 +34,12 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 @kernel
 def any_exceeds(rows, count):
-    """Number of unbroken rows whose stress is above their strength; a loop that vectorises."""
-    found = 0.0
+    """Number of unbroken rows whose stress is above their strength; a whole number, so that the loop vectorises."""
+    overloaded = 0
     for r in range(count):
         over = (rows.normal_stress[r] > rows.normal_limit[r]) | (rows.shear_stress[r] > rows.shear_limit[r])
-        found += rows.alive[r] if over else 0.0
-    return found
+        overloaded += 1 if over & (rows.alive[r] > 0.0) else 0
+    return overloaded
 
 
 @stage
@@ -113,46 +113,42 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
     dt : float
         Sub-step (s) by which damping is softened; 0 for fully explicit damping, as in the reference.
     """
-    shown, body = el.shown, el.body
+    first, second, bond = pairs.first, pairs.second, pairs.bond
+    x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count
+    u, v, u_shown, v_shown = el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair
+    radius, mass = sizes.bond_radius, sizes.bond_mass
     for k in range(pairs.count[0]):
-        i, j = pairs.first[k], pairs.second[k]
-        if search and pairs.bond[k] >= 0 and status[pairs.bond[k]] == 0:
+        i, j = first[k], second[k]
+        if search and bond[k] >= 0 and status[bond[k]] == 0:
             continue
-        rx, ry = separation(
-            shown.lon_pair[i],
-            shown.lat_pair[i],
-            shown.lon_pair[j],
-            shown.lat_pair[j],
-            law.latlon,
-            law.earth_radius,
-            law.period,
-        )
-        radii = sizes.bond_radius[i] + sizes.bond_radius[j]
+        rx, ry = separation(x[i], y[i], x[j], y[j], law.latlon, law.earth_radius, law.period)
+        radii = radius[i] + radius[j]
         if rx * rx + ry * ry >= radii * radii:
             continue
         for end in range(2):
             e, c = (i, j) if end == 0 else (j, i)
-            looks = not (skip_full and body.bond_count[e] == max_bonds) and body.bond_count[c] < max_bonds
+            looks = not (skip_full and bond_count[e] == max_bonds) and bond_count[c] < max_bonds
             if search and not looks:
                 continue
             s = 1.0 if end == 0 else -1.0
-            ix, iy = contact_acceleration(e, c, s * rx, s * ry, radii, el, sizes, law, dt * max_bonds)
+            ix, iy = contact_acceleration(
+                e, c, s * rx, s * ry, radii, u, v, u_shown, v_shown, mass, law, dt * max_bonds
+            )  # fmt: skip
             ax[e] += ix
             ay[e] += iy
 
 
 @stage
-def contact_acceleration(e, c, rx, ry, radii, el, sizes, law, span):
+def contact_acceleration(e, c, rx, ry, radii, u, v, u_shown, v_shown, mass, law, span):
     """Acceleration (m s-2) of element e by its contact with c of the same berg: spring and damper.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
-    shown = el.shown
-    m1, m2 = sizes.bond_mass[e], sizes.bond_mass[c]
-    du, dv = shown.u_pair[c] - el.motion.u[e], shown.v_pair[c] - el.motion.v[e]
+    m1, m2 = mass[e], mass[c]
+    du, dv = u_shown[c] - u[e], v_shown[c] - v[e]
     ix, iy, p11, p12, p22 = pair_terms(SAME_BERG_CONTACT, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
-    wu, wv = shown.u_pair[c] - shown.u_pair[e], shown.v_pair[c] - shown.v_pair[e]
+    wu, wv = u_shown[c] - u_shown[e], v_shown[c] - v_shown[e]
     soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m1 / min(m1, m2)))
     return ix + soft * (p11 * wu + p12 * wv), iy + soft * (p12 * wu + p22 * wv)

@@ -73,16 +73,18 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
     int
         Bonds broken.
     """
-    body = el.body
+    first, second, status, count = bonds.first, bonds.second, bonds.status, el.body.bond_count
+    normal_stress, shear_stress, break_time = bonds.normal_stress, bonds.shear_stress, bonds.break_time
+    own_strength, damage = bonds.strength, bonds.damage
     normal = normal_strength if normal_strength > 0.0 else np.inf
     shear = shear_strength if shear_strength > 0.0 else np.inf
     broken = 0
-    for b in range(bonds.first.size):
-        strength = bonds.strength[b] * (1.0 - bonds.damage[b])
-        if bonds.status[b] == 0 and exceeds(bonds.normal_stress[b], bonds.shear_stress[b], normal, shear, strength):
-            bonds.status[b] = 2
-            bonds.break_time[b] = time
-            body.bond_count[bonds.first[b]] -= 1
-            body.bond_count[bonds.second[b]] -= 1
+    for b in range(first.size):
+        strength = own_strength[b] * (1.0 - damage[b])
+        if status[b] == 0 and exceeds(normal_stress[b], shear_stress[b], normal, shear, strength):
+            status[b] = 2
+            break_time[b] = time
+            count[first[b]] -= 1
+            count[second[b]] -= 1
             broken += 1
     return broken

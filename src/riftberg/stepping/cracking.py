@@ -69,10 +69,10 @@ def overload(normal: float, shear: float, normal_limit: float, shear_limit: floa
 @kernel
 def _deformation(lattice: Lattice, alive: Ints, bend: Floats) -> Floats:
     """Extension, slip and bend of the bonds that hold, shape (bonds, 3)."""
-    found = np.empty((alive.size, 3))
+    deformation = np.empty((alive.size, 3))
     for k in range(alive.size):
-        found[k, 0], found[k, 1], found[k, 2] = deformed(lattice, bend, alive[k])
-    return found
+        deformation[k, 0], deformation[k, 1], deformation[k, 2] = deformed(lattice, bend, alive[k])
+    return deformation
 
 
 @kernel

@@ -30,9 +30,9 @@ def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: Kernel
     array of int
         Group of each element, 0 ...; empty where all belong to one.
     """
-    numbers, berg = np.unique(el.berg, return_inverse=True)
-    if numbers.size < 2:
+    if (el.body.berg == el.body.berg[:1]).all():
         return np.zeros(0, np.int64)
+    numbers, berg = np.unique(el.body.berg, return_inverse=True)
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
     owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[near]

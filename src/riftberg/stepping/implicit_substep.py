@@ -23,6 +23,7 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     half = 0.5 * dt
     alone = lone_elements(partners)
+    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     group, one = partners.group, partners.group.size == 0
     for e in range(motion.u.size):
         if scratch.active[e] == 0.0 or not unsettled[0 if one else group[e]]:
@@ -30,8 +31,8 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
         u0, v0 = motion.u[e], motion.v[e]
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
-            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, around, 0.5, 0.5, True, False, INTERACTIONS_ONLY, dt,
-            body.mass[e], alone[e], partners, False, p.constant_size, view, law,
+            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, 0.5, 0.5, True, False,
+            INTERACTIONS_ONLY, dt, body.mass[e], alone[e], partners, False, p.constant_size, view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y

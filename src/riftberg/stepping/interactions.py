@@ -131,18 +131,24 @@ def pair_terms(
 
 @kernel
 def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, rest, own_size, view, law):
-    """Sum the terms of one kind of pair; also P u of the partners."""
+    """Sum the terms of one kind of pair; also P u of the partners.
+
+    Arrays are taken out of the named tuples before the loop, because numba counts references at each access.
+    """
     sx = sy = s11 = s12 = s22 = px = py = 0.0
-    for k in range(pairs.start[e], pairs.start[e + 1]):
-        c = pairs.partner[k]
-        if own_size:
-            radii, m1, m2 = view.radius[e] + view.radius[c], view.mass[e], view.mass[c]
-        else:
-            radii, m1, m2 = view.bond_radius[e] + view.bond_radius[c], view.bond_mass[e], view.bond_mass[c]
-        if rest.size > 0:
+    if pairs.start[e] == pairs.start[e + 1]:
+        return sx, sy, s11, s12, s22, px, py
+    partner, first, behind = pairs.partner, pairs.start[e], pairs.start[e + 1]
+    others_x, others_y, others_u, others_v = view.x, view.y, view.u, view.v
+    radius, mass = (view.radius, view.mass) if own_size else (view.bond_radius, view.bond_mass)
+    by_sizes = rest.size == 0
+    for k in range(first, behind):
+        c = partner[k]
+        radii, m1, m2 = radius[e] + radius[c], mass[e], mass[c]
+        if not by_sizes:
             radii = rest[k]
-        rx, ry = separation(x, y, view.x[c], view.y[c], law.latlon, law.earth_radius, law.period)
-        uc, vc = view.u[c], view.v[c]
+        rx, ry = separation(x, y, others_x[c], others_y[c], law.latlon, law.earth_radius, law.period)
+        uc, vc = others_u[c], others_v[c]
         ix, iy, p11, p12, p22 = pair_terms(
             kind, rx, ry, radii, min(m1, m2) / m1, uc - u0, vc - v0, uc - u1, vc - v1, law
         )

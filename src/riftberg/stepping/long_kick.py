@@ -29,30 +29,35 @@ def begin_substeps(
     acts, varies : bool
         Whether the sea floor acts in the sub-steps on any element at all, and at a rate that changes with the velocity.
     """
-    body, environment = el.body, el.environment
+    static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
+    radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
+    active, aground, spin_rate = scratch.active, scratch.aground, scratch.ground_spin_rate
+    linear, quadratic, rate = scratch.ground_linear, scratch.ground_quadratic, scratch.ground_rate
     in_substeps = not around.acts[SEA_FLOOR]
     acts = varies = False
-    for e in range(body.mass.size):
-        scratch.active[e] = 1.0 if body.static[e] < 0.5 else 0.0
-        fraction = grounded_part(body.thickness[e], environment.depth[e], p)
-        scratch.aground[e] = fraction
-        turning = grounding_spin_rate(p.ground_coefficient, sizes.bond_radius[e], sizes.bond_mass[e], fraction)
-        scratch.ground_spin_rate[e] = turning if p.ground_torque and p.dem else 0.0
-        scratch.ground_linear[e] = around.media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
-        scratch.ground_quadratic[e] = around.media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
-        scratch.ground_rate[e] = scratch.ground_linear[e]
-        scratch.stopped_x[e] = scratch.stopped_y[e] = 0.0
-        varies = varies or scratch.ground_quadratic[e] != 0.0
-        acts = acts or varies or scratch.ground_linear[e] != 0.0
+    scratch.stopped_x[:] = 0.0
+    scratch.stopped_y[:] = 0.0
+    for e in range(active.size):
+        active[e] = 1.0 if static[e] < 0.5 else 0.0
+        fraction = grounded_part(thickness[e], depth[e], p)
+        aground[e] = fraction
+        turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)
+        spin_rate[e] = turning if p.ground_torque and p.dem else 0.0
+        linear[e] = media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
+        quadratic[e] = media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
+        rate[e] = linear[e]
+        varies = varies or quadratic[e] != 0.0
+        acts = acts or varies or linear[e] != 0.0
     return acts, varies
 
 
 @stage
 def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
     """Keep the mean acceleration by which the sea floor stopped the elements in the sub-steps."""
-    for e in range(scratch.stopped_x.size):
-        around.applied[e, SEA_FLOOR, 0] = scratch.stopped_x[e] / substeps
-        around.applied[e, SEA_FLOOR, 1] = scratch.stopped_y[e] / substeps
+    applied, stopped_x, stopped_y = around.applied, scratch.stopped_x, scratch.stopped_y
+    for e in range(stopped_x.size):
+        applied[e, SEA_FLOOR, 0] = stopped_x[e] / substeps
+        applied[e, SEA_FLOOR, 1] = stopped_y[e] / substeps
 
 
 @kernel
@@ -73,6 +78,7 @@ def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick
         body.mass,
     )
     ax, ay, bx, by, static, in_contact = kicks.ax, kicks.ay, kicks.bx, kicks.by, body.static, body.in_contact
+    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     group, one = partners.group, partners.group.size == 0
     norm[:] = 0.0
@@ -83,7 +89,7 @@ def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick
         if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unsettled[g])):
             continue
         s = solve_velocity(
-            e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], around, 0.5, 0.5, True,
+            e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], media, rates, acts, coriolis, applied, 0.5, 0.5, True,
             not p.uncentred_half_kicks, mode, dt, mass[e], alone[e], partners, False, False, view, law,
         )  # fmt: skip
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
@@ -99,13 +105,14 @@ def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick
 @stage
 def _settle_groups(el, group, unsettled, norm_before, tolerance):
     """Mark the groups whose elements in contact have hardly changed their velocities since the pass before."""
-    shown, motion, body = el.shown, el.motion, el.body
+    u_shown, v_shown, u, v = el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync
+    static, in_contact, one = el.body.static, el.body.in_contact, group.size == 0
     change, norm = np.zeros(unsettled.size), np.zeros(unsettled.size)
-    for e in range(motion.u.size):
-        if body.static[e] < 0.5 and body.in_contact[e] != 0.0:
-            g = 0 if group.size == 0 else group[e]
-            change[g] += (motion.u_sync[e] - shown.u_pair[e]) ** 2 + (motion.v_sync[e] - shown.v_pair[e]) ** 2
-            norm[g] += motion.u_sync[e] ** 2 + motion.v_sync[e] ** 2
+    for e in range(u.size):
+        if static[e] < 0.5 and in_contact[e] != 0.0:
+            g = 0 if one else group[e]
+            change[g] += (u[e] - u_shown[e]) ** 2 + (v[e] - v_shown[e]) ** 2
+            norm[g] += u[e] ** 2 + v[e] ** 2
     for g in range(unsettled.size):
         scale = math.sqrt(norm_before[g]) + math.sqrt(norm[g])
         if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < tolerance:
@@ -116,10 +123,12 @@ def _settle_groups(el, group, unsettled, norm_before, tolerance):
 @kernel
 def _show_synchronised(el):
     """Let the others see the velocities of this pass."""
-    shown, motion, body = el.shown, el.motion, el.body
-    for e in range(motion.u.size):
-        if body.static[e] < 0.5:
-            shown.u_pair[e], shown.v_pair[e] = motion.u_sync[e], motion.v_sync[e]
+    u_shown, v_shown, u, v, static = (
+        el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync, el.body.static,
+    )  # fmt: skip
+    for e in range(u.size):
+        if static[e] < 0.5:
+            u_shown[e], v_shown[e] = u[e], v[e]
 
 
 @stage
@@ -150,7 +159,7 @@ def closing_half_kick(
     int
         Passes needed; -1 if the iteration did not settle within ``p.max_iterations``.
     """
-    motion, body = el.motion, el.body
+    u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
     view = pair_view(el, sizes)
     kick = 0.0 if starting else 1.0
     alone = lone_elements(partners)
@@ -158,9 +167,9 @@ def closing_half_kick(
     unsettled, norm, norm_before = np.zeros(groups, np.bool_), np.zeros(groups), np.zeros(groups)
     _slow_pass(el, dt, around, alone, partners, unsettled, norm_before, view, law, kick, True, p)
     if not p.iterate:
-        for e in range(motion.u.size):
-            if body.static[e] < 0.5:
-                motion.u[e], motion.v[e] = motion.u_sync[e], motion.v_sync[e]
+        for e in range(u.size):
+            if static[e] < 0.5:
+                u[e], v[e] = u_sync[e], v_sync[e]
         return 1
     _show_synchronised(el)
     passes = 1
@@ -177,25 +186,32 @@ def closing_half_kick(
 @stage
 def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
     """Start the long step with its first slow half kick (part 2), and the rotational drag of the water."""
-    shown, motion, kicks, body, environment = el.shown, el.motion, el.kicks, el.body, el.environment
+    motion, kicks, static, vorticity, spin = (
+        el.motion,
+        el.kicks,
+        el.body.static,
+        el.environment.vorticity,
+        el.motion.spin,
+    )
+    u, v, u_sync, v_sync, u_shown, v_shown = (
+        motion.u, motion.v, motion.u_sync, motion.v_sync, el.shown.u_pair, el.shown.v_pair,
+    )  # fmt: skip
+    ax, ay, bx, by = kicks.ax, kicks.ay, kicks.bx, kicks.by
+    ax_fast, ay_fast, bx_fast, by_fast = kicks.ax_fast, kicks.ay_fast, kicks.bx_fast, kicks.by_fast
+    radius, mass = sizes.bond_radius, sizes.bond_mass
     half = 0.5 * dt
-    for e in range(motion.u.size):
-        if body.static[e] >= 0.5:
+    for e in range(u.size):
+        if static[e] >= 0.5:
             continue
-        motion.u[e] = motion.u_sync[e] + half * (kicks.ax[e] + kicks.bx[e])
-        motion.v[e] = motion.v_sync[e] + half * (kicks.ay[e] + kicks.by[e])
-        shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
+        u[e] = u_sync[e] + half * (ax[e] + bx[e])
+        v[e] = v_sync[e] + half * (ay[e] + by[e])
+        u_shown[e], v_shown[e] = u[e], v[e]
         if p.iterate:
-            kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = (
-                kicks.ax_fast[e],
-                kicks.ay_fast[e],
-                kicks.bx_fast[e],
-                kicks.by_fast[e],
-            )
+            ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
         if p.rotational_drag and p.dem and not p.only_interactions:
-            inertia = 0.5 * sizes.bond_mass[e] * sizes.bond_radius[e] ** 2
-            drag = spin_drag(inertia, sizes.bond_radius[e], p.ocean_scale)
+            inertia = 0.5 * mass[e] * radius[e] ** 2
+            drag = spin_drag(inertia, radius[e], p.ocean_scale)
             # The decay of a spin under a drag quadratic in it, solved exactly over the step.
-            water = 0.5 * environment.vorticity[e]
-            relative = motion.spin[e] - water
-            motion.spin[e] = water + relative / (1.0 + dt * drag * abs(relative))
+            water = 0.5 * vorticity[e]
+            relative = spin[e] - water
+            spin[e] = water + relative / (1.0 + dt * drag * abs(relative))

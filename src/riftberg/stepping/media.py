@@ -172,6 +172,14 @@ def media_of(
 
 
 @kernel
+def put_row(media: Floats, e: int, k: int, row: Medium) -> None:
+    """Write row ``k`` of element ``e``; columns by name, for a tuple that is asked by number is searched each time."""
+    media[e, k, LINEAR], media[e, k, QUADRATIC] = row.linear, row.quadratic
+    media[e, k, U], media[e, k, V] = row.u, row.v
+    media[e, k, PUSH_X], media[e, k, PUSH_Y] = row.push_x, row.push_y
+
+
+@kernel
 def find_surroundings(el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
     """Fill the rows of all elements from the environment that they carry; nothing has been applied yet.
 
@@ -202,26 +210,31 @@ def find_surroundings(el: Elements, sizes: Sizes, around: Surroundings, p: Kerne
             mass[e], length[e], width[e], thickness[e], bonds[e], depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e],
             vi[e], sx[e], sy[e], area, m, p,
         )  # fmt: skip
-        for k in range(len(rows)):
-            for c in range(len(rows[k])):
-                media[e, k, c] = rows[k][c]
+        put_row(media, e, 0, rows.water)
+        put_row(media, e, 1, rows.slope)
+        put_row(media, e, 2, rows.air)
+        put_row(media, e, 3, rows.sea_ice)
+        put_row(media, e, 4, rows.waves)
+        put_row(media, e, 5, rows.sea_floor)
         coriolis[e] = coriolis_parameter(lat[e], p.latlon, p.f_plane, p.reference_latitude)
     around.acts[SEA_FLOOR] = not p.ground_on_substeps
     around.applied[:] = 0.0
 
 
 @kernel
-def keep_applied(e: int, u: float, v: float, turning_u: float, turning_v: float, around: Surroundings) -> None:
+def keep_applied(
+    e: int, u: float, v: float, turning_u: float, turning_v: float, media: Floats, rates: Floats, acts: NDArray[np.bool_],
+    f: float, applied: Floats,
+) -> None:  # fmt: skip
     """Keep the accelerations by which element ``e`` came to its new velocity (u, v), m s-1.
 
     Drag was taken at the new velocity, with the rates of the last pass of the solve, and the Coriolis force at the velocity
-    (turning_u, turning_v).
+    (turning_u, turning_v); ``f`` is the Coriolis parameter, the arrays are fields of `Surroundings`.
     """
-    media, applied, rate, f = around.media, around.applied, around.rate, around.coriolis[e]
-    for m in range(around.acts.size):
-        if around.acts[m]:
-            applied[e, m, 0] = media[e, m, PUSH_X] - rate[e, m] * (u - media[e, m, U])
-            applied[e, m, 1] = media[e, m, PUSH_Y] - rate[e, m] * (v - media[e, m, V])
+    for m in range(len(MEDIA)):
+        if acts[m]:
+            applied[e, m, 0] = media[e, m, PUSH_X] - rates[e, m] * (u - media[e, m, U])
+            applied[e, m, 1] = media[e, m, PUSH_Y] - rates[e, m] * (v - media[e, m, V])
     applied[e, CORIOLIS, 0], applied[e, CORIOLIS, 1] = f * turning_v, -f * turning_u
 
 

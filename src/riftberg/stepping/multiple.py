@@ -7,8 +7,7 @@ from typing import NamedTuple
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
-from riftberg.stepping.bond_rows import BondRows, load_rows, store_rows
-from riftberg.stepping.breaking import ContactPairs
+from riftberg.stepping.bond_rows import load_rows, store_rows
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
@@ -16,7 +15,7 @@ from riftberg.stepping.long_kick import begin_substeps, closing_half_kick, end_s
 from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
-    Scratch,
+    Room,
     dem_accelerations,
     drift,
     drift_near_pole,
@@ -169,8 +168,8 @@ def _kick_slowly(
 
 
 def take_substeps(
-    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
-    sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, room: Room, fast: Partners, sizes: Sizes, around: Surroundings, earlier: Ints,
+    plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
     """Take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
 
@@ -178,8 +177,8 @@ def take_substeps(
     ----------
     el, bonds : Elements, Bonds
         The state, changed in place.
-    rows, pairs, scratch
-        Room for the sub-steps; ``pairs`` holds the pairs of broken bonds or the candidates of a search.
+    room : Room
+        Room for the sub-steps, with the pairs that may touch.
     fast : Partners
         With spring bonds, bonded pairs and contacts inside a berg.
     sizes : Sizes
@@ -194,17 +193,37 @@ def take_substeps(
     -------
     StepReport
     """
-    return StepReport(*_take_substeps(el, bonds, rows, pairs, fast, scratch, sizes, around, earlier, plan, p))
+    return StepReport(*_take_substeps(el, bonds, room, fast, sizes, around, earlier, plan, p))
+
+
+def take_long_step(
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
+    earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> StepReport:  # fmt: skip
+    """Do what `kick_slowly` and `take_substeps` do, in one call where all bergs take the same number of sub-steps.
+
+    To hand the state to compiled code takes some 40 us, which a long step of A68a would feel.
+
+    Parameters
+    ----------
+    slow : Partners
+        Those of `kick_slowly`; the other parameters are those of `take_substeps`.
+
+    Returns
+    -------
+    StepReport
+    """
+    return StepReport(*_take_long_step(el, bonds, room, slow, fast, sizes, around, earlier, plan, p))
 
 
 @kernel
 def _take_substeps(
-    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, fast: Partners, scratch: Scratch,
-    sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, room: Room, fast: Partners, sizes: Sizes, around: Surroundings, earlier: Ints,
+    plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
     shown, motion, body = el.shown, el.motion, el.body
-    law = pair_law(p)
+    rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
     near_pole = p.latlon and el.place.lat.max() > POLAR_LATITUDE
     passes = 1
@@ -247,7 +266,21 @@ def _take_substeps(
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
     store_rows(rows, count, bonds)
-    for e in range(motion.u.size):
-        if body.static[e] < 0.5:
-            shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
+    u, v, u_shown, v_shown, static = motion.u, motion.v, shown.u_pair, shown.v_pair, body.static
+    for e in range(u.size):
+        if static[e] < 0.5:
+            u_shown[e], v_shown[e] = u[e], v[e]
     return broken, passes
+
+
+@kernel
+def _take_long_step(
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
+    earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
+    broken, passes = _kick_slowly(el, bonds, slow, sizes, around, plan, p)
+    if passes < 0:
+        return broken, passes
+    more, passes = _take_substeps(el, bonds, room, fast, sizes, around, earlier, plan, p)
+    return broken + more, passes

@@ -72,6 +72,7 @@ def evaluate(
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     span = fraction * dt
     find_surroundings(el, sizes, around, p)
+    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     alone = lone_elements(partners)
     for e in range(el.motion.u.size):
         if body.static[e] >= 0.5:
@@ -80,8 +81,9 @@ def evaluate(
         us, vs = stages.u[stage, e], stages.v[stage, e]
         half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
         s = solve_velocity(
-            e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, around, 1.0, 1.0, mean_speeds,
-            False, mode, span, body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
+            e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, media, rates, acts, coriolis,
+            applied, 1.0, 1.0, mean_speeds, False, mode, span, body.mass[e], alone[e], partners, p.plain_kid_branch,
+            False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y

@@ -21,7 +21,14 @@ from riftberg.stepping.groups import meeting_groups
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings, find_surroundings
-from riftberg.stepping.multiple import POLAR_LATITUDE, StepPlan, StepReport, kick_slowly, take_substeps
+from riftberg.stepping.multiple import (
+    POLAR_LATITUDE,
+    StepPlan,
+    StepReport,
+    kick_slowly,
+    take_long_step,
+    take_substeps,
+)
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.quasi_static import QuasiStaticStepper
 from riftberg.stepping.run_state import RunState
@@ -112,7 +119,8 @@ def settle(run: RunState) -> None:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
     moving = el.static < 0.5
-    el.lon_pair[moving], el.lat_pair[moving] = el.lon[moving], el.lat[moving]
+    np.copyto(el.lon_pair, el.lon, where=moving)
+    np.copyto(el.lat_pair, el.lat, where=moving)
 
 
 def _processing_rank(run: RunState) -> Ints:
@@ -144,7 +152,8 @@ class MultipleStepper(Forgetful):
         c = run.constants
         self._near = Neighbourhood()
         self._around = allocate_surroundings(run.elements.size)
-        self._all: Batch | None = None
+        self._kept: list[Batch] = []
+        self._standing: tuple[int, bytes] | None = None
         self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
 
@@ -163,25 +172,41 @@ class MultipleStepper(Forgetful):
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:
             self._around = allocate_surroundings(el.size)
-        report = kick_slowly(el, bonds, slow, sizes, self._around, plan, c)
-        self._check_settled(report, run)
-        broken = report.broken
-        for batch, fast in zip(batches, inner, strict=True):
-            batch.take(run)
-            some, room, around = batch.elements, batch.room, batch.surroundings(self._around)
-            own_sizes = sizes if batch.rows is None else interaction_sizes(some, c)
-            report = take_substeps(
-                some, batch.bonds, room.rows, room.pairs, fast, room.scratch, own_sizes, around,
-                batch.of_all(earlier), plan._replace(substeps=int(some.body.substeps[0])), c,
+        if batches[0].rows is None:
+            plan = plan._replace(substeps=int(el.body.substeps[0]))
+            report = take_long_step(
+                el, bonds, batches[0].room, slow, inner[0], sizes, self._around, earlier, plan, c
             )  # fmt: skip
-            batch.give(run, around, self._around)
             self._check_settled(report, run)
-            broken += report.broken
+            broken = report.broken
+        else:
+            broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, plan)
         settle(run)
         run.time += run.parameters.stepping.time_step
         self.surround(run)
         if broken > 0:
             _update_fragments(run)
+
+    def _step_in_batches(
+        self, run: RunState, batches: list[Batch], slow: Partners, inner: list[Partners], sizes: Sizes, earlier: Ints,
+        plan: StepPlan,
+    ) -> int:  # fmt: skip
+        """Take the sub-steps of each batch for itself; returns the number of bonds broken."""
+        c = run.constants
+        report = kick_slowly(run.elements, run.bonds, slow, sizes, self._around, plan, c)
+        self._check_settled(report, run)
+        broken = report.broken
+        for batch, fast in zip(batches, inner, strict=True):
+            batch.take(run)
+            some, around = batch.elements, batch.surroundings(self._around)
+            report = take_substeps(
+                some, batch.bonds, batch.room, fast, interaction_sizes(some, c), around, batch.of_all(earlier),
+                plan._replace(substeps=int(some.body.substeps[0])), c,
+            )  # fmt: skip
+            batch.give(run, around, self._around)
+            self._check_settled(report, run)
+            broken += report.broken
+        return broken
 
     @staticmethod
     def _check_settled(report: StepReport, run: RunState) -> None:
@@ -215,22 +240,29 @@ class MultipleStepper(Forgetful):
     def _collisions(self, run: RunState, sizes: Sizes) -> Partners:
         """Partners of the slow kicks: elements of other bergs."""
         near, c = self._near, run.constants
-        found = near.collisions(run.elements, sizes, c)
+        near_by = near.collisions(run.elements, sizes, c)
         one_group = run.parameters.compatibility.bergs_coupled
-        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, found, sizes.radius, c)
+        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
         none = no_pairs(run.elements.size)
-        return Partners(none, none, found, np.zeros(0), group)
+        return Partners(none, none, near_by, np.zeros(0), group)
 
     def _batches(self, run: RunState) -> list[Batch]:
         """Split the elements by number of sub-steps, and those near the pole from the others."""
         kind = run.elements.body.substeps
         if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
             kind = 2 * kind + _has_berg_north_of(run.elements, POLAR_LATITUDE)
-        if (kind == kind[0]).all() or run.parameters.compatibility.bergs_coupled:
-            if self._all is None or self._all.population_version != run.population.version:
-                self._all = Batch(run, None)
-            return [self._all]
-        return [Batch(run, np.flatnonzero(kind == k)) for k in np.unique(kind)]
+        together = bool((kind == kind[0]).all()) or run.parameters.compatibility.bergs_coupled
+        # As long as no row comes or goes and the kinds stay, so do the batches, with their room and their lists.
+        standing = run.population.version, b"" if together else kind.tobytes()
+        if self._standing == standing:
+            for batch in self._kept:
+                batch.take(run)
+            return self._kept
+        self._standing = standing
+        self._kept = (
+            [Batch(run, None)] if together else [Batch(run, np.flatnonzero(kind == k)) for k in np.unique(kind)]
+        )
+        return self._kept
 
     def _plan(self, run: RunState) -> StepPlan:
         p, first = run.parameters, run.step_number == 0
@@ -277,12 +309,12 @@ class MultipleStepper(Forgetful):
             pairs.bond[: waiting.size] = -1
             pairs.count[0] = waiting.size
             return
-        found = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c)
-        if found.partner.size > pairs.first.size:
-            pairs = allocate_pairs(2 * found.partner.size)
+        candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c)
+        if candidates.partner.size > pairs.first.size:
+            pairs = allocate_pairs(2 * candidates.partner.size)
             batch.room = batch.room._replace(pairs=pairs)
         bonded, bond = batch.near.bonded(el, bonds)
-        pairs_from_list(pairs, found, bonded, bond)
+        pairs_from_list(pairs, candidates, bonded, bond)
 
 
 def _has_berg_north_of(el: Elements, latitude: float) -> Ints:

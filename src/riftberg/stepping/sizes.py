@@ -34,27 +34,35 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
 
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     """Compute the sizes of all elements; a constant size of 0 is one that is not given."""
-    radius, bond_radius, bond_mass, bond_area = _interaction_sizes(elements, p)
-    return Sizes(radius, elements.body.mass, bond_radius, bond_mass, bond_area)
+    body = elements.body
+    constant = p.constant_length * p.constant_width
+    # Only what it needs: to hand the whole state to compiled code takes longer than the loop.
+    radius, bond_radius, bond_mass, bond_area = _interaction_sizes(
+        body.length, body.width, body.thickness, body.mass, body.bond_area, p.constant_size, constant, p.rho_ice,
+        p.hexagonal, p.bonds_on,
+    )  # fmt: skip
+    return Sizes(radius, body.mass, bond_radius, bond_mass, bond_area)
 
 
 @kernel
-def _interaction_sizes(elements: Elements, p: KernelParameters) -> tuple[Floats, Floats, Floats, Floats]:
+def _interaction_sizes(
+    length: Floats, width: Floats, thickness: Floats, mass: Floats, known_area: Floats, constant_size: bool,
+    constant_area: float, rho_ice: float, hexagonal: bool, bonds_on: bool,
+) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
     """Return radius, and radius, mass and area in bonds; see `riftberg.kernels` why no named tuple."""
-    body = elements.body
-    count = body.mass.size
+    count = mass.size
     radius, bond_radius = np.empty(count), np.empty(count)
     bond_mass, bond_area = np.empty(count), np.empty(count)
     for e in range(count):
-        area = body.length[e] * body.width[e]
-        radius[e] = radius_of(area, p.hexagonal, p.bonds_on)
+        area = length[e] * width[e]
+        radius[e] = radius_of(area, hexagonal, bonds_on)
         # Not yet known where a state is looked at before a model has taken it.
-        constant = body.bond_area[e] if body.bond_area[e] > 0.0 else p.constant_length * p.constant_width
-        if p.constant_size and constant > 0.0:
+        constant = known_area[e] if known_area[e] > 0.0 else constant_area
+        if constant_size and constant > 0.0:
             bond_area[e] = constant
-            bond_mass[e] = bond_area[e] * body.thickness[e] * p.rho_ice
+            bond_mass[e] = bond_area[e] * thickness[e] * rho_ice
         else:
             bond_area[e] = area
-            bond_mass[e] = body.mass[e]
-        bond_radius[e] = radius_of(bond_area[e], p.hexagonal, True)
+            bond_mass[e] = mass[e]
+        bond_radius[e] = radius_of(bond_area[e], hexagonal, True)
     return radius, bond_radius, bond_mass, bond_area

@@ -14,8 +14,8 @@ from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.bond_law import bond_forces, gather_ends, keep_peaks, sum_over_bonds, unwrap_ends
-from riftberg.stepping.bond_rows import BondRows
-from riftberg.stepping.breaking import ContactPairs, add_contacts, any_exceeds, break_overloaded
+from riftberg.stepping.bond_rows import BondRows, allocate_rows
+from riftberg.stepping.breaking import ContactPairs, add_contacts, allocate_pairs, any_exceeds, break_overloaded
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.wear import damage_rows
@@ -48,6 +48,23 @@ def allocate_scratch(count: int) -> Scratch:
     return Scratch(*(np.zeros(count) for _ in Scratch._fields))
 
 
+class Room(NamedTuple):
+    """Room for the sub-steps of some bergs.
+
+    ``pairs`` holds the pairs of broken bonds or the candidates of a search.
+    """
+
+    rows: BondRows
+    pairs: ContactPairs
+    scratch: Scratch
+
+
+def allocate_room(elements: Elements, bonds: Bonds) -> Room:
+    """Return room for the sub-steps of these elements and bonds."""
+    pairs = allocate_pairs(max(bonds.first.size, 1))
+    return Room(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
+
+
 @kernel
 def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
     """Move the elements by their mid-step velocity and show position and velocity to the others (equations 6.4, 3a).
@@ -59,15 +76,20 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
     per_unit = DEGREE * radius if latlon else 1.0
     to_degrees = 1.0 if latlon else 0.0
     for e in range(place.lon.size):
-        wu = motion.u[e] + half * (kicks.ax_fast[e] + kicks.bx_fast[e])
-        wv = motion.v[e] + half * (kicks.ay_fast[e] + kicks.by_fast[e])
-        step = active[e] * dt
-        place.lon[e] += step * (wu / (per_unit * fast_cos_latitude(to_degrees * place.lat[e])))
-        place.lat[e] += step * (wv / per_unit)
-        shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
-        seen = motion.v[e] + half * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
-        shown.u_pair[e] = wu if active[e] > 0.0 else shown.u_pair[e]
-        shown.v_pair[e] = seen if active[e] > 0.0 else shown.v_pair[e]
+        # All loads stand before all stores, so that the loop vectorises (see `kick`).
+        u, v, ax, ay = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
+        bx, by, lon, lat = kicks.bx_fast[e], kicks.by_fast[e], place.lon[e], place.lat[e]
+        u_shown, v_shown, moves = shown.u_pair[e], shown.v_pair[e], active[e]
+        wu = u + half * (ax + bx)
+        wv = v + half * (ay + by)
+        step = moves * dt
+        lon += step * (wu / (per_unit * fast_cos_latitude(to_degrees * lat)))
+        lat += step * (wv / per_unit)
+        seen = v + half * (ay + (bx if q1 else by))
+        place.lon[e], place.lat[e] = lon, lat
+        shown.lon_pair[e], shown.lat_pair[e] = lon, lat
+        shown.u_pair[e] = wu if moves > 0.0 else u_shown
+        shown.v_pair[e] = seen if moves > 0.0 else v_shown
 
 
 @stage
@@ -233,17 +255,18 @@ def show_velocities(el: Elements, active: Floats) -> None:
     """Let the others see the new velocities."""
     shown, motion = el.shown, el.motion
     for e in range(motion.u.size):
-        shown.u_pair[e] = motion.u[e] if active[e] > 0.0 else shown.u_pair[e]
-        shown.v_pair[e] = motion.v[e] if active[e] > 0.0 else shown.v_pair[e]
+        u, v, u_shown, v_shown, moves = motion.u[e], motion.v[e], shown.u_pair[e], shown.v_pair[e], active[e] > 0.0
+        shown.u_pair[e] = u if moves else u_shown
+        shown.v_pair[e] = v if moves else v_shown
 
 
 @kernel
-def pairs_from_list(pairs: ContactPairs, found: PairList, bonded: PairList, bond_of: Ints) -> None:
+def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList, bond_of: Ints) -> None:
     """Fill ``pairs`` with the candidates of a search, each once, with the bond that still joins them or -1."""
     k = 0
-    for e in range(found.start.size - 1):
-        for n in range(found.start[e], found.start[e + 1]):
-            c = found.partner[n]
+    for e in range(candidates.start.size - 1):
+        for n in range(candidates.start[e], candidates.start[e + 1]):
+            c = candidates.partner[n]
             if c <= e:
                 continue
             pairs.first[k], pairs.second[k], pairs.bond[k] = e, c, -1

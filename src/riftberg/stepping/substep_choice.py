@@ -60,9 +60,9 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
         If the given number makes the sub-step longer than the stable one; not in runs with the reference's quirks,
         which must run as they stand.
     """
-    given = p.stepping.substeps
-    if given is not None and (p.compatibility.zero_start or not p.stepping.explicit_substeps):
-        return given
+    fixed = p.stepping.substeps
+    if fixed is not None and (p.compatibility.zero_start or not p.stepping.explicit_substeps):
+        return fixed
     dt, stable = p.stepping.time_step, stable_substep(p, elements, bonds, sizes)
     wanted = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
     if not wanted < MOST_COUNTED:
@@ -72,16 +72,16 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
             remedy="Look at thickness, radius, ice.density and bonds.youngs_modulus: one of them is far out of range",
         )
     least = max(1, math.ceil(wanted - 1e-9)) if math.isfinite(stable) else 1
-    if given is None:
+    if fixed is None:
         return least
-    if dt / given > stable:
+    if dt / fixed > stable:
         raise InputError(
-            f"sub-step of {dt / given:.3g} s ({given} in {dt:g} s) is longer than the stable {stable:.3g} s "
+            f"sub-step of {dt / fixed:.3g} s ({fixed} in {dt:g} s) is longer than the stable {stable:.3g} s "
             "of these bonds",
             where="stepping.substeps",
             remedy=f"Set it to {least} or more, or leave it out to have it chosen",
         )
-    return given
+    return fixed
 
 
 def coarse_sizes(elements: Elements) -> tuple[Floats, ...]:
@@ -130,8 +130,8 @@ def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
         elements.body.substeps[:] = choose_substeps(p, elements, bonds, sizes)
         return
     touched = np.isin(part, part[chosen])
-    given = p.stepping.substeps
-    elements.body.substeps[touched] = 1 if given is None else given
+    fixed = p.stepping.substeps
+    elements.body.substeps[touched] = 1 if fixed is None else fixed
     bonded = np.bincount(part)[part] > 1
     for k in np.unique(part[touched & bonded]):
         rows = np.flatnonzero(part == k)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from riftberg.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
-from riftberg.state import Elements
+from riftberg.state import Elements, Floats
 from riftberg.stepping.interactions import Partners, Terms, interaction_terms
-from riftberg.stepping.media import LINEAR, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, keep_applied
+from riftberg.stepping.media import LINEAR, MEDIA, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, keep_applied
 
 WITH_SURROUNDINGS, INTERACTIONS_ONLY = 0, 1
 
@@ -41,11 +41,10 @@ def _stage_speed(u1, v1, us, vs, uk, vk):
 
 
 @kernel
-def drags(e, u_star, v_star, around, mean_speeds, u1, v1, u0, v0, us, vs):
+def drags(e, u_star, v_star, media, rates, acts, mean_speeds, u1, v1, u0, v0, us, vs):
     """Sum the drags of the media that act: deceleration at (u_star, v_star), m s-2, and rate, s-1; keep each rate."""
-    media, rates, acts = around.media, around.rate, around.acts
     drag_x = drag_y = total = 0.0
-    for m in range(acts.size):
+    for m in range(len(MEDIA)):
         if not acts[m]:
             continue
         uk, vk, rate = media[e, m, U], media[e, m, V], media[e, m, LINEAR]
@@ -60,21 +59,21 @@ def drags(e, u_star, v_star, around, mean_speeds, u1, v1, u0, v0, us, vs):
 
 
 @kernel
-def pushes(e, around):
+def pushes(e, media, acts):
     """Sum of the pushes of the media that act on element ``e``, m s-2."""
     push_x = push_y = 0.0
-    for m in range(around.acts.size):
-        if around.acts[m]:
-            push_x += around.media[e, m, PUSH_X]
-            push_y += around.media[e, m, PUSH_Y]
+    for m in range(len(MEDIA)):
+        if acts[m]:
+            push_x += media[e, m, PUSH_X]
+            push_y += media[e, m, PUSH_Y]
     return push_x, push_y
 
 
 @kernel
 def solve_once(
     e: int, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, u1: float, v1: float,
-    push_x: float, push_y: float, around: Surroundings, t: Terms, share: float, explicit_part: float,
-    mean_speeds: bool, turn_part: float, mode: int, dt: float,
+    push_x: float, push_y: float, f: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], t: Terms, share: float,
+    explicit_part: float, mean_speeds: bool, turn_part: float, mode: int, dt: float,
 ) -> tuple[float, float]:  # fmt: skip
     """One pass of the solve: acceleration (m s-2) with drag at the iterate (u1, v1).
 
@@ -87,10 +86,10 @@ def solve_once(
         rx, ry = 0.5 * t.ix - share * damp_x, 0.5 * t.iy - share * damp_y
         rate = turn = 0.0
     else:
-        drag_x, drag_y, rate = drags(e, u_star, v_star, around, mean_speeds, u1, v1, u0, v0, us, vs)
+        drag_x, drag_y, rate = drags(e, u_star, v_star, media, rates, acts, mean_speeds, u1, v1, u0, v0, us, vs)
         rx = explicit_part * push_x - share * (drag_x + damp_x)
         ry = explicit_part * push_y - share * (drag_y + damp_y)
-        turn = turn_part * around.coriolis[e]
+        turn = turn_part * f
     a11 = 1.0 + share * dt * (rate + t.p11)
     a22 = 1.0 + share * dt * (rate + t.p22)
     a12 = share * dt * (t.p12 - turn)
@@ -113,17 +112,18 @@ def explicit_acceleration(
 @kernel
 def apply_at_velocities(el: Elements, around: Surroundings) -> None:
     """Keep the forces of a moment: those that act at the velocities of the elements, without a step."""
-    motion = el.motion
+    motion, media, rates, acts = el.motion, around.media, around.rate, around.acts
+    applied, coriolis = around.applied, around.coriolis
     for e in range(motion.u.size):
         u, v = motion.u[e], motion.v[e]
-        drags(e, u, v, around, True, u, v, u, v, u, v)
-        keep_applied(e, u, v, u, v, around)
+        drags(e, u, v, media, rates, acts, True, u, v, u, v, u, v)
+        keep_applied(e, u, v, u, v, media, rates, acts, coriolis[e], applied)
 
 
 @stage
 def solve_velocity(
-    e, x, y, u_star, v_star, u0, v0, us, vs, around, share, explicit_part, mean_speeds, centred, mode, dt, mass, alone,
-    partners, plain, bond_size, view, law,
+    e, x, y, u_star, v_star, u0, v0, us, vs, media, rates, acts, coriolis, applied, share, explicit_part, mean_speeds,
+    centred, mode, dt, mass, alone, partners, plain, bond_size, view, law,
 ):  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
 
@@ -138,8 +138,9 @@ def solve_velocity(
         Velocity at the start of the step.
     us, vs : float
         Velocity of the Runge-Kutta stage; (u0, v0) otherwise.
-    around : Surroundings
-        Of all elements; the forces that this solve applies are kept in it.
+    media, rates, acts, coriolis, applied
+        Fields of `riftberg.stepping.media.Surroundings`, of all elements, taken out of it before the loop over the
+        elements; the forces that this solve applies are kept in ``applied``.
     share : float
         1 for single steps, 1/2 for two half kicks.
     explicit_part : float
@@ -170,15 +171,15 @@ def solve_velocity(
         t = interaction_terms(e, x, y, u0, v0, us, vs, partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
     cu, cv = (u_star, v_star) if explicit_part < 1.0 else (us, vs)
-    f = around.coriolis[e]
-    media_x, media_y = pushes(e, around)
+    f = coriolis[e]
+    media_x, media_y = pushes(e, media, acts)
     push_x = media_x + t.ix + f * cv
     push_y = media_y + t.iy - f * cu
     # The matrix adds what the change of velocity adds to the Coriolis force: all, half, or nothing in Runge-Kutta stages.
     turn_part = 1.0 if centred else (0.5 if explicit_part < 1.0 else 0.0)
     ax, ay = solve_once(
-        e, u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
-        mode, dt,
+        e, u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, f, media, rates, acts, t, share, explicit_part,
+        mean_speeds, turn_part, mode, dt,
     )  # fmt: skip
     if not alone:
         t = interaction_terms(
@@ -187,14 +188,14 @@ def solve_velocity(
     u1, v1 = u_star + dt * ax, v_star + dt * ay
     du, dv = (u1, v1) if centred else (u0, v0)
     ax, ay = solve_once(
-        e, u_star, v_star, du, dv, us, vs, u1, v1, push_x, push_y, around, t, share, explicit_part, mean_speeds, turn_part,
-        mode, dt,
+        e, u_star, v_star, du, dv, us, vs, u1, v1, push_x, push_y, f, media, rates, acts, t, share, explicit_part,
+        mean_speeds, turn_part, mode, dt,
     )  # fmt: skip
     u1, v1 = u_star + dt * ax, v_star + dt * ay
     a_x, a_y = explicit_acceleration(u1, v1, media_x, media_y, f, t, explicit_part, mode)
     if mode == WITH_SURROUNDINGS:
         ahead = 2.0 * share * turn_part * dt
-        keep_applied(e, u1, v1, cu + ahead * ax, cv + ahead * ay, around)
+        keep_applied(e, u1, v1, cu + ahead * ax, cv + ahead * ay, media, rates, acts, f, applied)
     return Solution(
         ax,
         ay,

@@ -24,6 +24,7 @@ def update_velocities(
     view, law = pair_view(el, sizes), pair_law(p)
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     find_surroundings(el, sizes, around, p)
+    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     alone = lone_elements(partners)
     for e in range(motion.u.size):
         if body.static[e] >= 0.5:
@@ -32,8 +33,8 @@ def update_velocities(
         motion.u_sync[e], motion.v_sync[e] = u - 0.5 * dt * kicks.bx[e], v - 0.5 * dt * kicks.by[e]
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
         s = solve_velocity(
-            e, place.lon[e], place.lat[e], us, vs, u, v, u, v, around, 1.0, 0.5, True, False, mode, dt,
-            body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
+            e, place.lon[e], place.lat[e], us, vs, u, v, u, v, media, rates, acts, coriolis, applied, 1.0, 0.5, True,
+            False, mode, dt, body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = s.a_x, s.a_y, s.b_x, s.b_y

@@ -25,12 +25,12 @@ def _loaded(rows, count, threshold):
 
     Rows without stress and strength, and those whose stress is not a number, are not among them.
     """
-    found = 0.0
+    loaded = 0
     for r in range(count):
         tension, shear = threshold * rows.normal_limit[r], threshold * rows.shear_limit[r]
         over = (rows.normal_stress[r] > tension) | (rows.shear_stress[r] > shear)
-        found += rows.alive[r] if over else 0.0
-    return found
+        loaded += 1 if over & (rows.alive[r] > 0.0) else 0
+    return loaded
 
 
 @kernel

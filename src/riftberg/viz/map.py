@@ -13,6 +13,7 @@ from riftberg.errors import InputError
 from riftberg.runs.background import stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
+from riftberg.values import required
 from riftberg.viz import colours, style
 from riftberg.viz.moments import moment_text, moment_texts, span_text
 from riftberg.viz.panels import (
@@ -106,6 +107,7 @@ def draw_map(
     >>> draw_map(run, ax=right, date="2020-12-17T13:00")                    # doctest: +SKIP
     >>> figure.savefig("berg.pdf")                                          # doctest: +SKIP
     """
+    required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_map")
     scene, water = Scene(run), forcing or stored_water(run)
     if ax is not None:
         if path is not None:

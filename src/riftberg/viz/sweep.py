@@ -10,6 +10,7 @@ import xarray as xr
 
 from riftberg.errors import InputError
 from riftberg.runs.scene import Box
+from riftberg.values import required
 from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
 
@@ -40,7 +41,8 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     InputError
         If no member is done.
     """
-    if not (result["status"] == 0).any():
+    required(result, xr.Dataset, "what riftberg.sweep or riftberg.open_sweep returns", where="draw_sweep")
+    if "status" not in result or not (result["status"] == 0).any():
         raise InputError("no member of this sweep is done", where="draw_sweep", remedy="Look at its messages")
     figure = style.new_figure(13.5, 7.2, dpi)
     _SweepFigure(figure, result.isel(member=(result["status"] == 0).values)).draw(int((result["status"] != 0).sum()))
