@@ -264,7 +264,7 @@ def test_the_command_that_is_printed_goes_on_with_all_options(
         "forcing: {kind: constant, current: [0.2, 0.0]}\n"
     )
     given = ["run", str(tmp_path / "a slab.yaml"), "--days", "0.15", "--every", "1", "--forces", "--no-map", "--quiet"]
-    given += ["--set", "ice.density=870", "--set", "stepping.substeps=20", "--allow-large"]
+    given += ["--set", "ice.density=870", "--set", "stepping.substeps=80", "--allow-large"]
     whole = CliRunner().invoke(app, [*given, "-o", str(tmp_path / "whole")])
     assert whole.exit_code == 0, whole.output
     _PressedInARealRun(monkeypatch, stop)

@@ -1,0 +1,310 @@
+"""The exchange behind the Basic Model Interface 2.0 (bmipy; Hutton et al. 2020), for frameworks that couple models by it.
+
+Needs the extra ``bmi``. Fields lie in the middle of the cells of a regular grid of longitude and latitude.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from bmipy import Bmi
+from numpy.typing import NDArray
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.coupling.exchange import Exchange, ocean_grid
+from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.names import GIVEN, TAKEN
+from riftberg.errors import InputError
+from riftberg.input_files import check_file, reading
+from riftberg.limits import MOST_YAML
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+
+SECTIONS: Final = ("grid", "berg", "parameters", "ocean", "days")
+"""What a configuration file may hold."""
+
+_GRID: Final = ("west", "east", "south", "north", "columns", "rows")
+_STRESS: Final = ("surface_downward_eastward_stress", "surface_downward_northward_stress")
+
+
+class BmiRiftberg(Bmi):
+    """Bergs beside an ocean, behind the Basic Model Interface.
+
+    Input variables are those of `riftberg.coupling.names.TAKEN` (wind, not its stress), output variables those of
+    `riftberg.coupling.names.GIVEN`, by these names.
+
+    Examples
+    --------
+    A configuration file::
+
+        grid: {west: -40, east: -36, south: -58, north: -55, columns: 16, rows: 12, depth: 3000}
+        berg: {length: 30000, width: 12000, thickness: 200, lon: -38, lat: -56.5}
+        parameters: {melt: {enabled: true}}
+        ocean: {sea_surface_temperature: 1.5, sea_surface_salinity: 34.0}
+        days: 10
+    """
+
+    def __init__(self) -> None:
+        self._exchange: Exchange | None = None
+        self._values: dict[str, NDArray[np.float64]] = {}
+        self._end = 0.0
+
+    # ------------------------------------------------------------------------------------------------- from start to end
+
+    def initialize(self, config_file: str) -> None:
+        """Read a configuration file, and set the model up.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, or says something that cannot be.
+        """
+        said = _read(Path(config_file))
+        box = said["grid"]
+        columns, rows = int(box["columns"]), int(box["rows"])
+        lon, lat = np.meshgrid(
+            np.linspace(box["west"], box["east"], columns + 1), np.linspace(box["south"], box["north"], rows + 1)
+        )
+        grid = ocean_grid(lon, lat)
+        self._spacing = (float(lat[1, 0] - lat[0, 0]), float(lon[0, 1] - lon[0, 0]))
+        self._origin = (float(box["south"]) + 0.5 * self._spacing[0], float(box["west"]) + 0.5 * self._spacing[1])
+        self._shape = rows, columns
+        forcing = OceanForcing(grid, grid.fields(depth=float(box.get("depth", 4000.0))))
+        model = Model(_berg(said.get("berg", {})), forcing, Parameters(**said.get("parameters", {})))
+        self._exchange = Exchange(model, staggering="A", wind_staggering="A")
+        self._end = 86400.0 * float(said.get("days", 1.0))
+        self._values = {name: np.zeros(self._shape) for name in (*self.get_input_var_names(), *GIVEN)}
+        self._values["sea_floor_depth_below_geoid"][:] = float(box.get("depth", 4000.0))
+        self._values["sea_surface_salinity"][:] = 34.0
+        for name, value in said.get("ocean", {}).items():
+            if name not in self.get_input_var_names():
+                raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
+            self._values[name][:] = float(value)
+
+    @property
+    def exchange(self) -> Exchange:
+        """The exchange behind the interface."""
+        if self._exchange is None:
+            raise InputError("not initialized", where="BmiRiftberg", remedy="Call initialize(config_file) first")
+        return self._exchange
+
+    def update(self) -> None:
+        """Take one step."""
+        given = self.exchange.step({name: self._values[name] for name in self.get_input_var_names()})
+        for name, quantity in GIVEN.items():
+            self._values[name][:] = given[quantity.short].values
+
+    def update_until(self, time: float) -> None:
+        """Step until a time (s); it must be reached by whole steps."""
+        step = self.get_time_step()
+        count = round((time - self.get_current_time()) / step)
+        if count < 0 or abs(self.get_current_time() + count * step - time) > 1e-6 * step:
+            raise InputError(f"time {time:g} s is not reached by whole steps of {step:g} s", where="update_until")
+        for _ in range(count):
+            self.update()
+
+    def finalize(self) -> None:
+        """Let the model go."""
+        self._exchange, self._values = None, {}
+
+    # ------------------------------------------------------------------------------------------------------ what it is
+
+    def get_component_name(self) -> str:
+        """Return the name of the model."""
+        return "Riftberg"
+
+    def get_input_item_count(self) -> int:
+        """Return the number of input variables."""
+        return len(self.get_input_var_names())
+
+    def get_output_item_count(self) -> int:
+        """Return the number of output variables."""
+        return len(GIVEN)
+
+    def get_input_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Return the names of the input variables."""
+        return tuple(name for name in TAKEN if name not in _STRESS)
+
+    def get_output_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Return the names of the output variables."""
+        return tuple(GIVEN)
+
+    def get_var_grid(self, name: str) -> int:
+        """Return the number of the grid of a variable."""
+        self._of(name)
+        return 0
+
+    def get_var_type(self, name: str) -> str:
+        """Return the type of a variable."""
+        return str(self._of(name).dtype)
+
+    def get_var_units(self, name: str) -> str:
+        """Return the units of a variable."""
+        return {**TAKEN, **GIVEN}[name].units
+
+    def get_var_itemsize(self, name: str) -> int:
+        """Return the size of one number, bytes."""
+        return int(self._of(name).itemsize)
+
+    def get_var_nbytes(self, name: str) -> int:
+        """Return the size of a variable, bytes."""
+        return int(self._of(name).nbytes)
+
+    def get_var_location(self, name: str) -> str:
+        """Return where the numbers of a variable stand."""
+        self._of(name)
+        return "node"
+
+    def get_current_time(self) -> float:
+        """Return the time since the start, s."""
+        return self.exchange.model.time
+
+    def get_start_time(self) -> float:
+        """Return the time at the start, s."""
+        return 0.0
+
+    def get_end_time(self) -> float:
+        """Return the time at the end, s."""
+        return self._end
+
+    def get_time_units(self) -> str:
+        """Return the unit of time."""
+        return "s"
+
+    def get_time_step(self) -> float:
+        """Return the time step, s."""
+        return self.exchange.ocean_step
+
+    # ---------------------------------------------------------------------------------------------------------- values
+
+    def _of(self, name: str) -> NDArray[np.float64]:
+        if name not in self._values:
+            raise InputError(
+                f"no variable {name!r}", where="BmiRiftberg", remedy="See get_input_var_names and get_output_var_names"
+            )
+        return self._values[name]
+
+    def get_value(self, name: str, dest: NDArray[Any]) -> NDArray[Any]:
+        """Copy a variable."""
+        dest[:] = self._of(name).reshape(dest.shape)
+        return dest
+
+    def get_value_ptr(self, name: str) -> NDArray[Any]:
+        """Return a variable itself."""
+        return self._of(name).reshape(-1)
+
+    def get_value_at_indices(self, name: str, dest: NDArray[Any], inds: NDArray[Any]) -> NDArray[Any]:
+        """Copy some numbers of a variable."""
+        dest[:] = self._of(name).reshape(-1)[inds]
+        return dest
+
+    def set_value(self, name: str, src: NDArray[Any]) -> None:
+        """Set a variable."""
+        values = self._of(name)
+        values[:] = np.asarray(src, dtype=float).reshape(values.shape)
+
+    def set_value_at_indices(self, name: str, inds: NDArray[Any], src: NDArray[Any]) -> None:
+        """Set some numbers of a variable."""
+        self._of(name).reshape(-1)[inds] = src
+
+    # ------------------------------------------------------------------------------------------------------------ grid
+
+    def get_grid_rank(self, grid: int) -> int:
+        """Return the number of dimensions."""
+        return 2
+
+    def get_grid_size(self, grid: int) -> int:
+        """Return the number of cells."""
+        return self._shape[0] * self._shape[1]
+
+    def get_grid_type(self, grid: int) -> str:
+        """Return the kind of grid."""
+        return "uniform_rectilinear"
+
+    def get_grid_shape(self, grid: int, shape: NDArray[Any]) -> NDArray[Any]:
+        """Return rows and columns."""
+        shape[:] = self._shape
+        return shape
+
+    def get_grid_spacing(self, grid: int, spacing: NDArray[Any]) -> NDArray[Any]:
+        """Return the spacing of rows and columns, degrees."""
+        spacing[:] = self._spacing
+        return spacing
+
+    def get_grid_origin(self, grid: int, origin: NDArray[Any]) -> NDArray[Any]:
+        """Return latitude and longitude of the first cell."""
+        origin[:] = self._origin
+        return origin
+
+    def _axis(self, k: int, out: NDArray[Any]) -> NDArray[Any]:
+        out[:] = self._origin[k] + self._spacing[k] * np.arange(self._shape[k])
+        return out
+
+    def get_grid_x(self, grid: int, x: NDArray[Any]) -> NDArray[Any]:
+        """Return the longitudes of the columns."""
+        return self._axis(1, x)
+
+    def get_grid_y(self, grid: int, y: NDArray[Any]) -> NDArray[Any]:
+        """Return the latitudes of the rows."""
+        return self._axis(0, y)
+
+    def get_grid_z(self, grid: int, z: NDArray[Any]) -> NDArray[Any]:
+        """Refuse: the grid has two dimensions."""
+        raise NotImplementedError("get_grid_z")
+
+    def get_grid_node_count(self, grid: int) -> int:
+        """Return the number of cells."""
+        return self.get_grid_size(grid)
+
+    def get_grid_edge_count(self, grid: int) -> int:
+        """Refuse: the grid is no mesh."""
+        raise NotImplementedError("get_grid_edge_count")
+
+    def get_grid_face_count(self, grid: int) -> int:
+        """Refuse: the grid is no mesh."""
+        raise NotImplementedError("get_grid_face_count")
+
+    def get_grid_edge_nodes(self, grid: int, edge_nodes: NDArray[Any]) -> NDArray[Any]:
+        """Refuse: the grid is no mesh."""
+        raise NotImplementedError("get_grid_edge_nodes")
+
+    def get_grid_face_edges(self, grid: int, face_edges: NDArray[Any]) -> NDArray[Any]:
+        """Refuse: the grid is no mesh."""
+        raise NotImplementedError("get_grid_face_edges")
+
+    def get_grid_face_nodes(self, grid: int, face_nodes: NDArray[Any]) -> NDArray[Any]:
+        """Refuse: the grid is no mesh."""
+        raise NotImplementedError("get_grid_face_nodes")
+
+    def get_grid_nodes_per_face(self, grid: int, nodes_per_face: NDArray[Any]) -> NDArray[Any]:
+        """Refuse: the grid is no mesh."""
+        raise NotImplementedError("get_grid_nodes_per_face")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Read a configuration file; its names are checked."""
+    check_file(path, most=MOST_YAML, remedy="Name a YAML file")
+    with reading(path, "cannot be read", "Write it as YAML"):
+        said = yaml.safe_load(path.read_text("utf-8"))
+    if not isinstance(said, dict) or not isinstance(said.get("grid"), dict):
+        raise InputError("no section 'grid'", where=str(path), remedy=f"Give {', '.join(_GRID)} under grid")
+    for name in said:
+        if name not in SECTIONS:
+            raise InputError(f"unknown section {name!r}", where=str(path), remedy=f"Sections are {', '.join(SECTIONS)}")
+    missing = [name for name in _GRID if not isinstance(said["grid"].get(name), int | float)]
+    if missing:
+        raise InputError(
+            f"no number for grid.{missing[0]}", where=str(path), remedy=f"Give {', '.join(_GRID)} under grid"
+        )
+    return said
+
+
+def _berg(said: dict[str, Any]) -> Iceberg:
+    place = float(said.get("lon", 0.0)), float(said.get("lat", 0.0))
+    return Iceberg.rectangle(
+        float(said.get("length", 2000.0)), float(said.get("width", 2000.0)), thickness=float(said.get("thickness", 200.0)),
+        placement=place,
+    )  # fmt: skip

@@ -1,0 +1,85 @@
+"""The Basic Model Interface: names, values, time, grid; the same numbers as the exchange; bad configurations refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from riftberg.errors import InputError
+
+bmi = pytest.importorskip("riftberg.coupling.bmi", reason="the extra bmi is not installed")
+
+CONFIGURATION = """
+grid: {west: -40, east: -36, south: -58, north: -55, columns: 16, rows: 12, depth: 3000}
+berg: {length: 6000, width: 6000, thickness: 200, lon: -38, lat: -56.5}
+parameters: {melt: {enabled: true, mode: berg, base: turbulent}}
+ocean: {sea_surface_temperature: 1.5}
+days: 1
+"""
+
+
+@pytest.fixture
+def model(tmp_path: Path):
+    path = tmp_path / "riftberg.yaml"
+    path.write_text(CONFIGURATION)
+    component = bmi.BmiRiftberg()
+    component.initialize(str(path))
+    return component
+
+
+def test_a_step_gives_melt_water_where_the_berg_is(model) -> None:
+    name = "water_flux_into_sea_water_from_icebergs"
+    model.update()
+    flux = model.get_value(name, np.zeros(12 * 16))
+    assert flux.max() > 0.0
+    assert model.get_current_time() == model.get_time_step() == 1800.0
+    assert model.get_value_ptr(name) is not flux
+    np.testing.assert_array_equal(model.get_value_ptr(name), flux)
+    where = np.array([int(flux.argmax())])
+    assert model.get_value_at_indices(name, np.zeros(1), where)[0] == flux.max()
+    assert abs(model.exchange.balance().error) < 1e-12
+
+
+def test_input_is_set_as_a_whole_and_in_part(model) -> None:
+    name = "sea_surface_temperature"
+    model.set_value(name, np.full(12 * 16, 3.0))
+    model.set_value_at_indices(name, np.array([0, 5]), np.array([4.0, 5.0]))
+    assert model.get_value_ptr(name)[[0, 1, 5]].tolist() == [4.0, 3.0, 5.0]
+    model.update_until(3600.0)
+    assert model.get_current_time() == 3600.0
+    with pytest.raises(InputError, match="whole steps"):
+        model.update_until(4000.0)
+
+
+def test_names_units_and_grid(model) -> None:
+    names = (*model.get_input_var_names(), *model.get_output_var_names())
+    assert len(names) == model.get_input_item_count() + model.get_output_item_count()
+    for name in names:
+        assert model.get_var_units(name)
+        assert model.get_var_nbytes(name) == model.get_var_itemsize(name) * model.get_grid_size(
+            model.get_var_grid(name)
+        )
+    assert model.get_grid_shape(0, np.zeros(2, int)).tolist() == [12, 16]
+    assert model.get_grid_y(0, np.zeros(12))[[0, -1]].tolist() == pytest.approx([-57.875, -55.125])
+    assert model.get_grid_x(0, np.zeros(16))[[0, -1]].tolist() == pytest.approx([-39.875, -36.125])
+    model.finalize()
+    with pytest.raises(InputError, match="not initialized"):
+        model.update()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("days: 3", "no section 'grid'"),
+        ("grid: {west: 1}", "no number for grid.east"),
+        (CONFIGURATION + "gird: 3", "unknown section 'gird'"),
+        (CONFIGURATION.replace("sea_surface_temperature", "temperature"), "unknown field 'temperature'"),
+    ],
+)
+def test_configurations_that_cannot_be_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "c.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        bmi.BmiRiftberg().initialize(str(path))
