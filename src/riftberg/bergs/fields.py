@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Floats
@@ -107,7 +107,7 @@ def places(
         done = order[:n]
         for _ in range(TRIES):
             x, y = _drawn(west, east, south, north, metric.latlon, random)
-            dx, dy = separation(metric, lon[done], lat[done], np.asarray(x), np.asarray(y))
+            dx, dy = separations(metric, lon[done], lat[done], np.asarray(x), np.asarray(y))
             if n == 0 or (np.hypot(dx, dy) > radius[done] + radius[k] + gap).all():
                 lon[k], lat[k] = x, y
                 break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric, separation
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
@@ -77,7 +77,7 @@ def will_touch(
     """
     shown = el.shown
     metric = Metric(c.latlon, c.earth_radius, c.period)
-    dx, dy = separation(
+    dx, dy = separations(
         metric, shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second]
     )
     du, dv = shown.u_pair[first] - shown.u_pair[second], shown.v_pair[first] - shown.v_pair[second]
