@@ -254,7 +254,7 @@ class BareModel(RunState):
                 self.life.act(self)
             for process in self.after_step:
                 process(self)
-            if self.after_step:  # a scheme changes neither rows nor sizes
+            if self.life is not None or self.after_step:  # a scheme changes neither rows nor sizes
                 self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
