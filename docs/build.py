@@ -76,8 +76,8 @@ def parameters_page() -> str:
         "Impossible values and unknown names are refused.\n",
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
-        "the default. `Model(berg, ocean)`, the built-in experiments and YAML files take `A68A_2022`;",
-        "`Parameters()` and `preset: default` start from the defaults. Sources are sections of [the equations](../explanation/equations.md)",
+        "the default. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
+        "preset take the defaults, `Parameters()`, which hold for bergs of any size. Sources are sections of [the equations](../explanation/equations.md)",
         "and of those of [melt, calving and files](../explanation/equations-of-life.md), or names in KID's namelist;",
         "Q numbers stand in",
         "[differences from the reference](../explanation/differences-from-the-reference.md).\n",
@@ -102,7 +102,8 @@ def parameters_page() -> str:
 
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
-    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
+    from riftberg.experiments.formula_schema import formula_parts
+    from riftberg.experiments.schema import PRESETS, FieldOfBergs, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
     from riftberg.experiments.yaml_file import sections
 
     text = [
@@ -118,6 +119,8 @@ def experiment_page() -> str:
         ("berg.lattice", LatticeRows),
         ("berg.rifts, each", Rift),
         ("berg.strength", Strength),
+        ("berg.field", FieldOfBergs),
+        *((f"forcing.{name}, kind: formula", part) for name, part in formula_parts()),
     )
     for name, fields in (*sections(), *((name, kind.model_fields) for name, kind in shapes)):
         text.append(f"## {name or 'top level'}\n")

@@ -8,7 +8,7 @@ Any dataset with CF names and units is a forcing. Here it is a round eddy whose 
 import numpy as np
 import xarray as xr
 
-from riftberg import DatasetForcing, Iceberg, Model, draw_map
+from riftberg import A68A_2022, DatasetForcing, Iceberg, Model, draw_map
 
 lon, lat = np.linspace(-39, -35, 81), np.linspace(-57.2, -54.8, 81)
 x = (lon[None, :] + 37) * 111.2e3 * np.cos(np.radians(56))
@@ -32,7 +32,7 @@ sea = xr.Dataset(
 
 start = "2020-12-09"
 berg = Iceberg.rectangle("40 km", "15 km", thickness="200 m", placement=(-37.0, -56.0))
-model = Model(berg, DatasetForcing.from_xarray(sea, start), start=start)
+model = Model(berg, DatasetForcing.from_xarray(sea, start), A68A_2022, start)
 run = model.run(days=3)
 draw_map(run, "eddy.png", forcing=model.forcing, title="A high of the sea turns a berg")
 

@@ -8,7 +8,7 @@ Bonds along a line are weakened. In a current that pulls the two halves apart, t
 import numpy as np
 import xarray as xr
 
-from riftberg import DatasetForcing, Iceberg, Model, draw_map
+from riftberg import A68A_2022, DatasetForcing, Iceberg, Model, draw_map
 
 lon, lat = np.linspace(-38.5, -35.5, 61), np.linspace(-56.8, -55.2, 33)
 x = (lon[None, :] + 37) * 111.2e3 * np.cos(np.radians(56)) + 0 * lat[:, None]
@@ -21,7 +21,7 @@ sea = xr.Dataset(
 berg = Iceberg.rectangle("60 km", "15 km", thickness="200 m", placement=(-37.0, -56.0), offset=(0.0, 0.0))
 rifted = berg.with_rifts([[-37.01, -56.2], [-37.01, -55.8]], strength=0.02)
 
-model = Model(rifted, DatasetForcing.from_xarray(sea, "2020-12-09"), start="2020-12-09")
+model = Model(rifted, DatasetForcing.from_xarray(sea, "2020-12-09"), A68A_2022, "2020-12-09")
 run = model.run(days=1)
 draw_map(run, "rift.png", forcing=model.forcing, title="A berg breaks along its rift")
 

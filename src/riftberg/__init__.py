@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
+    from riftberg.ocean.ready_made import Forcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
@@ -43,6 +44,7 @@ _HOMES = {
     "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
+    "Forcing": "riftberg.ocean.ready_made",
     "open_run": "riftberg.runs.run_file",
     "open_sweep": "riftberg.ensembles.result",
     "sweep": "riftberg.ensembles.sweep",
@@ -55,6 +57,7 @@ __all__ = [
     "A68A_2022_KID",
     "DatasetForcing",
     "FieldRules",
+    "Forcing",
     "GriddedForcing",
     "Iceberg",
     "Model",

@@ -24,11 +24,12 @@ from riftberg.life.needs import check_water
 from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
-from riftberg.parameters import A68A_2022, Parameters
+from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved
 from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
 from riftberg.stepping.conglomerates import connected_parts
+from riftberg.stepping.contacts import ContactLog
 from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
@@ -67,9 +68,10 @@ class BareModel(RunState):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
-        All parameters; the published A68a physics with Riftberg's numerics by default.
+        All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
     start : date, optional
-        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp.
+        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
+        that of the forcing, if it counts from a date.
 
     Attributes
     ----------
@@ -98,16 +100,19 @@ class BareModel(RunState):
         berg: Iceberg,
         forcing: Forcing,
         parameters: Parameters | None = None,
-        start: datetime | date | str | np.datetime64 = DEFAULT_START,
+        start: datetime | date | str | np.datetime64 | None = None,
     ) -> None:
-        asked = A68A_2022 if parameters is None else parameters
+        asked = Parameters() if parameters is None else parameters
         check_arguments(berg, forcing, asked)
-        start = moment(start, where="start")
+        began = start_of(forcing, None if start is None else moment(start, where="start"))
         check_coordinates(berg, forcing, asked)
+        check_balance(forcing, asked)
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
-        self._begin(Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), start)
+        self._begin(
+            Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), began, bergs=berg.bergs
+        )
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
@@ -115,21 +120,23 @@ class BareModel(RunState):
     @classmethod
     def going_on(
         cls, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float,
-        step_number: int, fragments: Sequence[Fragment],
+        step_number: int, fragments: Sequence[Fragment], bergs: Sequence[tuple[str, int]] = (),
+        contacts: ContactLog | None = None,
     ) -> Self:  # fmt: skip
         """Return a model that stands at a state reached before."""
         model = cls.__new__(cls)
-        model._begin(population, forcing, parameters, start, time, step_number, fragments)
+        model._begin(population, forcing, parameters, start, time, step_number, fragments, bergs)
+        model.contacts = ContactLog() if contacts is None else contacts
         return model
 
     def _begin(
         self, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float = 0.0,
-        step_number: int = 0, fragments: Sequence[Fragment] = (),
+        step_number: int = 0, fragments: Sequence[Fragment] = (), bergs: Sequence[tuple[str, int]] = (),
     ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
         super().__init__(
-            population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments)), start, time,
-            step_number,
+            population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments), bergs), start,
+            time, step_number,
         )  # fmt: skip
         self.life = LifeProcess(parameters) if lives(parameters) else None
         self.after_step: list[Process] = []
@@ -241,12 +248,18 @@ class BareModel(RunState):
         if self.step_number == 0 and not self._visited:
             self._first_visit()
         self._follow_changes()
-        before = self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered)
+        before = (
+            self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered),
+            self.contacts.saved(),
+        )  # fmt: skip
         try:
             if self.elements.size:
                 self._stepper.step(self)
                 self._stepped = self.elements.body.id.copy()
                 self._check_finite()
+                self.contacts.update(
+                    before[3].elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
+                )
             else:
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1
@@ -254,7 +267,7 @@ class BareModel(RunState):
                 self.life.act(self)
             for process in self.after_step:
                 process(self)
-            if self.after_step:  # a scheme changes neither rows nor sizes
+            if self.life is not None or self.after_step:  # a scheme changes neither rows nor sizes
                 self._follow_changes()
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
@@ -269,10 +282,11 @@ class BareModel(RunState):
             )
 
     def _go_back(
-        self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats]
-    ) -> None:
+        self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats],
+        contacts: ContactLog,
+    ) -> None:  # fmt: skip
         """Return to the state before a step that failed, so that it can be saved."""
-        self.remembered = remembered
+        self.remembered, self.contacts = remembered, contacts
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
         self.population.restore(population)
         self._look()
@@ -466,6 +480,24 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
             raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {wanted}")
 
 
+def start_of(forcing: Forcing, given: datetime | None) -> datetime:
+    """Return the date of time zero: as given, or that from which the forcing counts.
+
+    Raises
+    ------
+    InputError
+        If both are known and differ: the forcing would act at other dates than the run says.
+    """
+    own = getattr(forcing, "start", None)
+    if given is not None and isinstance(own, datetime) and own != given:
+        raise InputError(
+            f"the forcing counts its time from {own}, the model from {given}",
+            where="start",
+            remedy="Give both the same start",
+        )
+    return given or (own if isinstance(own, datetime) else DEFAULT_START)
+
+
 def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
     """Refuse a berg, a grid and parameters that do not agree whether positions are degrees or metres.
 
@@ -477,6 +509,9 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
     said = {"the berg": berg.latlon}
     if forcing.grid is not None:
         said["the grid of the forcing"] = forcing.grid.arrays.latlon
+    own = getattr(forcing, "latlon", None)
+    if own is not None:
+        said["the forcing"] = own
     for who, latlon in said.items():
         if latlon != p.earth.latlon:
             ours, theirs = ("degrees", "metres") if latlon else ("metres", "degrees")
@@ -485,6 +520,27 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
                 where=f"earth.latlon = {p.earth.latlon}",
                 remedy=f"Set earth.latlon = {latlon}, or make {who} in {theirs}",
             )
+
+
+def check_balance(forcing: Forcing, p: Parameters) -> None:
+    """Refuse a current that is balanced for another Coriolis parameter than that of the run.
+
+    Raises
+    ------
+    InputError
+    """
+    if getattr(forcing, "latlon", None) is None:
+        return
+    theirs = getattr(forcing, "latitude", None)
+    plane = p.earth.f_plane or not p.earth.latlon
+    ours = p.earth.reference_latitude if plane else None
+    if theirs != ours:
+        words = ["that of each place" if at is None else f"{at:g} degrees" for at in (theirs, ours)]
+        raise InputError(
+            f"the forcing is balanced for the latitude {words[0]}, the parameters have {words[1]}",
+            where="earth.reference_latitude" if plane else "forcing, latitude",
+            remedy="Give the forcing latitude=earth.reference_latitude on an f-plane or in metres, and no latitude otherwise",
+        )
 
 
 def check_state(elements: Elements, bonds: Bonds) -> None:

@@ -96,7 +96,11 @@ class Grounding(Group):
         "equations 4.1; quadratic: Riftberg",
     )
     coefficient: float = quantity(
-        0.0, "kg m-2 s-1", "grounding drag per base area and speed", "KID's cdrag_grounding", ge=0
+        1e4,
+        "kg m-2 s-1",
+        "grounding drag per base area and speed; 0 leaves the sea floor out",
+        "KID's cdrag_grounding; paper",
+        ge=0,
     )
     quadratic_coefficient: float = quantity(
         0.0,
@@ -118,8 +122,26 @@ class Grounding(Group):
 class Contact(Group):
     """Repulsion between bergs and between the pieces of a broken berg."""
 
-    spring: float = quantity(1e-7, "s-2", "stiffness between different bergs", "KID's contact_spring_coef", ge=0)
-    distance: float = quantity(0.0, "m", "contact starts at max(this, R1 + R2)", "KID's contact_distance", ge=0)
+    spring: float | None = quantity(
+        None,
+        "s-2",
+        "stiffness between different bergs; none means that of the ice between both centres, E / (rho (R1 + R2)^2)",
+        "KID's contact_spring_coef; none: Riftberg",
+        ge=0,
+    )
+    distance: float = quantity(
+        0.0,
+        "m",
+        "contact starts at max(this, R1 + R2): at 0 where the elements touch",
+        "KID's contact_distance",
+        ge=0,
+    )
+    on_substeps: bool = quantity(
+        True,
+        "",
+        "contact between bergs acts in the explicit sub-steps of mts; otherwise in the long step, which stiff ice needs shorter",
+        "Riftberg; reference: long step",
+    )
     critical_damping: bool = quantity(True, "", "radial damping 2 sqrt(k)", "equations 5.2")
     tangential_critical_damping: bool = quantity(False, "", "tangential damping a quarter of critical", "equations 5.2")
     radial_damping: float = quantity(0.0, "s-1", "radial damping where not critical", "KID's radial_damping_coef", ge=0)
@@ -146,11 +168,12 @@ class BondParameters(Group):
 
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4")
-    spring: float = quantity(
-        6.535947712418301e-4,
+    spring: float | None = quantity(
+        None,
         "s-2",
-        "stiffness of spring bonds and of contact inside a berg",
-        "KID's spring_coef",
+        "stiffness of spring bonds and of contact inside a berg; none means that of the ice between both centres, "
+        "E / (rho (R1 + R2)^2)",
+        "KID's spring_coef; none: Riftberg",
         ge=0,
     )
     youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -64,6 +64,13 @@ __all__ = [
 ]
 
 
+FROM_ELEMENTS: Final = -1.0
+"""Stiffness of a pair law that follows from the two elements (`riftberg.physics.contact.pair_stiffness`)."""
+
+CONTACT_PHASE: Final = 0.5
+"""Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
+
+
 class KernelParameters(NamedTuple):
     """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
 
@@ -80,8 +87,11 @@ class KernelParameters(NamedTuple):
     ground_on_substeps: bool
     ground_implicit: bool
     ground_torque: bool
+    modulus: float
     contact_spring: float
+    contact_stiffest: float
     contact_distance: float
+    contact_on_substeps: bool
     critical_damping: bool
     tangential_critical_damping: bool
     radial_damping: float
@@ -269,6 +279,9 @@ class Parameters(Group):
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
         quadratic = p.grounding.law == "quadratic"
+        # The quasi-static scheme divides its step as the springs of contact need it.
+        explicit = p.stepping.explicit_substeps
+        fast_contact = p.stepping.scheme == "quasi_static" or (multiple and p.contact.on_substeps and explicit)
         return KernelParameters(
             multiple_steps=multiple,
             rho_ice=p.ice.density,
@@ -284,8 +297,12 @@ class Parameters(Group):
             ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,
             ground_implicit=p.grounding.implicit,
             ground_torque=p.grounding.torque,
-            contact_spring=p.contact.spring,
+            modulus=p.bonds.youngs_modulus / p.ice.density,
+            contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
+            # What a long step can resolve, where contact between bergs acts in it.
+            contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
             contact_distance=p.contact.distance,
+            contact_on_substeps=fast_contact,
             critical_damping=p.contact.critical_damping,
             tangential_critical_damping=p.contact.tangential_critical_damping,
             radial_damping=p.contact.radial_damping,
@@ -297,7 +314,7 @@ class Parameters(Group):
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
-            spring=p.bonds.spring,
+            spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
             youngs_modulus=p.bonds.youngs_modulus,
             poisson=p.bonds.poisson,
             bond_damping=p.bonds.damping,
@@ -358,7 +375,7 @@ def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
     grounding=Grounding(coefficient=1e4),
-    contact=Contact(spring=1e-7, distance=4000.0, tolerance=1e-4),
+    contact=Contact(spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=18e3, shear_strength=100e3),
     stepping=Stepping(time_step=1800.0, substeps=90),

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import BergError, InputError
+from riftberg.errors import BergError, InputError, RiftbergError
 from riftberg.experiments import Options, build
 from riftberg.experiments.yaml_file import build_berg, read_file
 
@@ -51,7 +51,10 @@ def test_a_file_is_read_with_its_units(slab: Path) -> None:
     assert experiment.berg.rectangle.length == 60e3
     assert experiment.forcing.current == (0.2, 0.0)
     assert (parameters.fracture.normal_strength, parameters.bonds.youngs_modulus) == (20e3, 5e6)
-    assert parameters.drag.ocean_scale == 17.8  # the preset that a file starts from
+    assert parameters.drag.ocean_scale == 1.0  # what was tuned to A68a belongs to its preset
+    assert parameters.contact.distance == 0.0
+    slab.write_text(SLAB.replace("parameters:", "parameters:\n  preset: a68a-2022"))
+    assert (read_file(slab)[1].drag.ocean_scale, read_file(slab)[1].contact.distance) == (17.8, 4000.0)
 
 
 @pytest.mark.parametrize(
@@ -258,3 +261,80 @@ def test_mistakes_in_rifts_and_strength_are_shown_with_line_and_key(
 def test_rifts_and_strengths_that_do_not_fit_name_their_key(slab: Path, text: str, message: str) -> None:
     with pytest.raises(BergError, match=message):
         built(with_berg_keys(slab, f"  {text}\n"))
+
+
+BERGS = """\
+start: 2020-12-09
+days: 1
+bergs:
+  - name: A
+    rectangle: {length: 12 km, width: 6 km}
+    placement: [-37.0, -56.0]
+    rifts:
+      - {points: [[-37.0, -56.1], [-37.0, -55.9]], strength: 0.5}
+  - rectangle: {length: 2 km, width: 2 km}
+    radius: 250 m
+    packing: hexagonal
+    placement: [-36.7, -56.0]
+  - field: {number: 12, area: [-36.5, -36.0, -56.5, -56.2], sizes: tournadre, seed: 3}
+    velocity: [0.1, 0.0]
+forcing:
+  kind: formula
+  uniform: {current: [10 cm/s, 0.0], depth: 300 m}
+  eddy:
+    - {centre: [-37.0, -56.3], radius: 40 km, speed: -0.5}
+    - {centre: [-36.0, -56.3], radius: 20 km, speed: 50 cm/s, velocity: [0.1, 0.0]}
+  tide: [{major: 0.1, period: 12 h}]
+  seamount: [{centre: [-37.0, -56.0], height: 200 m, width: 10 km, depth: 400 m}]
+  turning_wind: [{speed: 10, turning: 30}]
+"""
+
+
+def test_a_list_of_bergs_and_formulas(tmp_path: Path) -> None:
+    path = tmp_path / "bergs.yaml"
+    path.write_text(BERGS)
+    model, _ = build(str(path))
+    names = [name for name, _ in model.fragments.bergs]
+    assert names[:2] == ["A", "berg 2"]
+    assert len(names) == 14
+    assert (model.bonds.strength < 1.0).sum() == 2
+    np.testing.assert_array_equal(model.elements.u[-12:], 0.1)
+    model.forcing.sample(model.elements, 0.0)
+    assert model.elements.depth.min() == pytest.approx(200.0, abs=15.0)
+    assert model.elements.depth.max() == 300.0
+    assert np.hypot(model.elements.ua, model.elements.va) == pytest.approx(10.0)
+    assert "eddy" in model.forcing.describe()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where", "what"),
+    [
+        ("bergs:\n", "berg:\n  lattice: {rows: [[0, 0, 2]]}\n  placement: [-37, -50]\nbergs:\n", "", "one of berg and bergs"),
+        ("packing: hexagonal", "packing: round", "bergs.1.packing", "round"),
+        ("[-36.7, -56.0]", "[-37.0, -56.0]", "bergs", "overlap"),
+        ("name: A", "name: berg 2", "bergs", "two bergs are called"),
+        ("velocity: [0.1, 0.0]\nforcing", "radius: 100 m\nforcing", "bergs.2", "a field of bergs has no radius"),
+        ("number: 12", "number: 0", "bergs.2.field.number", "0"),
+        ("area: [-36.5, -36.0,", "area: [-36.0, -36.5,", "bergs.2.field", "area"),
+        ("radius: 40 km, speed: -0.5", "radius: 40 km", "forcing.eddy.0.speed", "missing"),
+        ("speed: -0.5", "sped: -0.5", "forcing.eddy.0.sped", "Did you mean 'speed'"),
+        ("placement: [-36.7, -56.0]", "placement: [-56.0, -136.7]", "bergs.1.placement", "latitude"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_lists_of_bergs_are_told_with_their_place(
+    tmp_path: Path, old: str, new: str, where: str, what: str
+) -> None:
+    path = tmp_path / "bergs.yaml"
+    assert old in BERGS
+    path.write_text(BERGS.replace(old, new))
+    with pytest.raises(RiftbergError) as told:
+        build(str(path))
+    assert what in str(told.value)
+    assert where in str(told.value)
+
+
+def test_a_field_by_formula_that_says_nothing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bergs.yaml"
+    path.write_text(BERGS[: BERGS.index("  uniform")])
+    with pytest.raises(RiftbergError, match="no formula is given"):
+        build(str(path))

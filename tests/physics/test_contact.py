@@ -137,3 +137,20 @@ def test_damping_by_speed_is_quadratic_and_uses_the_mean_of_both_speeds():
 def test_no_relative_motion_no_damping_by_speed():
     """Limit."""
     assert contact.damping_tensor(0.6, 0.8, 3.0, 5.0, 1.0, True, 0.0, 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+
+
+@given(between(1e-9, 1e-2), between(1.0, 1e5), between(1.0, 5e3))
+@quick
+def test_stiffness_of_a_pair_equals_twin(given_stiffness, modulus, distance):
+    for value in (given_stiffness, -1.0):
+        for most in (np.inf, 1e-6):
+            got = contact.pair_stiffness(value, modulus, distance, most)
+            assert got == pytest.approx(twin.stiffness(value, modulus, distance, most), rel=1e-12)
+
+
+def test_stiffness_from_the_elements_is_that_of_the_bar_of_ice_between_them():
+    """Squares of 3 km, 5 MPa, 850 kg m-3: the value of A68a's namelist; a tenth of the size is 100 times stiffer."""
+    modulus = 5e6 / 850.0
+    assert contact.pair_stiffness(-1.0, modulus, 3000.0, np.inf) == pytest.approx(6.535947712418301e-4, rel=1e-14)
+    assert contact.pair_stiffness(-1.0, modulus, 300.0, np.inf) == pytest.approx(6.535947712418301e-2, rel=1e-14)
+    assert contact.pair_stiffness(1e-7, modulus, 3000.0, 1e-9) == 1e-7  # a given one stands as it is

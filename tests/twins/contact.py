@@ -14,6 +14,11 @@ def coefficients(stiffness, critical, tangential_critical, radial, tangential):
     return radial, tangential
 
 
+def stiffness(given, modulus, distance, stiffest=np.inf):
+    """Stiffness of a pair: as given, or of a bar of ice between both centres, no stiffer than the step bears."""
+    return given if given >= 0 else min(modulus / distance**2, stiffest)
+
+
 def tensor(normal, radial, tangential, mass_ratio, by_speed, relative0, relative1):
     """P as a matrix; relative velocities are those of the partner, u_2 - u_0 and u_2 - u_1."""
     along = np.outer(normal, normal)

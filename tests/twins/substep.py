@@ -56,14 +56,15 @@ def end(e, p, position):
 def contact_inside(e, c, p, u0, sizes, span=0.0):
     """Contact of two elements of one berg (equations 5.5): acceleration of ``e``."""
     (r1, m1, _), (r2, m2, _) = sizes(e, p), sizes(c, p)
+    stiffness = contact.stiffness(p.spring, p.modulus, r1 + r2)
     damping = contact.coefficients(
-        p.spring, p.critical_damping, p.tangential_critical_damping, p.radial_damping, p.tangential_damping
+        stiffness, p.critical_damping, p.tangential_critical_damping, p.radial_damping, p.tangential_damping
     )
     u2 = vector(c, "u_pair")
     spring, tensor, _ = contact.pair(
         between(e, c, p),
         r1 + r2,
-        p.spring,
+        stiffness,
         (m1, m2),
         damping,
         p.damping_by_speed,

@@ -39,7 +39,8 @@ def kid_pair(e, c, p, kind, u0, u1, *, sizes=own_size):
     """KID law on ``e`` due to ``c``: I, P, p. Kinds: bonded, inside, collision, plain contact, plain bond."""
     (r1, m1, _), (r2, m2, _) = sizes(e, p), sizes(c, p)
     far = kind in ("collision", "plain contact")
-    stiffness = p.contact_spring if far else p.spring
+    given, most = (p.contact_spring, p.contact_stiffest) if far else (p.spring, np.inf)
+    stiffness = contact.stiffness(given, p.modulus, r1 + r2, most)
     rest = max(r1 + r2, p.contact_distance) if far else r1 + r2
     acts = {
         "bonded": lambda d, rest: True,

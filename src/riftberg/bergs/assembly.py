@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds, inscribed_share
 from riftberg.bergs.lattice import element_area
 from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster
@@ -54,6 +54,7 @@ def make_elements(lon: Floats, lat: Floats, material: Material, *, static: Any =
     area = np.asarray([element_area(float(r), material.packing) for r in np.atleast_1d(radius)])
     elements.length[:] = elements.width[:] = np.sqrt(area)
     elements.mass[:] = thickness * density * area
+    elements.sides[:] = 6 if material.packing == "hexagonal" else 4
     return elements
 
 
@@ -115,7 +116,7 @@ def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None
 
 def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
     """Radius (m) of the inscribed circle of bonded elements (equations 1.4)."""
-    return np.sqrt(elements.body.length * elements.body.width / element_area(1.0, packing))
+    return np.sqrt(elements.body.length * elements.body.width * inscribed_share(elements, packing))
 
 
 def numbers(values: Any, size: int, what: str) -> Floats:

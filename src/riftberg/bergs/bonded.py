@@ -27,6 +27,17 @@ def check_seed(seed: Any) -> int | None:
     raise BergError(f"{value_shown(seed)} is no seed", where="seed", remedy="Give a whole number, 0 or more")
 
 
+def check_name(name: Any) -> None:
+    """Refuse what is no name of a berg.
+
+    Raises
+    ------
+    BergError
+    """
+    if not isinstance(name, str) or not name.strip() or not name.isprintable() or len(name) > 60:
+        raise BergError(f"{name!r} is no name"[:120], where="name", remedy="Give a short text, such as A68a")
+
+
 @dataclass(frozen=True, repr=False)
 class BondedBerg:
     """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
@@ -42,6 +53,17 @@ class BondedBerg:
     latlon: bool = True
     earth_radius: float = EARTH_RADIUS_A68
     density: float = 850.0
+    bergs: tuple[tuple[str, int], ...] = ()
+
+    def named(self, name: str) -> Self:
+        """Return the berg with a name, which its fragments, counts, maps and files bear."""
+        check_name(name)
+        return replace(self, bergs=((name, self.elements.size),))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bergs."""
+        return tuple(name for name, _ in self.bergs)
 
     def _reported(self, report: dict[str, Any]) -> Self:
         """Return the berg with this report, completed by the error of its area."""

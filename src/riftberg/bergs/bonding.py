@@ -45,8 +45,7 @@ class BondRule:
         """Return the reach of each element (m): two are bonded when closer than the sum of their reaches."""
         if self.length is not None:
             return np.full(len(elements.lon), 0.5 * self.length)
-        shape = 1.0 / (2.0 * math.sqrt(3.0)) if self.packing == "hexagonal" else 0.25
-        radii: Floats = np.sqrt(elements.length * elements.width * shape)
+        radii: Floats = np.sqrt(elements.length * elements.width * inscribed_share(elements, self.packing))
         return self.radii_factor * radii
 
 
@@ -67,6 +66,12 @@ class Metric:
     latlon: bool
     radius: float = 1.0
     period: float = -1.0
+
+
+def inscribed_share(elements: Elements, packing: Packing) -> Floats:
+    """Square of the radius of the inscribed circle over the area, of each element; ``packing`` counts where none is said."""
+    sides = np.where(elements.body.sides == 0, 6 if packing == "hexagonal" else 4, elements.body.sides)
+    return np.where(sides == 6, 1.0 / (2.0 * math.sqrt(3.0)), 0.25)
 
 
 def form_bonds(elements: Elements, rule: BondRule, metric: Metric) -> Bonds:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Unpack
 
 import numpy as np
 
+from riftberg.bergs import fields, rifts
 from riftberg.bergs import outline as outlines
-from riftberg.bergs import rifts
 from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at, within_pieces
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.joining import join
 from riftberg.bergs.keys import LatticeRows, Rectangle
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
@@ -36,7 +38,9 @@ from riftberg.bergs.portrait import card, portrait
 from riftberg.bergs.raster import Raster, joined, read_raster
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
+from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
+from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
 from riftberg.values import given, number, numbers
 
@@ -63,6 +67,8 @@ class Iceberg(BondedBerg):
         Radius of the sphere, m.
     density : float
         Ice density, kg m-3.
+    bergs : tuple of (str, int)
+        Name and number of elements of each berg, in the order of the rows; empty for one without a name.
 
     Examples
     --------
@@ -334,6 +340,94 @@ class Iceberg(BondedBerg):
             elements, bonds, material.packing, float(np.mean(material.radius)), {"source": "points"}, material.latlon,
             material.earth_radius, material.density,
         )  # fmt: skip
+
+    @classmethod
+    def join(cls, bergs: Sequence[Iceberg], names: Sequence[str] | None = None) -> Iceberg:
+        """Return several bergs as one start of a run; they may differ in size, thickness, elements and packing.
+
+        Bergs are not bonded to each other. Each keeps its name: counts, maps, files and messages use it, and call a piece
+        that breaks off berg A the fragment A.1.
+
+        Parameters
+        ----------
+        bergs : sequence of Iceberg
+            In any order; those that were joined before count as the bergs that they are.
+        names : sequence of str, optional
+            One for each, instead of their own (`named`); bergs without one are called ``berg 1``, ``berg 2``, ...
+
+        Raises
+        ------
+        BergError
+            If they overlap, or disagree on coordinates, the radius of the sphere or the density of ice, or if two have
+            the same name.
+
+        Examples
+        --------
+        >>> large = Iceberg.rectangle(20e3, 10e3, thickness=250.0, placement=(-37.0, -56.0)).named("A")
+        >>> small = Iceberg.rectangle(800.0, 800.0, thickness=80.0, placement=(-36.5, -56.0), radius=100.0)
+        >>> Iceberg.join([large, small], names=["A", "B"]).names
+        ('A', 'B')
+        """
+        return join(bergs, names)
+
+    @classmethod
+    def field(
+        cls,
+        n: int,
+        area: tuple[float, float, float, float],
+        *,
+        sizes: Any = "gladstone",
+        seed: int | None = None,
+        thickness: Any = None,
+        gap: float = 0.0,
+        between: tuple[float, float] = (0.1e6, 10e6),
+        density: float = 850.0,
+        velocity: tuple[Any, Any] = (0.0, 0.0),
+        latlon: bool = True,
+        earth_radius: float = EARTH_RADIUS_A68,
+    ) -> Iceberg:
+        """Return a field of ``n`` bergs of one element each, at random places that do not overlap.
+
+        Parameters
+        ----------
+        n : int
+            Number of bergs.
+        area : tuple of float
+            West, east, south and north, degrees (m if not ``latlon``).
+        sizes : {"gladstone", "tournadre"} or array_like
+            Distribution of the sizes: the ten classes of Gladstone et al. (2001), or the power law of areas of Tournadre
+            et al. (2016); or areas (m2) to draw from. See `riftberg.bergs.fields`.
+        seed : int, optional
+            The same seed gives the same field. One is drawn if none is given; the report names it.
+        thickness : float or array_like, optional
+            m; by default that which goes with the size.
+        gap : float
+            Least distance between bergs, m.
+        between : tuple of float
+            Least and largest area of the power law, m2.
+        density, velocity, latlon, earth_radius
+            As for `from_points`.
+
+        Examples
+        --------
+        >>> field = Iceberg.field(100, (-40.0, -36.0, -58.0, -56.0), seed=1)
+        >>> field.elements.size, len(field.bonds.first)
+        (100, 0)
+        """
+        check_elements(n, kind=BergError)
+        seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+        random = np.random.default_rng(seed)
+        plan = fields.areas(n, sizes, random, between)
+        heights = fields.thickness_of(plan) if thickness is None else thickness
+        # Squares of any turn keep clear of each other where their corners do.
+        metric = Metric(latlon, earth_radius, 360.0 if latlon else 0.0)
+        x, y = fields.places(np.sqrt(0.5 * plan), area, gap, metric, random)
+        berg = cls.from_points(
+            x, y, thickness=heights, radius=0.5 * np.sqrt(plan), density=density, velocity=velocity, latlon=latlon,
+            earth_radius=earth_radius, pieces=np.arange(n),
+        )  # fmt: skip
+        made = {"source": f"field of {n} bergs", "sizes": sizes if isinstance(sizes, str) else "given", "seed": seed}
+        return replace(berg, report=made, bergs=tuple((f"{k + 1}", 1) for k in range(n)))
 
     @classmethod
     def _about(

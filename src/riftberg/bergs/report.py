@@ -18,7 +18,9 @@ def describe(berg: BondedBerg) -> str:
     lines = [f"Iceberg from {berg.report.get('source', 'unknown source')}"]
     if berg.report.get("feature"):
         lines.append(f"  feature: {berg.report['feature']}")
-    lines.append(f"  elements: {len(e.id)} {berg.packing}, radius {berg.radius:g} m")
+    lines += _each(berg)
+    kinds = [word for sides, word in ((4, "square"), (6, "hexagonal")) if (e.sides == sides).any()] or [berg.packing]
+    lines.append(f"  elements: {len(e.id)} {' and '.join(kinds)}, radius {berg.radius:g} m")
     lines.append(_plan_area(berg))
     lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
     draft = draft_of(e.thickness, berg.density)
@@ -39,6 +41,22 @@ def describe(berg: BondedBerg) -> str:
     lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{drawn_text}")
     lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
     return "\n".join(lines)
+
+
+MOST_LISTED = 10
+"""Bergs that are told of one by one."""
+
+
+def _each(berg: BondedBerg) -> list[str]:
+    """Return a line for each of several bergs."""
+    if len(berg.bergs) < 2:
+        return []
+    area, row, lines = berg.elements.length * berg.elements.width / 1e6, 0, []
+    for name, count in berg.bergs[:MOST_LISTED]:
+        lines.append(f"  {name}: {count} element{'s' if count > 1 else ''}, {area[row : row + count].sum():.4g} km2")
+        row += count
+    more = len(berg.bergs) - MOST_LISTED
+    return [*lines, f"  and {more} more"] if more > 0 else lines
 
 
 def one_line(berg: BondedBerg) -> str:

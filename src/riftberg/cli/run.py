@@ -433,9 +433,14 @@ def berg_line(model: Model) -> str:
     lon, lat = centroid(e.lon, e.lat, e.mass, model.parameters.earth.period)
     place = place_text(lon, lat, latlon=model.parameters.earth.latlon)
     count = len(np.unique(e.berg))
+    names = [name for name, _ in getattr(model.fragments, "bergs", ())]
     area = float((e.length * e.width).sum())
     size = f"{area / 1e6:.6g} km2" if area >= 1e4 else area_text(area)
-    return f"Berg: {len(e.lon)} elements, {size} in {count} piece{'s' if count != 1 else ''} at {place}"
+    if len(names) > 1:
+        listed = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"
+        return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {size}, centred at {place}"
+    pieces = f"{count} piece{'s' if count != 1 else ''}"
+    return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {place}"
 
 
 def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str]:
@@ -452,6 +457,11 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     lines += [_breakup_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary["breakups"][:10]]
     if len(summary["breakups"]) > 10:
         lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")
+    lines += [
+        _collision_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary.get("collisions", [])[:10]
+    ]
+    if len(summary.get("collisions", [])) > 10:
+        lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
     melt = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
     return [*lines, *(told or [_areas_line(summary)]), *melt]
 
@@ -467,13 +477,25 @@ def _speed(summary: dict[str, Any]) -> str:
 def _breakup_line(event: dict[str, Any], latlon: bool) -> str:
     from riftberg.places import area_text
 
-    place = f"x {event['lon'] / 1e3:.6g} km, y {event['lat'] / 1e3:.6g} km"
-    if latlon:
-        place = f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"
+    whom = f"{event['parent_name']} " if event.get("parent_name") else ""
+    bonds = f"{event['bonds']} bond{'s' if event['bonds'] != 1 else ''}"
     return (
-        f"  {event['time'].replace('T', ' ')[:16]}  {area_text(1e6 * event['area_km2'])} broke off "
-        f"{'aground' if event['grounded'] else 'afloat'} ({event['bonds']} bond{'s' if event['bonds'] != 1 else ''}) at {place}"
+        f"  {event['time'].replace('T', ' ')[:16]}  {area_text(1e6 * event['area_km2'])} broke off {whom}"
+        f"{'aground' if event['grounded'] else 'afloat'} ({bonds}) at {_event_place(event, latlon)}"
     )
+
+
+def _collision_line(event: dict[str, Any], latlon: bool) -> str:
+    who = " and ".join(event["bergs"])
+    when = event["time"].replace("T", " ")[:16]
+    return f"  {when}  {who} met at {event['speed']:.2g} m/s, at {_event_place(event, latlon)}"
+
+
+def _event_place(event: dict[str, Any], latlon: bool) -> str:
+    """Return where an event was: latitude and longitude, or x and y."""
+    if latlon:
+        return f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"
+    return f"x {event['lon'] / 1e3:.6g} km, y {event['lat'] / 1e3:.6g} km"
 
 
 def _areas_line(summary: dict[str, Any]) -> str:
@@ -482,5 +504,13 @@ def _areas_line(summary: dict[str, Any]) -> str:
     numbers = [area * unit for area in summary["areas_km2"][:6]]
     areas = ", ".join(f"{area:.0f}" if area >= 9.5 else f"{area:.2g}" for area in numbers)
     more = " ..." if summary["fragments"] > 6 else ""
-    count = f"{summary['fragments']} fragment{'s' if summary['fragments'] != 1 else ''}"
-    return f"  {count} at the end: {areas}{more} {name}"
+    return f"  {_counted(summary)} at the end: {areas}{more} {name}"
+
+
+def _counted(summary: dict[str, Any]) -> str:
+    """Return the number of fragments, and of the bergs that they come from where these are several."""
+    fragments, bergs = summary["fragments"], len(summary.get("bergs", []))
+    if bergs > 1 and not summary["breakups"]:
+        return f"{fragments} bergs" if fragments == bergs else f"{fragments} of {bergs} bergs"
+    text = f"{fragments} fragment{'s' if fragments != 1 else ''}"
+    return f"{text} of {bergs} bergs" if bergs > 1 else text

@@ -109,6 +109,25 @@ class FirstBond:
     peak: list[float]
 
 
+@dataclass(frozen=True)
+class Collision:
+    """Contact with another berg while the first bond failed.
+
+    Attributes
+    ----------
+    berg : str
+        Name of the other.
+    time : str
+        When they first touched.
+    speed : float
+        Relative speed before they touched, m s-1.
+    """
+
+    berg: str
+    time: str
+    speed: float
+
+
 @dataclass
 class Breakup:
     """One break-up and its reasons; see the attributes of the parts.
@@ -118,7 +137,8 @@ class Breakup:
     tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
     below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
     ``hours_since_start`` tells when the first bond failed; ``floor_recorded`` that the force of the sea floor is the one
-    that was applied, not the one that balances.
+    that was applied, not the one that balances. ``name`` and ``parent_name`` are what both are called; ``collision`` tells of
+    a berg that touched the parent while the first bond failed.
     """
 
     fragment: int
@@ -141,6 +161,9 @@ class Breakup:
     peak: float | None
     history: list[Load]
     floor_recorded: bool = False
+    name: str = ""
+    parent_name: str = ""
+    collision: Collision | None = None
     latlon: bool = True
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)

@@ -9,7 +9,12 @@ elements : number of elements
 bonds_total, bonds_broken : number of bonds, and of those that broke
 fragments : number of fragments at the end
 breakups : list, one entry per fragment that split from its parent:
-    time, lon, lat, area_km2, bonds (broken to free it), grounded (true where a bond broke aground), fragment, parent
+    time, lon, lat, area_km2, bonds (broken to free it), grounded (true where a bond broke aground), fragment, parent,
+    name and parent_name (empty for bergs without a name)
+bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
+    (how many pieces it is in at the end), largest_km2 (of these)
+collisions : list, one entry per meeting of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
+    speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
@@ -37,7 +42,7 @@ import numpy as np
 
 from riftberg import constants
 from riftberg.runs.provenance import forcing_text
-from riftberg.runs.restart import fragment_rows
+from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.track import Position, track_table
 from riftberg.version import __version__
 from riftberg.whole_files import write_text
@@ -118,6 +123,8 @@ def summarize(
         "bonds_broken": bonds_broken(model),
         "fragments": len(areas),
         "breakups": breakups(model),
+        "bergs": bergs(model),
+        "collisions": collisions(model),
         "track": track_table(track),
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,
@@ -163,10 +170,57 @@ def fragment_areas(model: BareModel) -> list[float]:
 def breakups(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per fragment that split from its parent, in order of time."""
     born = [row for row in fragment_rows(model) if row["parent"] > 0]
-    return [_breakup(model.start, row) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
+    names = {int(row["number"]): str(row.get("name", "")) for row in fragment_rows(model)}
+    return [_breakup(model.start, row, names) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
 
 
-def _breakup(start: datetime, row: dict[str, Any]) -> dict[str, Any]:
+def bergs(model: BareModel) -> list[dict[str, Any]]:
+    """Return one entry per berg of the start, and per one that was added later."""
+    rows = {int(row["number"]): row for row in fragment_rows(model)}
+    e = model.elements
+    numbers, index = np.unique(e.berg, return_inverse=True)
+    pieces: dict[int, list[float]] = {}
+    for number, area in zip(numbers.tolist(), np.bincount(index, weights=e.length * e.width), strict=True):
+        origin = number
+        while origin in rows and rows[origin]["parent"] > 0:
+            origin = int(rows[origin]["parent"])
+        pieces.setdefault(origin, []).append(float(area) / 1e6)
+    return [
+        {
+            "number": number,
+            "name": str(row.get("name", "")),
+            "area_km2": float(row["area"]) / 1e6,
+            "fragments": len(pieces.get(number, [])),
+            "largest_km2": max(pieces.get(number, [0.0])),
+        }
+        for number, row in rows.items()
+        if row["parent"] <= 0
+    ]
+
+
+def collisions(model: BareModel) -> list[dict[str, Any]]:
+    """Return one entry per meeting of two bergs or fragments, in order of time."""
+    names = {int(row["number"]): called(row) for row in fragment_rows(model)}
+    return [
+        {
+            "time": (model.start + timedelta(seconds=float(row["time"]))).isoformat(),
+            "end": (model.start + timedelta(seconds=float(row["end"]))).isoformat(),
+            "bergs": [names.get(int(row[k]), str(row[k])) for k in ("first", "second")],
+            "lon": float(row["lon"]),
+            "lat": float(row["lat"]),
+            "speed": float(row["speed"]),
+        }
+        for row in contact_rows(model)
+    ]
+
+
+def called(row: dict[str, Any]) -> str:
+    """Return the name of a row of the family tree, or ``berg`` or ``fragment`` with its number."""
+    kind = "fragment" if row["parent"] > 0 else "berg"
+    return str(row.get("name") or f"{kind} {row['number']}")
+
+
+def _breakup(start: datetime, row: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
     return {
         "time": (start + timedelta(seconds=float(row["birth_time"]))).isoformat(),
         "lon": float(row["lon"]),
@@ -176,4 +230,6 @@ def _breakup(start: datetime, row: dict[str, Any]) -> dict[str, Any]:
         "grounded": bool(row.get("grounded", False)),
         "fragment": int(row["number"]),
         "parent": int(row["parent"]),
+        "name": str(row.get("name", "")),
+        "parent_name": names.get(int(row["parent"]), ""),
     }

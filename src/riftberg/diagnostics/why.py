@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from riftberg.diagnostics.breakup import Breakup, FirstBond, Reasons
+from riftberg.diagnostics.breakup import Breakup, Collision, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
 from riftberg.places import area_text, place_text
@@ -51,19 +51,23 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
     run : xarray.Dataset
         From `riftberg.runs.run_file.open_run`.
     smallest : float, optional
-        Fragments below this part of the whole area are counted, not explained.
+        Fragments below this part of the area of their berg are counted, not explained.
     """
     scene = Scene(run)
-    whole, breakups, small = float(scene.area.sum()), [], 0
+    breakups: list[Breakup] = []
+    small = 0
     for row in np.argsort(run["fragment_birth_time"].values, kind="stable"):
         if int(run["fragment_parent"].values[row]) <= 0:
             continue
+        whole = scene.berg_areas.get(scene.origin(int(run["fragment_number"].values[row])), float(scene.area.sum()))
         large = float(run["fragment_area"].values[row]) >= smallest * whole
         breakup = Cut(scene, int(row)).breakup() if large else None
         if breakup is None:
             small += 1
-        else:
-            breakups.append(breakup)
+            continue
+        breakup.name, breakup.parent_name = scene.name(breakup.fragment), scene.name(breakup.parent)
+        breakup.collision = collision_of(scene, breakup)
+        breakups.append(breakup)
     fracture = scene.parameters.fracture
     return Reasons(
         experiment=str(run.attrs.get("experiment", "")),
@@ -72,6 +76,23 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         small=small,
         strength=fracture.normal_strength if fracture.enabled else None,
     )
+
+
+def collision_of(scene: Scene, b: Breakup) -> Collision | None:
+    """Return the contact with another berg in which the first bond of a break-up failed; the latest, if there are several."""
+    run = scene.run
+    if "contact_time" not in run or run.sizes.get("contact", 0) == 0:
+        return None
+    broke = np.datetime64(b.first_break)
+    step = np.timedelta64(round(1e3 * scene.parameters.stepping.time_step), "ms")
+    first, second = run["contact_first"].values, run["contact_second"].values
+    began, ended = run["contact_time"].values, run["contact_end"].values
+    during = (began <= broke) & (broke <= ended + step) & ((first == b.parent) | (second == b.parent))
+    if not during.any():
+        return None
+    k = max(np.flatnonzero(during).tolist(), key=lambda row: began[row])
+    other = int(second[k] if first[k] == b.parent else first[k])
+    return Collision(scene.name(other), iso(began[k]), float(run["contact_speed"].values[k]))
 
 
 def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> str:
@@ -135,17 +156,20 @@ def _paragraph(b: Breakup) -> str:
     )
     size, place = area_text(1e6 * b.area_km2), _place_text(first.lat, first.lon, latlon=b.latlon)
     text = [
-        f"{minute_text(b.time)}: fragment {b.fragment} ({size}, {b.elements} elements) broke off berg {b.parent}, "
-        f"{where}.",
+        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({size}, {b.elements} elements) broke off "
+        f"{b.parent_name or f'berg {b.parent}'}, {where}.",
         f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
         f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
         f"{load.nominal / 1e3:.1f} kPa: " + _share_words(b.causes) + ".",
     ]
-    if b.sudden:
-        text.append(_sudden_words(b))
-    text.append(_cause_words(b, first.strength))
+    if b.collision is not None:
+        text.append(_collision_words(b, b.collision))
+    else:
+        if b.sudden:
+            text.append(_sudden_words(b))
+        text.append(_cause_words(b, first.strength))
     if b.hours_since_start < STARTING:
         text.append(
             f"This is {b.hours_since_start:.1f} h after the start: being set in motion loads a berg too; see whether it breaks"
@@ -159,6 +183,12 @@ def _paragraph(b: Breakup) -> str:
     for part, fate in b.controls.items():
         text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
     return " ".join(part for part in text if part)
+
+
+def _collision_words(b: Breakup, met: Collision) -> str:
+    """Return what another berg had to do with it."""
+    begin = f"It broke in a collision: {met.berg} met {b.parent_name or 'it'} at {met.speed:.2g} m/s"
+    return f"{begin} at {minute_text(met.time)} and pushed against it while the first bond failed."
 
 
 def _sudden_words(b: Breakup) -> str:

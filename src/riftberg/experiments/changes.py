@@ -98,6 +98,7 @@ def reference_numerics(parameters: Parameters) -> Parameters:
         drag={"rotational": False},
         grounding={"implicit": False},
         bonds={"objective_damping": False},
+        contact={"on_substeps": False},
         stepping={"skip_first_long_force": True},
         compatibility=A68A_2022_KID.compatibility.model_dump(),
     )

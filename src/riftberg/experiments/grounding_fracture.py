@@ -25,7 +25,7 @@ CURRENT = (0.1, 0.1)
 
 PARAMETERS = Parameters(
     grounding={"coefficient": 1e4},
-    contact={"spring": 5e-8, "distance": 4000.0, "tolerance": 1e-2},
+    contact={"spring": 5e-8, "distance": 4000.0, "on_substeps": False, "tolerance": 1e-2},
     bonds={
         "packing": "hexagonal",
         "youngs_modulus": 5e6,

@@ -11,11 +11,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from riftberg.bergs.keys import BergKeys, LatticeRows, Rectangle
+from riftberg.experiments.formula_schema import FormulaForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.sections import Pair, Section, key
 
-SHAPES = ("outline", "mask", "rectangle", "lattice")
+SHAPES = ("outline", "mask", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""
 
 
@@ -88,13 +89,26 @@ class Strength(Section):
         return self
 
 
+class FieldOfBergs(Section):
+    """Many bergs of one element each, at random places that do not overlap."""
+
+    number: int = key(..., "", "number of bergs", ge=1)
+    area: tuple[float, float, float, float] = key(..., "", "west, east, south and north, degrees (m in metres)")
+    sizes: Literal["gladstone", "tournadre"] = key("gladstone", "", "distribution of the sizes")
+    between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
+    gap: float = key(0.0, "m", "least distance between bergs", ge=0)
+    seed: int = key(1, "", "the same seed gives the same field", ge=0)
+
+
 class Berg(BergKeys):
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
+    name: str | None = key(None, "", "name of the berg, which its fragments bear too", min_length=1, max_length=60)
     outline: OutlineFile | None = None
     mask: Mask | None = None
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
+    field: FieldOfBergs | None = None
     rifts: list[Rift] = key([], "", "weak or missing bonds where the berg lies at the start, a list of sections")
     strength: Strength | None = key(None, "", "scatter of the strength of the bonds, a section of its own")
 
@@ -106,6 +120,9 @@ class Berg(BergKeys):
             raise ValueError(f"the berg {count}; give exactly one of {', '.join(SHAPES)}")
         if shapes[0] in ("rectangle", "lattice") and self.placement is None:
             raise ValueError(f"a berg from a {shapes[0]} needs placement: [longitude, latitude]")
+        extra = sorted(self.model_fields_set - {"field", "thickness", "velocity"})
+        if shapes[0] == "field" and extra:
+            raise ValueError(f"a field of bergs has no {extra[0]}; beside field it may have thickness and velocity")
         return self
 
 
@@ -117,7 +134,7 @@ class ExperimentForcing(Section):
     without: list[str] = key([], "", "parts of that ocean to leave out")
 
 
-Forcing = Annotated[ConstantForcing | FileForcing | ExperimentForcing, Field(discriminator="kind")]
+Forcing = Annotated[ConstantForcing | FileForcing | ExperimentForcing | FormulaForcing, Field(discriminator="kind")]
 
 
 def _in_utc(moment: datetime) -> datetime:
@@ -133,9 +150,23 @@ class Experiment(Section):
     days: float = key(..., "day", "length of the run", gt=0)
     output_every_hours: float = key(1.0, "h", "interval of the records, at least the long step", gt=0)
     output_forces: bool = key(False, "", "write the mean force of each medium on each element between records")
-    berg: Berg
+    berg: Berg | None = None
+    bergs: list[Berg] = key([], "", "several bergs instead of one, a list of sections as berg has them")
     forcing: Forcing
     parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")
+
+    @model_validator(mode="after")
+    def _berg_or_bergs(self) -> Experiment:
+        if (self.berg is None) == (not self.bergs):
+            raise ValueError("the experiment needs exactly one of berg and bergs")
+        return self
+
+    @property
+    def all_bergs(self) -> list[tuple[str, Berg]]:
+        """The bergs, each with the name of its section."""
+        if self.berg is not None:
+            return [("berg", self.berg)]
+        return [(f"bergs.{k}", berg) for k, berg in enumerate(self.bergs)]
 
 
 PRESETS = ("a68a-2022", "a68a-2022-reference", "default")

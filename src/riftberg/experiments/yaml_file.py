@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
+from riftberg.experiments.formula_schema import FormulaForcing, sum_of
 from riftberg.experiments.options import Info, Options
 from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
@@ -22,6 +23,7 @@ from riftberg.experiments.schema import (
     Berg,
     Experiment,
     ExperimentForcing,
+    FieldOfBergs,
     Rift,
     Strength,
 )
@@ -47,7 +49,7 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
 
 _KINDS: dict[str, type[BaseModel]] = {
-    "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing,
+    "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing, "formula": FormulaForcing,
 }  # fmt: skip
 
 
@@ -90,7 +92,8 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     parameters = _parameters(experiment, document)
     check_span(experiment.start, experiment.days, where=document.where(("days",)))
     if parameters.earth.latlon:
-        _check_place(experiment.berg, document)
+        for place, berg in experiment.all_bergs:
+            _check_place(berg, document, tuple(int(p) if p.isdigit() else p for p in place.split(".")))
         if parameters.earth.radius < SMALLEST_SPHERE:
             raise document.error(
                 f"{parameters.earth.radius:g} m is no radius of the Earth", ("parameters", "earth", "radius"),
@@ -116,14 +119,14 @@ def check_span(start: datetime, days: float, *, where: str) -> None:
         )  # fmt: skip
 
 
-def _check_place(berg: Berg, document: Document) -> None:
+def _check_place(berg: Berg, document: Document, where: Place) -> None:
     """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
     for name, place in (("placement", berg.placement), ("shift", berg.shift)):
         if place is not None:
-            check_degrees(place, where=document.where(("berg", name)))
+            check_degrees(place, where=document.where((*where, name)))
     if berg.placement is not None:
         final = berg.placement[0], berg.placement[1] + berg.shift[1]
-        check_place(final, where=document.where(("berg", "placement")), south=SOUTHERNMOST, north=NORTHERNMOST)
+        check_place(final, where=document.where((*where, "placement")), south=SOUTHERNMOST, north=NORTHERNMOST)
 
 
 def _keys(section: type[BaseModel]) -> str:
@@ -246,13 +249,13 @@ def _field_at(place: Place) -> FieldInfo | None:
 def _parameters(experiment: Experiment, document: Document) -> Parameters:
     """Return the preset with the changes of the file; packing follows the berg."""
     groups = dict(experiment.parameters)
-    preset = groups.pop("preset", "a68a-2022")
+    preset = groups.pop("preset", "default")
     if not isinstance(preset, str) or preset not in PRESETS:
         raise document.error(f"preset {value_shown(preset)} is not known", ("parameters", "preset"),
                              f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
     base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[preset]
     changes = {group: _group(group, values, document) for group, values in groups.items()}
-    packing = experiment.berg.packing
+    packing = "hexagonal" if any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs) else "square"
     shape: dict[str, Any] = {"packing": packing, "max_bonds": 6 if packing == "hexagonal" else 4}
     changes["bonds"] = {**shape, **changes.get("bonds", {})}
     if "substeps" not in changes.get("stepping", {}):
@@ -304,7 +307,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     berg = build_berg(experiment, parameters, folder)
     days = options.days or experiment.days
     check_span(experiment.start, days, where="--days" if options.days else str(path))
-    forcing = build_forcing(experiment, folder, days, options, berg, parameters.ice.density)
+    forcing = build_forcing(experiment, folder, days, options, berg, parameters)
     notices = tuple(getattr(forcing, "notices", ()))
     info = Info(
         experiment.name,
@@ -318,15 +321,29 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
 
 
 def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
-    """Build the berg of an experiment, with its rifts and the strengths of its bonds."""
-    berg = _whole_berg(experiment, parameters, folder)
-    for index, rift in enumerate(experiment.berg.rifts):
-        with _key_named(f"berg.rifts.{index}"):
-            berg = _with_rift(berg, rift, folder)
-    if experiment.berg.strength is not None:
-        with _key_named("berg.strength"):
-            berg = _with_strength(berg, experiment.berg.strength, folder)
-    return berg
+    """Build the berg or bergs of an experiment, with their rifts and the strengths of their bonds."""
+    from riftberg.bergs.iceberg import Iceberg
+
+    built = [_one_berg(place, berg, parameters, folder) for place, berg in experiment.all_bergs]
+    if experiment.berg is not None:
+        return built[0]
+    with _key_named("bergs"):
+        return Iceberg.join(built)
+
+
+def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
+    """Build one berg of an experiment; ``place`` is the name of its section."""
+    if berg.field is not None:
+        with _key_named(f"{place}.field"):
+            return _field_of_bergs(berg, berg.field, parameters)
+    made = _whole_berg(berg, parameters, folder)
+    for index, rift in enumerate(berg.rifts):
+        with _key_named(f"{place}.rifts.{index}"):
+            made = _with_rift(made, rift, folder)
+    if berg.strength is not None:
+        with _key_named(f"{place}.strength"):
+            made = _with_strength(made, berg.strength, folder)
+    return made if berg.name is None else made.named(berg.name)
 
 
 @contextmanager
@@ -361,10 +378,9 @@ def _with_strength(berg: Iceberg, strength: Strength, folder: Path) -> Iceberg:
     return berg.with_strength("uniform", spread=strength.uniform, seed=strength.seed)
 
 
-def _whole_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
+def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
-    berg = experiment.berg
     thickness = berg.thickness if isinstance(berg.thickness, float) else folder / berg.thickness
     common: dict[str, Any] = {
         "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
@@ -392,8 +408,21 @@ def _whole_berg(experiment: Experiment, parameters: Parameters, folder: Path) ->
     return Iceberg.from_table(berg.lattice.rows, table_radius=berg.lattice.cell_radius, **common)
 
 
+def _field_of_bergs(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> Iceberg:
+    from riftberg.bergs.iceberg import Iceberg
+
+    given = berg.thickness if "thickness" in berg.model_fields_set else None
+    if isinstance(given, str):
+        raise BergError("a field of bergs takes no map of thickness", where="berg.thickness", remedy="Give metres")
+    return Iceberg.field(
+        field.number, field.area, sizes=field.sizes, seed=field.seed, thickness=given, gap=field.gap,
+        between=field.between, density=parameters.ice.density, velocity=berg.velocity, latlon=parameters.earth.latlon,
+        earth_radius=parameters.earth.radius,
+    )  # fmt: skip
+
+
 def build_forcing(
-    experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, ice_density: float
+    experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, parameters: Parameters
 ) -> Forcing:
     """Build the forcing of an experiment."""
     forcing = experiment.forcing
@@ -412,8 +441,12 @@ def build_forcing(
 
         if options.grid is not None:
             forcing = forcing.model_copy(update={"spacing": options.grid})
-        run = Run.of(experiment.start, days, berg.elements.thickness, ice_density)
+        run = Run.of(experiment.start, days, berg.elements.thickness, parameters.ice.density)
         return forcing_from_files(forcing, folder, run)
+    if isinstance(forcing, FormulaForcing):
+        earth = parameters.earth
+        plane = earth.f_plane or not earth.latlon
+        return sum_of(forcing, latlon=earth.latlon, latitude=earth.reference_latitude if plane else None)
     if options.grid is not None:
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     without = frozenset(forcing.without) | options.without
@@ -424,8 +457,6 @@ def build_forcing(
 def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:
     """Give the sections of an experiment file with their keys, for the documentation."""
     yield "", Experiment.model_fields
-    for name in ("berg",):
-        (section,) = kinds_of(Experiment.model_fields[name].annotation)
-        yield name, section.model_fields
+    yield "berg", Berg.model_fields
     for kind, section in _KINDS.items():
         yield f"forcing, kind: {kind}", section.model_fields

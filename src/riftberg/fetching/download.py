@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from riftberg.errors import ForcingError
 from riftberg.fetching.parts import PartFile, Version, content_range, seconds
@@ -37,6 +37,25 @@ def missing_package(package: str, extra: str, what: str) -> ForcingError:
 def tell_terminal(text: str) -> None:
     """Write a word to the person at the terminal, beside the results."""
     print(text, file=sys.stderr, flush=True)
+
+
+WITHOUT_NETWORK: Final = 2
+"""Attempts in a row without any connection, after which there is no network or no such server."""
+
+
+def reached(error: Exception) -> bool:
+    """Whether a server was reached at all before an attempt failed."""
+    from urllib3.exceptions import NewConnectionError
+
+    cause = error.args[0] if error.args else None
+    return not isinstance(getattr(cause, "reason", cause), NewConnectionError)
+
+
+def _kept(part: PartFile) -> str:
+    """Say what is kept of a file that could not be fetched whole."""
+    known = part.version
+    continued = part.size and known is not None and known.validator
+    return f": {part.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
 
 
 class Resuming:
@@ -100,18 +119,21 @@ class Resuming:
                     return
             except requests.RequestException as error:
                 reason = error
+                if not reached(error) and vain + 1 >= WITHOUT_NETWORK:
+                    raise ForcingError(
+                        f"could not be fetched, no connection is to be had ({reason})",
+                        where=part.url,
+                        remedy=f"Check the network and run again{_kept(part)}",
+                    ) from error
             except OSError as error:
                 raise _disk_error(error, part.path) from error
             # Attempts that brought something do not count: a slow line may be cut many times.
             vain = 0 if part.size > before else vain + 1
-            time.sleep(self.pause * vain)
-        known = part.version
-        continued = part.size and known is not None and known.validator
-        kept = f": {part.size / 1e6:.1f} MB are kept and will be continued" if continued else ""
+            time.sleep(self.pause * vain if vain < self.attempts else 0.0)
         raise ForcingError(
             f"could not be fetched, {self.attempts} attempts in a row brought nothing ({reason})",
             where=part.url,
-            remedy=f"Check the network and run again{kept}",
+            remedy=f"Check the network and run again{_kept(part)}",
         )
 
     def changed(self, url: str, path: Path) -> str | None:

@@ -152,6 +152,7 @@ def _grounding(group: NamelistGroup) -> dict[str, Any]:
 def _contact(group: NamelistGroup) -> dict[str, Any]:
     return {
         "spring": contact_stiffness(group),
+        "on_substeps": False,
         "distance": max(group.number("contact_distance"), 0.0),
         "critical_damping": group.flag("critical_interaction_damping_on"),
         "tangential_critical_damping": group.flag("tang_crit_int_damp_on"),

@@ -125,6 +125,9 @@ class DatasetForcing(ShownForcing):
         If two parts serve the same field.
     """
 
+    start: datetime | None = None
+    """Date of time 0 (UTC), where it is known; a model takes it over."""
+
     def __init__(
         self,
         parts: Sequence[Part],
@@ -186,7 +189,9 @@ class DatasetForcing(ShownForcing):
         required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
-        return cls([product_part(ds, begin) for ds in in_memory(several)], **options)
+        forcing = cls([product_part(ds, begin) for ds in in_memory(several)], **options)
+        forcing.start = begin
+        return forcing
 
     @property
     def provides(self) -> frozenset[str]:

@@ -8,6 +8,29 @@ from riftberg.kernels import kernel
 
 
 @kernel
+def pair_stiffness(given: float, modulus: float, distance: float, stiffest: float) -> float:
+    """Stiffness (s-2) of a pair of elements: as given, or if that is negative ``E / (rho d^2)`` of the ice between both.
+
+    A column of ice of the length d between two centres, as wide as they are, pushes back with ``E h w x / d`` when it is
+    shortened by x; by the mass ``rho h w d`` this is ``E / (rho d^2) x`` (Riftberg).
+
+    Parameters
+    ----------
+    given : float
+        s-2.
+    modulus : float
+        Young's modulus over density, m2 s-2.
+    distance : float
+        Distance of the centres without force, m.
+    stiffest : float
+        What the time step can resolve, s-2; it limits the stiffness of the ice, not one that was given.
+    """
+    if given >= 0.0:
+        return given
+    return min(modulus / (distance * distance), stiffest)
+
+
+@kernel
 def damping_coefficients(
     stiffness: float, critical: bool, tangential_critical: bool, radial: float, tangential: float
 ) -> tuple[float, float]:

@@ -40,7 +40,8 @@ NEEDED: Final[Mapping[str, tuple[str, ...]]] = {
 """Variables of a run file that every reader may use, and their dimensions; positions are asked for by name besides."""
 
 OPTIONAL: Final[Mapping[str, tuple[str, ...]]] = {
-    "peak_stress": ("bond", "time"), "damage": ("bond", "time"),
+    "peak_stress": ("bond", "time"), "damage": ("bond", "time"), "fragment_name": ("fragment",),
+    **{f"contact_{name}": ("contact",) for name in ("first", "second", "time", "end", "speed")},
     **{name: ("trajectory", "time") for name in ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "ice_thickness")},
 }  # fmt: skip
 """Variables that older files may lack; where they are there, they have these dimensions."""
@@ -49,6 +50,8 @@ _SHAPE: Final = ("length", "width", "mass")
 """Variables that change with time only in runs whose elements wear or grow."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
+_DATES_OF_MEETINGS: Final = ("contact_time", "contact_end")
+_TEXTS: Final = ("fragment_name",)
 _POSITIVE: Final = ("length", "width", "mass", "thickness")
 _FINITE: Final = ("rotation", "u_sync", "v_sync", "spin", *_POSITIVE)
 _LARGEST: Final = 1e30
@@ -106,7 +109,9 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
         moving = name in _SHAPE and set(variable.dims) == {"trajectory", "time"}
         if not moving and (set(variable.dims) != set(dims) or len(variable.dims) != len(dims)):
             raise _error(f"dimensions {variable.dims} instead of {dims}", file, f"variable {name}")
-        if variable.dtype.kind not in "iuf":
+        if name in _TEXTS and variable.dtype.kind not in "UOT":
+            raise _error(f"texts are needed, not values of type {variable.dtype}", file, f"variable {name}")
+        if name not in _TEXTS and variable.dtype.kind not in "iuf":
             raise _error(f"numbers are needed, not values of type {variable.dtype}", file, f"variable {name}")
         refuse_large(
             variable.size, MOST_VALUES, f"values of {name}", size=variable.dtype.itemsize, where=shown(file),
@@ -168,7 +173,8 @@ def read_start(text: Any, file: Path) -> datetime:
 
 def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     """Return the run with decoded dates."""
-    for name in _DATES:
+    dates = (*_DATES, *(name for name in _DATES_OF_MEETINGS if name in run.variables))
+    for name in dates:
         units = run[name].attrs.get("units")
         if not isinstance(units, str) or not units.startswith("seconds since "):
             raise _error(f"units {value_shown(units)} are no 'seconds since' a date", file, f"variable {name}")
@@ -178,7 +184,7 @@ def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     with reading(f"{shown(file)}, variable time", "dates that cannot be read", "Make the run again"):
         decoded = xr.decode_cf(run)
     decoded.set_close(run.close)
-    for name in _DATES:
+    for name in dates:
         if decoded[name].dtype.kind != "M":
             raise _error("dates outside the years 1678 to 2261", file, f"variable {name}")
     steps = np.diff(decoded["time"].values.astype("datetime64[ns]").astype(np.int64))

@@ -32,9 +32,10 @@ class Model(BareModel):
     forcing : Forcing
         Ocean, air, sea ice and sea floor.
     parameters : Parameters, optional
-        All parameters; the published A68a physics with Riftberg's numerics by default.
+        All parameters; by default those of `Parameters`, which hold for bergs of any size (`A68A_2022` is tuned to one).
     start : date, optional
-        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp.
+        Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
+        that of the forcing, if it counts from a date.
 
     Attributes
     ----------
@@ -111,29 +112,31 @@ class Model(BareModel):
         """
         before = self.step_number
         hours = number(every_hours, "h", where="every_hours")
-        length = self._number_of_steps(days, steps) * self.parameters.stepping.time_step / SECONDS_PER_DAY
+        left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
+        length, end = left / SECONDS_PER_DAY, self.time + left
         shown = [ProgressRecorder(length)] if progress else []
         with held(), memory_run(output, hours, forces) as writer:
             try:
                 self.advance(days, steps=steps, recorders=[*recorders, writer, *shown])
             except (KeyboardInterrupt, SystemExit):
-                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, 'interrupted')}")
+                say(f"Stopped at {self.date:%Y-%m-%d %H:%M}. {self._rescued(output, end, 'interrupted')}")
                 raise
             except RiftbergError as error:
                 if self.step_number == before and not isinstance(error, RunError):
                     raise  # refused before the first step: there is nothing to save
                 raise RunError(
-                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output)}"
+                    f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output, end)}"
                 ) from error
             return writer.dataset()
 
-    def _rescued(self, output: str | Path | None, why: str = "failed") -> str:
+    def _rescued(self, output: str | Path | None, end: float, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
         path = Path(output)
         saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
-        return f"Go on with Model.resume({str(saved)!r}, forcing)"
+        left = round((end - self.time) / self.parameters.stepping.time_step)
+        return f"Go on with Model.resume({str(saved)!r}, forcing).run(steps={left})"
 
     def save(self, path: str | Path) -> Path:
         """Write a restart file from which `resume` goes on bit for bit."""
@@ -155,7 +158,7 @@ class Model(BareModel):
         state = load_state(path)
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
-            state.fragment_rows(),
+            state.fragment_rows(), state.bergs, state.contact_log(),
         )  # fmt: skip
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
         model._stepper.recall(state.extra)

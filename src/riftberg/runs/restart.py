@@ -27,6 +27,7 @@ from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Life, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
+from riftberg.stepping.contacts import Contact, ContactLog
 from riftberg.stepping.fragments import Fragment
 from riftberg.version import __version__
 from riftberg.whole_files import replacing
@@ -48,6 +49,7 @@ ADDED = {
     "bond_released_energy": 3,
     "element_bond_area": 3,
     "element_substeps": 3,
+    "element_sides": 4,
     **{f"element_{name}": 4 for name in (*Life._fields, "keel_temperature", "keel_salinity")},
 }
 """Variables that earlier layouts did not have, and the first that has them; states of their time had the default values."""
@@ -75,6 +77,10 @@ class RestartState:
         Arrays that the model added by name.
     forcing : str
         Description of the forcing that the run used.
+    bergs : list of (str, int)
+        Name and number of elements of each berg of the start.
+    contacts : dict
+        Meetings of bergs, and which contacts are none.
     """
 
     elements: Elements
@@ -86,6 +92,8 @@ class RestartState:
     fragments: list[dict[str, Any]] = field(default_factory=list)
     extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)
     forcing: str = ""
+    bergs: list[tuple[str, int]] = field(default_factory=list)
+    contacts: dict[str, Any] = field(default_factory=dict)
 
     def population(self) -> Population:
         """Return the elements and bonds, with the identifiers that come next."""
@@ -97,6 +105,12 @@ class RestartState:
     def fragment_rows(self) -> list[Fragment]:
         """Return the rows of the family tree."""
         return [Fragment(**row) for row in self.fragments]
+
+    def contact_log(self) -> ContactLog:
+        """Return the meetings of bergs so far."""
+        rows = [Contact(**row) for row in self.contacts.get("rows", [])]
+        quiet = {(int(a), int(b)): float(time) for a, b, time in self.contacts.get("quiet", [])}
+        return ContactLog(rows, quiet)
 
 
 def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
@@ -123,6 +137,7 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
         _write_table(file, "bond", BOND_VARIABLES, model.bonds)
         _write_fragments(file, fragment_rows(model))
+        _write_meetings(file, model)
         _write_extra(file, extra or {})
     _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
     return path
@@ -157,8 +172,11 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             fragments=_read_fragments(file),
             extra={name: variable[...] for name, variable in file["extra"].variables.items()},
             forcing=str(file.getncattr("forcing")),
+            bergs=[(str(name), int(count)) for name, count in _json(file, "bergs_json", [])],
+            contacts=dict(_json(file, "contacts_json", {})),
         )
         state.fragment_rows()  # rows that are no fragments are found here
+        state.contact_log()
         if check:
             check_restart(state, path)
         return state
@@ -168,6 +186,11 @@ def fragment_rows(model: BareModel) -> list[dict[str, Any]]:
     """Return the rows of the family tree as dictionaries; empty where the model keeps none."""
     rows: Sequence[Any] = getattr(getattr(model, "fragments", None), "rows", ())
     return [row if isinstance(row, dict) else dataclasses.asdict(row) for row in rows]
+
+
+def contact_rows(model: BareModel) -> list[dict[str, Any]]:
+    """Return the meetings of bergs as dictionaries."""
+    return [dataclasses.asdict(row) for row in getattr(getattr(model, "contacts", None), "rows", ())]
 
 
 def _write_header(file: netCDF4.Dataset, model: BareModel) -> None:
@@ -200,6 +223,16 @@ def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable],
 def _write_fragments(file: netCDF4.Dataset, rows: list[dict[str, Any]]) -> None:
     # JSON keeps 64-bit floats exactly (shortest repr) and says "null" for a fragment without parent.
     file.setncattr("fragments_json", json.dumps(rows, default=_plain))
+
+
+def _write_meetings(file: netCDF4.Dataset, model: BareModel) -> None:
+    """Write the names of the bergs, and which of them met."""
+    tree, log = getattr(model, "fragments", None), getattr(model, "contacts", None)
+    file.setncattr("bergs_json", json.dumps([list(berg) for berg in getattr(tree, "bergs", ())]))
+    if log is not None:
+        rows = [dataclasses.asdict(row) for row in log.rows]
+        quiet = [[*pair, time] for pair, time in log.quiet.items()]
+        file.setncattr("contacts_json", json.dumps({"rows": rows, "quiet": quiet}, default=_plain))
 
 
 def _plain(value: Any) -> Any:
@@ -247,6 +280,11 @@ def _check_header(file: netCDF4.Dataset, path: Path) -> None:
             where=str(path),
             remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')} or later",
         )
+
+
+def _json(file: netCDF4.Dataset, name: str, default: Any) -> Any:
+    """Return an attribute that layouts before 4 did not have."""
+    return json.loads(getattr(file, name)) if hasattr(file, name) else default
 
 
 def _read_elements(file: netCDF4.Dataset, path: Path) -> Elements:

@@ -45,7 +45,7 @@ from riftberg.runs.checks import open_checked
 from riftberg.runs.layout import Layout, placed
 from riftberg.runs.ledger_records import define_ledger, ledger_row, write_ledger
 from riftberg.runs.provenance import run_attributes
-from riftberg.runs.restart import fragment_rows
+from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.values import required
 from riftberg.whole_files import replacing
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
 """Variables kept in double precision at every record; the others are stored in single precision."""
 
-SHAPE: Final = ("length", "width", "mass")
+SHAPE: Final = ("length", "width", "mass", "sides")
 """Variables of the elements written once, and at every record of a run in which they change."""
 
 BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
@@ -79,8 +79,20 @@ FRAGMENT_VARIABLES: Final = (
     Variable("mass", "kg", "mass at birth"),
     Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8"),
     Variable("grounded", "1", "1 where it broke off aground", dtype="i8"),
+    Variable("name", "", "name: of a berg, or of a berg with the number of its fragment", dtype="str"),
 )
 """Family tree of the fragments, each written as ``fragment_<name>``."""
+
+CONTACT_VARIABLES: Final = (
+    Variable("first", "1", "number of the one berg or fragment", dtype="i8"),
+    Variable("second", "1", "number of the other", dtype="i8"),
+    Variable("time", "s", "start of the long step in which they first touched"),
+    Variable("end", "s", "end of the long step in which they last touched"),
+    Variable("lon", "degrees_east", "longitude where they first touched"),
+    Variable("lat", "degrees_north", "latitude where they first touched"),
+    Variable("speed", "m s-1", "relative speed before they touched"),
+)
+"""Meetings of bergs, each written as ``contact_<name>``."""
 
 MISSING: Final = -1
 """Value of whole numbers where an element is not there."""
@@ -400,6 +412,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     file.createDimension("time", None)
     file.createDimension("bond", len(layout.bond_ids))
     file.createDimension("fragment", None)
+    file.createDimension("contact", None)
     _define_time(file, model)
     _define_elements(file, layout, names)
     _define_bonds(file, model, layout)
@@ -412,7 +425,7 @@ def _since(model: BareModel) -> str:
 
 
 def _create(
-    file: netCDF4.Dataset, name: str, kind: str, dims: tuple[str, ...], gaps: bool = False, /, **attributes: Any
+    file: netCDF4.Dataset, name: str, kind: Any, dims: tuple[str, ...], gaps: bool = False, /, **attributes: Any
 ) -> netCDF4.Variable[Any]:
     packed = "time" in dims and len(dims) == 2
     chunks = None
@@ -457,8 +470,10 @@ def _stored_kind(v: Variable) -> str:
 
 
 def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str]) -> None:
+    # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
+    kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
     number = _create(
-        file, "trajectory", "i8", ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
+        file, "trajectory", kind, ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
     )
     number[:] = layout.ids
     for name in SHAPE:
@@ -466,7 +481,8 @@ def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str
         if name in layout.moving:
             _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
         else:
-            _create(file, name, "f8", ("trajectory",), **described)[:] = layout.shape[name]
+            kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
+            _create(file, name, kind, ("trajectory",), **described)[:] = layout.shape[name]
     _define_histories(file, element_history(), names, layout)
 
 
@@ -512,15 +528,20 @@ def _define_bonds(file: netCDF4.Dataset, model: BareModel, layout: Layout) -> No
         _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
 
 
+_COLUMNS: Final[dict[str, Any]] = {"i8": "i4", "str": str}
+
+
 def _define_fragments(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]) -> None:
-    for v in FRAGMENT_VARIABLES:
-        attributes = {**_described(v, names), "long_name": v.long_name}
-        attributes.pop("axis", None)
-        attributes.pop("standard_name", None)
-        if v.name == "birth_time":
-            attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
-        name = f"fragment_{names.get(v.name, v.name)}"
-        _create(file, name, "i4" if v.dtype == "i8" else "f8", ("fragment",), **attributes)
+    for kind, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
+        for v in variables:
+            attributes = {**_described(v, names), "long_name": v.long_name}
+            attributes.pop("axis", None)
+            if v.name in ("lon", "lat") and not names:
+                attributes["standard_name"] = {"lon": "longitude", "lat": "latitude"}[v.name]
+            if v.name in ("birth_time", "time", "end"):
+                attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
+            name = f"{kind}_{names.get(v.name, v.name)}"
+            _create(file, name, _COLUMNS.get(v.dtype, "f8"), (kind,), **attributes)
 
 
 def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
@@ -528,13 +549,15 @@ def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]
     layout.refresh(model.elements, model.bonds, BOND_LATEST)
     for name in BOND_LATEST:
         file[name][:] = layout.latest[name]
-    rows = fragment_rows(model)
-    for v in FRAGMENT_VARIABLES if rows else ():
-        column = f"fragment_{names.get(v.name, v.name)}"
-        file[column][: len(rows)] = _column(rows, v)
+    tables = ("fragment", FRAGMENT_VARIABLES, fragment_rows(model)), ("contact", CONTACT_VARIABLES, contact_rows(model))
+    for kind, variables, rows in tables:
+        for v in variables if rows else ():
+            file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = _column(rows, v)
 
 
 def _column(rows: Iterable[dict[str, Any]], v: Variable) -> NDArray[Any]:
+    if v.dtype == "str":
+        return np.array([str(row.get(v.name, "")) for row in rows], dtype=object)
     missing = -1 if v.dtype == "i8" else np.nan
     values = [row.get(v.name) for row in rows]
     return np.array([missing if value is None else value for value in values], dtype=v.dtype)

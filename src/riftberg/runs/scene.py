@@ -12,14 +12,17 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg import constants
-from riftberg.parameters import Parameters
+from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.runs.shapes import element_polygons
 from riftberg.state import Floats, Ints
 from riftberg.stepping.media import aground
 
 SMALL = 0.01
-"""Fragments below this part of the whole area have neither track nor entry in the legend."""
+"""Fragments below this part of the area of the berg that they come from have neither track nor entry in the legend."""
+
+MOST_BERGS = 12
+"""Bergs, the largest of a run, that have them."""
 
 
 @dataclass(frozen=True)
@@ -189,32 +192,64 @@ class Scene:
         return 1e3 / (constants.DEGREE * self.radius) if self.latlon else 1e3
 
     @cached_property
-    def lattice_angle(self) -> float:
-        """Angle (rad) by which the lattice was turned when the berg was made, from the bonds of the first record."""
+    def sides(self) -> Ints:
+        """Sides of the elements: 4 or 6."""
+        packing = 6 if self.parameters.bonds.packing == "hexagonal" else 4
+        if "sides" not in self.run:
+            return np.full(self.run.sizes["trajectory"], packing)
+        stored = self.run["sides"]
+        known = (
+            filled_forward(stored.transpose("time", "trajectory").values)[0] if "time" in stored.dims else stored.values
+        )
+        return np.where(known > 0, known, packing).astype(np.int64)
+
+    @cached_property
+    def lattice_angle(self) -> Floats:
+        """Angle (rad) by which the lattice of each element was turned when its berg was made.
+
+        From the bonds of the first record; 0 for bergs without any.
+        """
+        angle = np.zeros(self.run.sizes["trajectory"])
         first, second = self.run["first"].values, self.run["second"].values
         there = self.there[0, first] & self.there[0, second]
         first, second = first[there], second[there]
         if not len(first):
-            return 0.0
+            return angle
         y = 0.5 * (self.y[0, first] + self.y[0, second])
         dx = (self.x[0, second] - self.x[0, first]) * (np.cos(np.radians(y)) if self.latlon else 1.0)
         dy = self.y[0, second] - self.y[0, first]
         turned = 0.5 * (self.rotation(0)[first] + self.rotation(0)[second])
-        folds, rest = (4, 0.0) if self.parameters.bonds.packing == "square" else (6, math.pi / 6.0)
+        folds = self.sides[first]
+        rest = np.where(folds == 6, math.pi / 6.0, 0.0)
         phase = np.exp(1j * folds * (np.arctan2(dy, dx) - turned - rest))
-        return float(np.angle(phase.mean())) / folds
+        for number in np.unique(self.berg[0]):
+            rows = self.berg[0, first] == number
+            if rows.any():
+                angle[self.berg[0] == number] = float(np.angle(phase[rows].mean())) / int(folds[rows][0])
+        return angle
 
     def rotation(self, record: int) -> Floats:
         """Return the angles the elements have turned (rad)."""
         return np.nan_to_num(self.run["rotation"].isel(time=record).values.astype(np.float64))
 
     def polygons(self, record: int) -> Floats:
-        """Return the corners of all elements at a record, shape (elements, corners, 2)."""
-        return element_polygons(
-            np.where(self.there[record], self.x[record], np.nan), self.y[record],
-            self.rotation(record) + self.lattice_angle, self.area_at(record), self.parameters.bonds.packing,
-            latlon=self.latlon, radius=self.radius,
-        )  # fmt: skip
+        """Return the corners of all elements at a record, shape (elements, corners, 2).
+
+        Where bergs of both packings are in a run, squares repeat corners to have as many as hexagons.
+        """
+        x, y = np.where(self.there[record], self.x[record], np.nan), self.y[record]
+        turned, area = self.rotation(record) + self.lattice_angle, self.area_at(record)
+        most = int(self.sides.max(initial=4))
+        corners = np.empty((x.size, most, 2))
+        kinds: tuple[tuple[int, Packing], ...] = ((4, "square"), (6, "hexagonal"))
+        for sides, packing in kinds:
+            rows = self.sides == sides
+            if rows.any():
+                found = element_polygons(
+                    x[rows], y[rows], turned[rows], area[rows], packing, latlon=self.latlon, radius=self.radius
+                )
+                corners[rows] = found[:, np.minimum(np.arange(most), sides - 1)]
+        return corners
 
     def area_at(self, record: int) -> Floats:
         """Return the plan areas of the elements (m2) at a record."""
@@ -227,9 +262,45 @@ class Scene:
         for record in sorted({0, len(self.times) // 2, len(self.times) - 1}):
             for number, area in self._areas(record).items():
                 sizes[number] = area
-        whole = float(self.area.sum())
         ranked = sorted(sizes, key=lambda n: (-sizes[n], n))
-        return [n for n in ranked if sizes[n] >= SMALL * whole] or ranked[:1]
+        large = set(sorted(self.berg_areas, key=lambda n: (-self.berg_areas[n], n))[:MOST_BERGS])
+        whole = {n: self.berg_areas.get(self.origin(n), 0.0) for n in ranked}
+        return [n for n in ranked if sizes[n] >= SMALL * whole[n] and self.origin(n) in large] or ranked[:1]
+
+    @cached_property
+    def berg_areas(self) -> dict[int, float]:
+        """Plan area (m2) of each berg that was there at the start or came later, by its number, as it was then."""
+        parent, number = self.run["fragment_parent"].values, self.run["fragment_number"].values
+        area = self.run["fragment_area"].values
+        return {int(n): float(a) for n, a, p in zip(number, area, parent, strict=True) if p <= 0}
+
+    @cached_property
+    def _parents(self) -> dict[int, int]:
+        pairs = zip(
+            self.run["fragment_number"].values.tolist(), self.run["fragment_parent"].values.tolist(), strict=True
+        )
+        return {int(n): int(p) for n, p in pairs}
+
+    def origin(self, number: int) -> int:
+        """Return the number of the berg that a fragment comes from; itself for a berg."""
+        seen = {number}
+        while (parent := self._parents.get(number, 0)) > 0 and parent not in seen:
+            seen.add(parent)
+            number = parent
+        return number
+
+    @cached_property
+    def _names(self) -> dict[int, str]:
+        if "fragment_name" not in self.run:
+            return {}
+        pairs = zip(self.run["fragment_number"].values.tolist(), self.run["fragment_name"].values.tolist(), strict=True)
+        return {int(n): str(name) for n, name in pairs if name}
+
+    def name(self, number: int) -> str:
+        """Return what a berg or fragment is called: by its name, or by its number."""
+        if number in self._names:
+            return self._names[number]
+        return f"berg {number}" if self._parents.get(number, 0) <= 0 else f"fragment {number}"
 
     def _areas(self, record: int) -> dict[int, float]:
         number, index = np.unique(self.berg[record], return_inverse=True)
@@ -291,9 +362,10 @@ class Scene:
         return sorted(wanted)
 
     def box(self, record: int | None = None) -> Box:
-        """Return the extent of the named fragments, at a record or over the whole run."""
+        """Return the extent of bergs and named fragments, at a record or over the whole run."""
         chosen = range(0, len(self.times), max(1, len(self.times) // 50)) if record is None else [record]
-        rows = [np.isin(self.berg[k], self.numbers) for k in (*chosen, -1 if record is None else record)]
+        shown = [*self.numbers, *self.berg_areas]
+        rows = [np.isin(self.berg[k], shown) for k in (*chosen, -1 if record is None else record)]
         # A berg that shattered has no fragment with a name; then all of its elements count.
         rows = [row if row.any() else ~row for row in rows]
         x = np.concatenate([self.x[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])

@@ -131,6 +131,7 @@ class Body(NamedTuple):
     berg: Annotated[Ints, _is("1", "number of the conglomerate (fragment) that the element belongs to", output=True)]
     bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True)]
     bond_area: Annotated[Floats, _is("m2", "constant plan area by which bonds know the element; 0 while not yet known")]
+    sides: Annotated[Ints, _is("1", "sides of the element: 4 square, 6 hexagonal; 0 while not yet known")]
     substeps: Annotated[Ints, _is("1", "sub-steps in a long step of the berg of the element; 0 while not yet known")]
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
+from riftberg.stepping.breaking import OTHER_BERGS, TOUCHED, allocate_pairs
 from riftberg.stepping.media import Surroundings
 from riftberg.stepping.partners import Neighbourhood
 from riftberg.stepping.run_state import RunState
@@ -22,6 +23,7 @@ class Batch:
         self.rows = rows
         self._bond_rows: Ints = np.zeros(0, np.int64)
         self.near = Neighbourhood()
+        self._inside = 0
         self.take(run)
         self.room = allocate_room(self.elements, self.bonds)
 
@@ -45,6 +47,43 @@ class Batch:
         if self.rows is not None:
             put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds)
             of_all.applied[self.rows] = around.applied
+
+    def add_meetings(self, first: Ints, second: Ints) -> None:
+        """List the pairs of different bergs that may come into contact, behind those inside bergs.
+
+        Parameters
+        ----------
+        first, second : array of int
+            Rows of all elements of the run; both ends of a pair lie in one batch.
+        """
+        pairs = self.room.pairs
+        used = int(pairs.count[0])
+        self._inside = used
+        if self.rows is not None:
+            place = np.full(int(max(self.rows.max(), first.max(initial=0), second.max(initial=0))) + 1, -1, np.int64)
+            place[self.rows] = np.arange(self.rows.size)
+            mine = place[first] >= 0
+            first, second = place[first[mine]], place[second[mine]]
+        if first.size == 0:
+            return
+        # Bonds that break in the sub-steps are listed behind them.
+        if used + first.size + self.bonds.first.size > pairs.first.size:
+            bigger = allocate_pairs(2 * (used + first.size + self.bonds.first.size))
+            for old, new in zip(pairs[:3], bigger[:3], strict=True):
+                new[:used] = old[:used]
+            self.room = self.room._replace(pairs=bigger)
+            pairs = bigger
+        block = slice(used, used + first.size)
+        pairs.first[block], pairs.second[block], pairs.bond[block] = first, second, OTHER_BERGS
+        pairs.count[0] = used + first.size
+
+    def touched(self) -> tuple[Ints, Ints]:
+        """Return the rows (of the run) of the pairs of different bergs that have touched in the sub-steps."""
+        pairs = self.room.pairs
+        count = int(pairs.count[0])
+        k = np.flatnonzero(pairs.bond[self._inside : count] == TOUCHED) + self._inside
+        first, second = pairs.first[k], pairs.second[k]
+        return (first, second) if self.rows is None else (self.rows[first], self.rows[second])
 
     def of_all(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values of its elements."""

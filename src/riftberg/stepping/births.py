@@ -15,7 +15,9 @@ from riftberg.stepping.sizes import interaction_sizes
 
 
 def complete_state(run: RunState) -> None:
-    """Set the area by which bonds know an element, and length and rest length of a bond, where they are not yet known."""
+    """Set sides of an element, area by which bonds know it, length and rest length of a bond, where they are not known."""
+    sides = run.elements.body.sides
+    sides[sides == 0] = run.constants.max_sides
     _set_bond_areas(run)
     _set_lengths(run)
     unknown = np.isnan(run.bonds.rest_length)

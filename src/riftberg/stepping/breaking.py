@@ -11,14 +11,17 @@ from riftberg.physics.bonds import bond_section, normal_force, overlap
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Ints
-from riftberg.stepping.interactions import SAME_BERG_CONTACT, pair_terms
+from riftberg.stepping.interactions import COLLISION, SAME_BERG_CONTACT, pair_terms
+
+OTHER_BERGS, TOUCHED = -2, -3
+"""What stands for a bond in pairs of elements of two bergs."""
 
 
 class ContactPairs(NamedTuple):
     """Pairs of one berg that may touch in the sub-steps: ends of broken bonds, or candidates of a search.
 
     ``count[0]`` of the rows are in use. ``bond`` is the number of the bond between both (as long as it is unbroken they
-    do not touch), or -1.
+    do not touch), or -1; `OTHER_BERGS` for elements of two bergs, and `TOUCHED` once they have touched in this long step.
     """
 
     first: Ints
@@ -100,7 +103,7 @@ def _force_while_breaking(rows, r, el, youngs):
 
 @stage
 def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full, dt):
-    """Add the accelerations (m s-2) of pairs of one berg that touch (equations 5.5).
+    """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
     Parameters
     ----------
@@ -116,39 +119,44 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
     first, second, bond = pairs.first, pairs.second, pairs.bond
     x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count
     u, v, u_shown, v_shown = el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair
-    radius, mass = sizes.bond_radius, sizes.bond_mass
+    radius, mass, own_radius, own_mass = sizes.bond_radius, sizes.bond_mass, sizes.radius, sizes.mass
     for k in range(pairs.count[0]):
         i, j = first[k], second[k]
         if search and bond[k] >= 0 and status[bond[k]] == 0:
             continue
         rx, ry = separation(x[i], y[i], x[j], y[j], law.latlon, law.earth_radius, law.period)
-        radii = radius[i] + radius[j]
-        if rx * rx + ry * ry >= radii * radii:
+        apart = bond[k] <= OTHER_BERGS
+        radii = own_radius[i] + own_radius[j] if apart else radius[i] + radius[j]
+        reach = max(radii, law.contact_distance) if apart else radii
+        if rx * rx + ry * ry >= reach * reach:
             continue
+        if apart:
+            bond[k] = TOUCHED
         for end in range(2):
             e, c = (i, j) if end == 0 else (j, i)
             looks = not (skip_full and bond_count[e] == max_bonds) and bond_count[c] < max_bonds
-            if search and not looks:
+            if search and not looks and not apart:
                 continue
             s = 1.0 if end == 0 else -1.0
+            m1, m2 = (own_mass[e], own_mass[c]) if apart else (mass[e], mass[c])
             ix, iy = contact_acceleration(
-                e, c, s * rx, s * ry, radii, u, v, u_shown, v_shown, mass, law, dt * max_bonds
+                COLLISION if apart else SAME_BERG_CONTACT, e, c, s * rx, s * ry, radii, u, v, u_shown, v_shown, m1, m2,
+                law, dt * max_bonds,
             )  # fmt: skip
             ax[e] += ix
             ay[e] += iy
 
 
 @stage
-def contact_acceleration(e, c, rx, ry, radii, u, v, u_shown, v_shown, mass, law, span):
-    """Acceleration (m s-2) of element e by its contact with c of the same berg: spring and damper.
+def contact_acceleration(kind, e, c, rx, ry, radii, u, v, u_shown, v_shown, m1, m2, law, span):
+    """Acceleration (m s-2) of element e by its contact with c of the same berg, or of another: spring and damper.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
-    m1, m2 = mass[e], mass[c]
     du, dv = u_shown[c] - u[e], v_shown[c] - v[e]
-    ix, iy, p11, p12, p22 = pair_terms(SAME_BERG_CONTACT, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
+    ix, iy, p11, p12, p22 = pair_terms(kind, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
     wu, wv = u_shown[c] - u_shown[e], v_shown[c] - v_shown[e]
     soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m1 / min(m1, m2)))
     return ix + soft * (p11 * wu + p12 * wv), iy + soft * (p12 * wu + p22 * wv)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -37,6 +39,8 @@ class Fragment:
         Broken bonds that joined it to the rest of its parent.
     grounded : bool
         Whether one of its elements was aground at birth or where one of those bonds broke.
+    name : str
+        Name of a berg; a fragment has that of the berg that it comes from, with its number among the fragments of that.
     """
 
     number: int
@@ -49,6 +53,7 @@ class Fragment:
     mass: float
     bonds_broken: int
     grounded: bool
+    name: str = ""
 
 
 class FragmentTree:
@@ -58,10 +63,13 @@ class FragmentTree:
     ----------
     rows : list of Fragment
         In order of birth; numbers rise by one.
+    bergs : sequence of (str, int)
+        Name and number of elements of each berg of the start, by row; empty for bergs without names.
     """
 
-    def __init__(self, rows: list[Fragment] | None = None) -> None:
+    def __init__(self, rows: list[Fragment] | None = None, bergs: Sequence[tuple[str, int]] = ()) -> None:
         self.rows: list[Fragment] = list(rows or [])
+        self.bergs = tuple(bergs)
 
     def __repr__(self) -> str:
         return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
@@ -106,14 +114,47 @@ class FragmentTree:
         for k in newborn:
             rows = order[ends[k - 1] if k else 0 : ends[k]]
             parent = int(elements.body.berg[rows[0]])
+            parent = parent if parent in known else 0
+            name = self._name(parent, int(rows[0]), len(known) == 0)
             row = Fragment(
-                len(self.rows) + 1, parent if parent in known else 0, time, *_measures(rows, elements, p.period),
-                int(cuts.count[k]), bool(touching[rows].any() or cuts.grounded[k] > 0),
+                len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
+                bool(touching[rows].any() or cuts.grounded[k] > 0), name,
             )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)
         elements.berg[:] = number[part]
         return count
+
+    def origin(self, number: int) -> int:
+        """Return the number of the berg that a fragment comes from: itself for a berg of the start, or one added later."""
+        while 0 < number <= len(self.rows) and self.rows[number - 1].parent > 0:
+            number = self.rows[number - 1].parent
+        return number
+
+    def _name(self, parent: int, row: int, at_start: bool) -> str:
+        """Return the name of a newborn: that of its berg, for the first piece, or with the number of the fragment.
+
+        Parameters
+        ----------
+        parent : int
+            Number of the fragment that it split from, or 0.
+        row : int
+            Of its first element.
+        at_start : bool
+            Whether it was there at the start.
+        """
+        if parent > 0:
+            berg = self.rows[self.origin(parent) - 1].name
+        elif at_start and self.bergs:
+            last = np.cumsum([count for _, count in self.bergs])
+            berg = self.bergs[min(int(np.searchsorted(last, row, side="right")), last.size - 1)][0]
+        else:
+            return ""
+        if not berg:
+            return ""
+        taken = {other.name for other in self.rows}
+        # The pieces of a berg that lie apart at the start are numbered as its fragments are.
+        return berg if berg not in taken else next(f"{berg}.{n}" for n in count(1) if f"{berg}.{n}" not in taken)
 
     def _inherited(self, part: Ints, mass: Floats, berg: Ints) -> Ints:
         """Give the heaviest part of each known fragment its number; 0 for all other parts."""

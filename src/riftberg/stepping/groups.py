@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +14,61 @@ from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.conglomerates import connected_parts
+from riftberg.stepping.run_state import RunState
+from riftberg.stepping.sizes import Sizes
+
+NOBODY: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
+"""Rows of no pairs."""
+
+CONTACT_STEP: Final = 0.4
+"""Longest sub-step times the frequency of a contact: below what damped contact is stable with (0.57)."""
+
+
+def substeps_of_meeting(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> Ints:
+    """Return the sub-steps that each element takes in a long step: those of its berg, or of the bergs it may meet.
+
+    Bergs that may meet go through the sub-steps together, in the largest number that one of them needs, or that the
+    stiffest of their contacts does.
+
+    Parameters
+    ----------
+    run : RunState
+    sizes : Sizes
+    first, second : array of int
+        Rows of the pairs that may come into contact.
+    """
+    el, c, own = run.elements, run.constants, run.elements.body.substeps
+    if first.size == 0:
+        return own
+    rest = sizes.radius[first] + sizes.radius[second]
+    stiffness = np.full(first.size, c.contact_spring) if c.contact_spring >= 0.0 else c.modulus / rest**2
+    needed = run.parameters.stepping.time_step * np.sqrt(stiffness) / CONTACT_STEP
+    needed = 2.0 ** np.ceil(np.log2(np.maximum(needed, 1.0)))  # powers of 2: groups of like numbers go together
+    numbers, berg = np.unique(el.berg, return_inverse=True)
+    group = connected_parts(numbers.size, berg[first], berg[second], np.zeros(first.size, np.int64))[berg]
+    most = np.zeros(int(group.max()) + 1, np.int64)
+    np.maximum.at(most, group, own)
+    np.maximum.at(most, group[first], needed.astype(np.int64))
+    return most[group]
+
+
+def touching_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParameters) -> tuple[Ints, Ints]:
+    """Rows of the pairs of a list, each once, that are in reach of contact."""
+    if pairs.partner.size == 0:
+        return NOBODY
+    shown = el.shown
+    near = _in_reach(shown.lon_pair, shown.lat_pair, sizes.radius, pairs, p)
+    first = np.repeat(np.arange(el.size), np.diff(pairs.start))
+    kept = near & (first < pairs.partner)
+    return first[kept], pairs.partner[kept]
+
+
+def joined(pairs: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+    """Return the pairs of several lists as one."""
+    some = [pair for pair in pairs if pair[0].size]
+    if not some:
+        return NOBODY
+    return np.concatenate([pair[0] for pair in some]), np.concatenate([pair[1] for pair in some])
 
 
 def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: KernelParameters) -> Ints:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
+from riftberg.physics.contact import damping_coefficients, damping_tensor, pair_stiffness, spring_acceleration
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
@@ -21,7 +21,9 @@ class PairLaw(NamedTuple):
     """Scalars of the pair law."""
 
     spring: float
+    modulus: float
     contact_spring: float
+    contact_stiffest: float
     contact_distance: float
     critical: bool
     tangential_critical: bool
@@ -76,8 +78,9 @@ class Partners(NamedTuple):
 def _stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[float, float]:
     """Stiffness (s-2) and distance (m) at which the force vanishes, by kind of pair (equations 5.2)."""
     if kind in (COLLISION, PLAIN_CONTACT):
-        return law.contact_spring, max(sum_radii, law.contact_distance)
-    return law.spring, sum_radii
+        stiffness = pair_stiffness(law.contact_spring, law.modulus, sum_radii, law.contact_stiffest)
+        return stiffness, max(sum_radii, law.contact_distance)
+    return pair_stiffness(law.spring, law.modulus, sum_radii, math.inf), sum_radii
 
 
 @kernel
@@ -223,7 +226,9 @@ def pair_law(p: KernelParameters) -> PairLaw:
     """Pick the scalars of the pair law."""
     return PairLaw(
         p.spring,
+        p.modulus,
         p.contact_spring,
+        p.contact_stiffest,
         p.contact_distance,
         p.critical_damping,
         p.tangential_critical_damping,

@@ -146,15 +146,22 @@ def _dem_damping(p: Parameters, sizes: Sizes, i: Ints, j: Ints) -> Floats:
     return np.asarray(p.bonds.damping * np.sqrt(plane * m1 * m2 / (m1 + m2)))
 
 
-def _spring_damping(p: Parameters) -> tuple[float, float]:
+def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
+    """Stiffness (s-2) of spring bonds of some rest lengths (m): as given, or that of the ice (equations 5.2; Riftberg)."""
+    if p.bonds.spring is None:
+        return np.asarray(p.bonds.youngs_modulus / (p.ice.density * rest**2))
+    return np.full(rest.shape, p.bonds.spring)
+
+
+def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
     """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (equations 5.2)."""
-    c = p.contact
+    c, one = p.contact, np.ones_like(stiffness)
     if c.damping_by_speed:
-        return 0.0, 0.0
+        return 0.0 * one, 0.0 * one
     if not c.critical_damping:
-        return c.radial_damping, c.tangential_damping
-    full = 2.0 * p.bonds.spring**0.5
-    return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping
+        return c.radial_damping * one, c.tangential_damping * one
+    full = 2.0 * stiffness**0.5
+    return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping * one
 
 
 def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> BondOperator:
@@ -178,8 +185,9 @@ def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes)
         dampers = (damper, by_slip[0], by_slip[1], damper)
     else:
         least = np.minimum(sizes.bond_mass[i], sizes.bond_mass[j])
-        normal, shear, bending = p.bonds.spring * least, nothing, nothing
-        radial, tangential = _spring_damping(p)
+        stiffness = _spring_stiffness(p, radii[0] + radii[1])
+        normal, shear, bending = stiffness * least, nothing, nothing
+        radial, tangential = _spring_damping(p, stiffness)
         dampers = (radial * least, nothing, tangential * least, nothing)
     return BondOperator(
         np.concatenate([i, j]),

@@ -26,7 +26,7 @@ from riftberg.physics.grounding import grounded_fraction, grounding_rate, quadra
 from riftberg.physics.slope import slope_acceleration
 from riftberg.physics.waves import wave_acceleration
 from riftberg.state import Elements, Floats
-from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.sizes import Sizes, sides_of
 
 
 class Medium(NamedTuple):
@@ -141,7 +141,7 @@ def grounded_part(thickness: float, depth: float, p: KernelParameters) -> float:
 
 @kernel
 def media_of(
-    mass: float, length: float, width: float, thickness: float, bonds: int, depth: float, ice_thickness: float,
+    mass: float, length: float, width: float, thickness: float, sides: int, bonds: int, depth: float, ice_thickness: float,
     uo: float, vo: float, ua: float, va: float, ui: float, vi: float, slope_x: float, slope_y: float,
     ground_area: float, ground_mass: float, p: KernelParameters,
 ) -> Media:  # fmt: skip
@@ -149,18 +149,18 @@ def media_of(
 
     Parameters
     ----------
-    bonds : int
-        Unbroken bonds of the element.
+    sides, bonds : int
+        Sides and unbroken bonds of the element.
     ground_area, ground_mass : float
         Area (m2) and mass (kg) that the sea floor sees.
     """
     draft = draft_of(thickness, p.rho_ice)
     freeboard = thickness - draft
     ice = min(ice_thickness, draft)
-    by_diameter = p.multiple_steps and p.dem and p.hexagonal and p.radius_based
+    by_diameter = p.multiple_steps and p.dem and sides == 6 and p.radius_based
     side = side_width(length, width, by_diameter)
     wave_length = side if by_diameter else length
-    exposed = exposed_sides(bonds, p.max_sides, p.bonds_on and p.sides_by_bonds)
+    exposed = exposed_sides(bonds, sides, p.bonds_on and p.sides_by_bonds)
     return Media(
         dragged(ocean_drag(mass, length, width, side, max(0.0, draft - ice), exposed, p.ocean_scale), uo, vo),
         pushed(slope_acceleration(slope_x, slope_y)),
@@ -188,6 +188,7 @@ def find_surroundings(el: Elements, sizes: Sizes, around: Surroundings, p: Kerne
     """
     body, environment = el.body, el.environment
     mass, length, width, thickness, bonds = body.mass, body.length, body.width, body.thickness, body.bond_count
+    sides = body.sides
     depth, ice, lat, sx, sy = (
         environment.depth,
         environment.ice_thickness,
@@ -207,8 +208,8 @@ def find_surroundings(el: Elements, sizes: Sizes, around: Surroundings, p: Kerne
     for e in range(mass.size):
         area, m = (ground_area[e], ground_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
         rows = media_of(
-            mass[e], length[e], width[e], thickness[e], bonds[e], depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e],
-            vi[e], sx[e], sy[e], area, m, p,
+            mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], depth[e], ice[e], uo[e],
+            vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], area, m, p,
         )  # fmt: skip
         put_row(media, e, 0, rows.water)
         put_row(media, e, 1, rows.slope)

@@ -16,6 +16,7 @@ from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
     Room,
+    add_collisions,
     dem_accelerations,
     drift,
     drift_near_pole,
@@ -243,6 +244,7 @@ def _take_substeps(
             )
         elif explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
+            add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
         if floor_varies:
             floor_rates(el, scratch)
         if not moving:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
@@ -45,9 +46,47 @@ class Neighbourhood:
         # The largest distance at which two elements can be in contact.
         return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c)
 
+    def meetings(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+        """Pairs of elements of different bergs, each once, that may come into contact during a long step of ``dt`` s.
+
+        `will_touch` decides for each pair by itself, so that bergs elsewhere have no say in it.
+        """
+        none = np.zeros(0, np.int64)
+        if not c.interactions or el.size < 2 or not (el.berg != el.berg[0]).any():
+            return none, none
+        u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
+        touching = max(2.0 * float(radius.max()), c.contact_distance)
+        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
+        found = self.find(el, 1.5 * touching + 1.3 * fastest * dt, OTHER_BERG, c)
+        first = np.repeat(np.arange(el.size), np.diff(found.start))
+        once = first < found.partner
+        return will_touch(el, first[once], found.partner[once], radius, dt, c)
+
     def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
         return without(self.find(el, reach, SAME_BERG, c), self.bonded(el, bonds)[0])
+
+
+def will_touch(
+    el: Elements, first: Ints, second: Ints, radius: Floats, dt: float, c: KernelParameters
+) -> tuple[Ints, Ints]:
+    """Return those pairs that may come into contact within ``dt`` s.
+
+    Along straight paths they come within one and a half distances of contact, or miss that by less than a third of what
+    their relative speed carries them: velocities change within the step.
+    """
+    shown = el.shown
+    metric = Metric(c.latlon, c.earth_radius, c.period)
+    dx, dy = separations(
+        metric, shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second]
+    )
+    du, dv = shown.u_pair[first] - shown.u_pair[second], shown.v_pair[first] - shown.v_pair[second]
+    squared = du * du + dv * dv
+    when = np.clip(-(dx * du + dy * dv) / np.where(squared > 0.0, squared, 1.0), 0.0, dt)
+    nearest = np.hypot(dx + when * du, dy + when * dv)
+    touching = np.maximum(radius[first] + radius[second], c.contact_distance)
+    near = nearest < 1.5 * touching + 0.3 * np.sqrt(squared) * dt
+    return first[near], second[near]
 
 
 def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:

@@ -35,6 +35,7 @@ from riftberg.stepping.frames import (
     regrouped,
     without_mean,
 )
+from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.lattice_equilibrium import (
     Factors,
@@ -46,6 +47,7 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import Surroundings, allocate_surroundings
+from riftberg.stepping.partners import will_touch
 from riftberg.stepping.rigid_bodies import (
     Motion,
     element_velocities,
@@ -102,11 +104,17 @@ class QuasiStaticStepper:
         self._now: Moment | None = None
         self._around = allocate_surroundings(0)
         self._ice: list[np.ndarray] = []
+        self._touched = NOBODY
 
     @property
     def applied(self) -> Floats:
         """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
         return self._around.applied
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """See `riftberg.stepping.schemes.Stepper.touched`."""
+        return self._touched
 
     def memory(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -133,6 +141,7 @@ class QuasiStaticStepper:
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._around.applied[:] = step.applied
+        self._touched = joined(step.touched)
         self._ice = [array.copy() for array in _ice(model)]
         model.time = step.start + model.parameters.stepping.time_step
 
@@ -174,6 +183,7 @@ class LongStep:
         self.sizes: Sizes = interaction_sizes(self.el, self.c)
         self.start, self.cracked, self.around = model.time, False, around
         self.applied = np.zeros_like(around.applied)
+        self.touched: list[tuple[Ints, Ints]] = []
         self._near = no_pairs(self.el.mass.size)
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
@@ -195,6 +205,7 @@ class LongStep:
         while (left := end - self.now.time) > 1e-9 * dt:
             pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
             longest = min(longest, self._go(left / pieces, dt, may_break))
+            self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         self._store()
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
@@ -347,14 +358,40 @@ class LongStep:
     def _contact_limit(self, left: float) -> float:
         """Longest step (s) that resolves the springs of contact between fragments."""
         touching = self.now.motion.touching
-        if touching.first.size == 0:
+        first, second = touching.first, touching.second
+        if (
+            self.c.contact_spring < 0.0
+        ):  # stiff ice: bergs that will touch within the step must not be deep in each other then
+            more = self._coming(left)
+            first, second = np.append(first, more[0]), np.append(second, more[1])
+        if first.size == 0:
             return left
         body, mass = self.now.bodies.body, self.now.motion.load.mass
         count = self.now.bodies.pose.shape[0]
-        pair = self.c.contact_spring * np.minimum(mass[touching.first], mass[touching.second])
-        stiff = np.bincount(body[touching.first], pair, count) + np.bincount(body[touching.second], pair, count)
+        pair = self._contact_stiffness(first, second) * np.minimum(mass[first], mass[second])
+        stiff = np.bincount(body[first], pair, count) + np.bincount(body[second], pair, count)
         fastest = math.sqrt(float((2.0 * stiff / np.bincount(body, mass, count)).max()))
         return CONTACT_PHASE / fastest if fastest > 0.0 else left
+
+    def _contact_stiffness(self, first: Ints, second: Ints) -> Floats:
+        """Stiffness (s-2) of pairs that touch, as `riftberg.physics.contact.pair_stiffness`."""
+        c, radius = self.c, self.sizes.radius
+        if c.contact_spring >= 0.0:
+            return np.full(first.size, c.contact_spring)
+        return np.asarray(c.modulus / (radius[first] + radius[second]) ** 2)
+
+    def _coming(self, left: float) -> tuple[Ints, Ints]:
+        """Pairs of different fragments that their speeds would bring together within ``left`` s; each once."""
+        el, c, body = self.el, self.c, self.now.bodies.body
+        if not c.interactions or self.now.bodies.pose.shape[0] < 2:
+            return NOBODY
+        u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
+        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
+        reach = 1.5 * max(2.0 * float(radius.max()), c.contact_distance) + 1.3 * fastest * left
+        found = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        first = np.repeat(np.arange(el.size), np.diff(found.start))
+        once = first < found.partner
+        return will_touch(el, first[once], found.partner[once], radius, left, c)
 
     # Breaking
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements
 from riftberg.state.population import Population
+from riftberg.stepping.contacts import ContactLog
 from riftberg.stepping.fragments import FragmentTree
 
 
@@ -26,6 +27,8 @@ class RunState:
         The parameters as compiled code reads them.
     fragments : FragmentTree
         Family tree of the fragments.
+    contacts : ContactLog
+        Meetings of bergs.
     start : datetime.datetime
         Date of time zero (UTC).
     time : float
@@ -42,6 +45,7 @@ class RunState:
     start: datetime
     time: float = 0.0
     step_number: int = 0
+    contacts: ContactLog = field(default_factory=ContactLog)
 
     @property
     def elements(self) -> Elements:

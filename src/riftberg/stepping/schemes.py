@@ -17,7 +17,7 @@ from riftberg.stepping import runge_kutta, verlet
 from riftberg.stepping.batches import Batch
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.groups import meeting_groups
+from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings, find_surroundings
@@ -51,6 +51,10 @@ class Stepper(Protocol):
     @property
     def applied(self) -> Floats:
         """Mean accelerations (m s-2) over the last long step, shape (elements, forces, 2)."""
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """Rows of the pairs of elements of different bergs that were in contact in the last long step."""
 
     def memory(self) -> dict[str, Any]:
         """Return arrays of numbers, beside the state, that a run needs to go on bit for bit."""
@@ -144,14 +148,16 @@ def _update_fragments(run: RunState) -> None:
 class MultipleStepper(Forgetful):
     """Multiple time steps (equations 6.4).
 
-    The slow kicks are those of all bergs together, because bergs collide in them; the sub-steps concern each berg alone
-    and are taken by batches of bergs that have the same number of them.
+    The slow kicks are those of all bergs together. The sub-steps concern each group of bergs that may meet in the step
+    and are taken by batches of groups that have the same number of them. Bergs collide in the sub-steps, or with
+    ``contact.on_substeps`` off in the slow kicks.
     """
 
     def __init__(self, run: RunState) -> None:
         c = run.constants
         self._near = Neighbourhood()
         self._around = allocate_surroundings(run.elements.size)
+        self._touched = NOBODY
         self._kept: list[Batch] = []
         self._standing: tuple[int, bytes] | None = None
         self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
@@ -164,23 +170,28 @@ class MultipleStepper(Forgetful):
         earlier = np.arange(el.size)
         if self._quirky_order and not _uniform(run):
             earlier = _processing_rank(run)
+        dt = run.parameters.stepping.time_step
         slow = self._collisions(run, sizes)
-        batches = self._batches(run)
+        meeting = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
+        substeps = substeps_of_meeting(run, sizes, *meeting)
+        batches = self._batches(run, substeps)
         for batch in batches:
-            self._gather_pairs(batch, run.parameters.stepping.time_step, c)
+            self._gather_pairs(batch, dt, c)
+            batch.add_meetings(*meeting)
         inner = [self._inner_partners(batch, batch.of_all(slow.group), run) for batch in batches]
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:
             self._around = allocate_surroundings(el.size)
         if batches[0].rows is None:
-            plan = plan._replace(substeps=int(el.body.substeps[0]))
+            plan = plan._replace(substeps=int(substeps[0]))
             report = take_long_step(
                 el, bonds, batches[0].room, slow, inner[0], sizes, self._around, earlier, plan, c
             )  # fmt: skip
             self._check_settled(report, run)
             broken = report.broken
         else:
-            broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, plan)
+            broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, substeps, plan)
+        self._touched = joined([touching_rows(el, slow.collision, sizes, c), *(batch.touched() for batch in batches)])
         settle(run)
         run.time += run.parameters.stepping.time_step
         self.surround(run)
@@ -189,7 +200,7 @@ class MultipleStepper(Forgetful):
 
     def _step_in_batches(
         self, run: RunState, batches: list[Batch], slow: Partners, inner: list[Partners], sizes: Sizes, earlier: Ints,
-        plan: StepPlan,
+        substeps: Ints, plan: StepPlan,
     ) -> int:  # fmt: skip
         """Take the sub-steps of each batch for itself; returns the number of bonds broken."""
         c = run.constants
@@ -201,7 +212,7 @@ class MultipleStepper(Forgetful):
             some, around = batch.elements, batch.surroundings(self._around)
             report = take_substeps(
                 some, batch.bonds, batch.room, fast, interaction_sizes(some, c), around, batch.of_all(earlier),
-                plan._replace(substeps=int(some.body.substeps[0])), c,
+                plan._replace(substeps=int(batch.of_all(substeps)[0])), c,
             )  # fmt: skip
             batch.give(run, around, self._around)
             self._check_settled(report, run)
@@ -237,18 +248,26 @@ class MultipleStepper(Forgetful):
         """See `Stepper.applied`."""
         return self._around.applied
 
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """See `Stepper.touched`."""
+        return self._touched
+
     def _collisions(self, run: RunState, sizes: Sizes) -> Partners:
         """Partners of the slow kicks: elements of other bergs."""
         near, c = self._near, run.constants
+        if c.contact_on_substeps:
+            none = no_pairs(run.elements.size)
+            return Partners(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c)
         one_group = run.parameters.compatibility.bergs_coupled
         group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
         none = no_pairs(run.elements.size)
         return Partners(none, none, near_by, np.zeros(0), group)
 
-    def _batches(self, run: RunState) -> list[Batch]:
+    def _batches(self, run: RunState, substeps: Ints) -> list[Batch]:
         """Split the elements by number of sub-steps, and those near the pole from the others."""
-        kind = run.elements.body.substeps
+        kind = substeps
         if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
             kind = 2 * kind + _has_berg_north_of(run.elements, POLAR_LATITUDE)
         together = bool((kind == kind[0]).all()) or run.parameters.compatibility.bergs_coupled
@@ -301,6 +320,7 @@ class MultipleStepper(Forgetful):
         """List the pairs inside bergs that may touch in this step."""
         el, bonds, pairs = batch.elements, batch.bonds, batch.room.pairs
         if not c.dem:
+            pairs.count[0] = 0
             return
         if self._contact_by_bonds:
             waiting = np.flatnonzero(bonds.status == 1)
@@ -345,11 +365,17 @@ class SingleStepper(Forgetful):
         self._near = Neighbourhood()
         self._version = -1
         self._around = allocate_surroundings(run.elements.size)
+        self._touched = NOBODY
 
     @property
     def applied(self) -> Floats:
         """See `Stepper.applied`."""
         return self._around.applied
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """See `Stepper.touched`."""
+        return self._touched
 
     def surround(self, run: RunState) -> None:
         """Do nothing: these schemes sample within the step."""
@@ -370,7 +396,9 @@ class SingleStepper(Forgetful):
         if c.plain_kid_branch:
             return Partners(bonded, none, near.find(el, reach, ANY, c), rest, group)
         touching = near.same_berg(el, bonds, reach, c) if c.bonds_on else none
-        return Partners(bonded, touching, near.collisions(el, sizes, c), rest, group)
+        collisions = near.collisions(el, sizes, c)
+        self._touched = touching_rows(el, collisions, sizes, c)
+        return Partners(bonded, touching, collisions, rest, group)
 
 
 class VerletStepper(SingleStepper):

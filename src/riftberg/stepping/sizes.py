@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, Ints
 
 
 class Sizes(NamedTuple):
@@ -32,6 +32,12 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
     return math.sqrt(area / math.pi)
 
 
+@kernel
+def sides_of(sides: int, p: KernelParameters) -> int:
+    """Sides of an element; where it does not say, those of the packing that the parameters name."""
+    return sides if sides > 0 else p.max_sides
+
+
 def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     """Compute the sizes of all elements; a constant size of 0 is one that is not given."""
     body = elements.body
@@ -39,7 +45,7 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     # Only what it needs: to hand the whole state to compiled code takes longer than the loop.
     radius, bond_radius, bond_mass, bond_area = _interaction_sizes(
         body.length, body.width, body.thickness, body.mass, body.bond_area, p.constant_size, constant, p.rho_ice,
-        p.hexagonal, p.bonds_on,
+        body.sides, p.max_sides, p.bonds_on,
     )  # fmt: skip
     return Sizes(radius, body.mass, bond_radius, bond_mass, bond_area)
 
@@ -47,7 +53,7 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
 @kernel
 def _interaction_sizes(
     length: Floats, width: Floats, thickness: Floats, mass: Floats, known_area: Floats, constant_size: bool,
-    constant_area: float, rho_ice: float, hexagonal: bool, bonds_on: bool,
+    constant_area: float, rho_ice: float, sides: Ints, usual_sides: int, bonds_on: bool,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
     """Return radius, and radius, mass and area in bonds; see `riftberg.kernels` why no named tuple."""
     count = mass.size
@@ -55,6 +61,7 @@ def _interaction_sizes(
     bond_mass, bond_area = np.empty(count), np.empty(count)
     for e in range(count):
         area = length[e] * width[e]
+        hexagonal = (sides[e] if sides[e] > 0 else usual_sides) == 6
         radius[e] = radius_of(area, hexagonal, bonds_on)
         # Not yet known where a state is looked at before a model has taken it.
         constant = known_area[e] if known_area[e] > 0.0 else constant_area

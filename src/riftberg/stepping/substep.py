@@ -194,6 +194,15 @@ def spring_accelerations(
 
 
 @kernel
+def add_collisions(
+    pairs: ContactPairs, bonds: Bonds, el: Elements, sizes: Sizes, law: PairLaw, scratch: Scratch, most: int, dt: float
+) -> None:
+    """Add the accelerations (m s-2) by contact between bergs, where bonds are springs or there are none."""
+    if pairs.count[0] > 0:
+        add_contacts(pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, False, most, False, dt)
+
+
+@kernel
 def floor_rates(el: Elements, scratch: Scratch) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion

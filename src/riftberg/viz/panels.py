@@ -247,10 +247,10 @@ def fragment_name(scene: Scene, number: int) -> str:
     """Return what a fragment is, in a few words."""
     size, birth = area_text(scene.area_of(number), squared="²"), scene.birth(number)
     if birth is None:
-        return f"berg {number}: {size} at the end"
+        return f"{scene.name(number)}: {size} at the end"
     when = moment_text(scene.times, birth[0])
     off = f"off after {when}" if is_short(scene.times) else f"off on {when}"
-    return f"fragment {number}: {size}, {off}" + (", aground" if birth[1] else ", afloat")
+    return f"{scene.name(number)}: {size}, {off}" + (", aground" if birth[1] else ", afloat")
 
 
 def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:

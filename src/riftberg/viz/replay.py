@@ -131,6 +131,7 @@ class ReplayContent:
             "seconds": (scene.seconds[self.records] - scene.seconds[self.records[0]]).tolist(),
             "skipped": int(run.sizes["time"] - len(self.records)),
             "packing": scene.parameters.bonds.packing,
+            "sides": scene.sides.tolist(),
             "side": np.round(np.sqrt(scene.area), 1).tolist(),
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
@@ -156,7 +157,7 @@ class ReplayContent:
         turned = (
             np.stack([scene.rotation(int(k)) for k in chosen]) + scene.lattice_angle + self.plane.eastward(lon, lat)
         )
-        folded = np.pi / 2 if scene.parameters.bonds.packing == "square" else np.pi / 3
+        folded = 2.0 * np.pi / scene.sides
         speed = np.hypot(self._table("u_sync"), self._table("v_sync"))
         thickness = self._table("thickness")
         constant = bool((thickness == thickness[:1]).all())
@@ -225,6 +226,9 @@ class ReplayContent:
             rows.append(
                 {
                     "number": int(number),
+                    "name": self.scene.name(int(number)),
+                    "of": self._whom(int(run["fragment_parent"].values[k])),
+                    "named": int(number) in self.scene.numbers,
                     "parent": int(run["fragment_parent"].values[k]),
                     "birth": float(birth),
                     "grounded": bool(run["fragment_grounded"].values[k] == 1),
@@ -234,6 +238,11 @@ class ReplayContent:
                 }
             )
         return sorted(rows, key=lambda row: (-row["end"], row["number"]))
+
+    def _whom(self, parent: int) -> str:
+        """Return the name of what a fragment broke off, with a space behind it, where bergs have names."""
+        named = "fragment_name" in self.run and any(str(name) for name in self.run["fragment_name"].values)
+        return f"{self.scene.name(parent)} " if named and parent > 0 else ""
 
     # --- water -----------------------------------------------------------------------------------------------------
 

@@ -103,7 +103,9 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     ax.axvline(0.0, color=colours.GRID, lw=0.6, zorder=0)
     ax.set_title(f"      forces at {minute_text(b.decisive.time)}", fontsize=9)
     size = area_text(1e6 * b.area_km2, squared="²")
-    ax.set_ylabel(f"fragment {b.fragment}, {size}\nforce per mass, north ($10^{{-6}}$ m s$^{{-2}}$)", fontsize=9)
+    ax.set_ylabel(
+        f"{b.name or f'fragment {b.fragment}'}, {size}\nforce per mass, north ($10^{{-6}}$ m s$^{{-2}}$)", fontsize=9
+    )
     ax.set_xlabel("force per mass, east ($10^{-6}$ m s$^{-2}$)", fontsize=9)
     ax.tick_params(labelsize=7)
 

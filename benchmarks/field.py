@@ -1,0 +1,35 @@
+"""Cost of a field of bergs of one element each, without bonds: seconds per simulated day of 48 long steps.
+
+python benchmarks/field.py [NUMBER ...]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from riftberg import Forcing, Iceberg, Model
+
+
+def seconds_per_day(number: int, days: int = 5) -> tuple[float, int, int]:
+    """Return wall seconds per day after the first, meetings in all days, and bergs."""
+    side = 4.0 * (number / 1000.0) ** 0.5
+    field = Iceberg.field(number, (-40.0, -40.0 + side, -58.0, -58.0 + 0.5 * side), seed=1)
+    ocean = Forcing.uniform(current=(0.1, 0.0), wind=(5.0, 0.0)) + Forcing.eddy((-38.0, -57.0), radius=60e3, speed=0.4)
+    model = Model(field, ocean)
+    model.advance(1)
+    began = time.perf_counter()
+    model.advance(days)
+    return (time.perf_counter() - began) / days, len(model.contacts.rows), field.elements.size
+
+
+def main(numbers: list[int]) -> None:
+    """Print a row for each number of bergs."""
+    print("| bergs | s per day of 48 steps | ms per step | meetings in six days |\n|---:|---:|---:|---:|")
+    for number in numbers:
+        cost, met, count = seconds_per_day(number)
+        print(f"| {count:,} | {cost:.3f} | {1e3 * cost / 48.0:.2f} | {met} |", flush=True)
+
+
+if __name__ == "__main__":
+    main([int(word) for word in sys.argv[1:]] or [100, 1000, 5000])

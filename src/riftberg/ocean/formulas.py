@@ -1,0 +1,673 @@
+"""Forcing by formula that is put together with ``+``: uniform, eddy, jet, shear, front, tide, seamount, slope, wind that turns.
+
+Each part adds its current, the slope of the sea surface that goes with it, its wind; of several sea floors the shallowest
+counts. A steady current stands in geostrophic balance with its sea surface, place by place::
+
+    d(eta)/dx = f v / g,    d(eta)/dy = -f u / g,    f = 2 Omega sin(latitude)
+
+and a tide, which also changes in time, has ``d(eta)/dx = (f v - du/dt) / g`` and ``d(eta)/dy = -(f u + dv/dt) / g``: the
+slopes that move the water itself. Without them a berg does not follow the water, but drifts off to the side.
+
+Positions are degrees and f is that of each place; with ``latitude`` f is that of one latitude, and with ``latlon=False``
+positions are metres on such a plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any, Final
+
+import numpy as np
+
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
+from riftberg.errors import ForcingError
+from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
+from riftberg.ocean.shown import ShownForcing
+from riftberg.state import Elements, Floats
+
+SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")
+"""Variables of the elements that parts add to; they begin at 0."""
+
+UNKNOWN: Final = ("sst", "sss", "ice_fraction")
+"""Variables of the elements that a part may set; where none does, they have the values of an unknown sea."""
+
+Pair = tuple[float, float]
+
+
+class Formula(ShownForcing):
+    """Forcing that formulas give at the elements themselves, and that can be added to other forcing.
+
+    A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are
+    what maps ask for.
+
+    Parameters
+    ----------
+    latlon : bool, optional
+        Positions are degrees; otherwise metres.
+    latitude : float, optional
+        Latitude (degrees) of the Coriolis parameter; by default that of each place. Needed for positions in metres.
+    """
+
+    grid: Grid | None = None
+    latlon: bool | None = None
+    latitude: float | None = None
+    provides: frozenset[str] = frozenset()
+    """What is known of the sea beside its motion: ``sst``, ``sss``."""
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add what this part does to the environment of the elements at ``time`` (s since the start)."""
+        raise NotImplementedError(f"{type(self).__name__} has no add_to(elements, time)")
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements."""
+        begin(elements)
+        self.add_to(elements, time)
+        finish(elements)
+
+    def check(self, elements: Elements, start: float, end: float) -> None:
+        """Serve any place and time."""
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points."""
+        return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points."""
+        return np.full(np.shape(lon), np.inf)
+
+    def describe(self) -> str:
+        """Return what this part is, in words."""
+        return type(self).__name__
+
+    def __add__(self, other: Forcing) -> Sum:
+        """Return both as one forcing."""
+        return Sum(_parts_of(self) + _parts_of(other)) if _is_forcing(other) else NotImplemented
+
+    def __radd__(self, other: Forcing) -> Sum:
+        """Return both as one forcing; the other is no formula, such as fields from files."""
+        return Sum(_parts_of(other) + _parts_of(self)) if _is_forcing(other) else NotImplemented
+
+
+def begin(elements: Elements) -> None:
+    """Set the environment of the elements to nothing at all, for parts to add to."""
+    environment = elements.environment
+    for name in SUMMED:
+        getattr(environment, name)[:] = 0.0
+    environment.depth[:] = np.inf
+    for name in UNKNOWN:
+        getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+
+
+def finish(elements: Elements) -> None:
+    """Give elements under which no part has a sea floor the depth of an open ocean."""
+    depth = elements.environment.depth
+    depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
+
+
+def _is_forcing(other: Any) -> bool:
+    return callable(getattr(other, "sample", None))
+
+
+def _parts_of(forcing: Any) -> list[Any]:
+    return list(forcing.parts) if isinstance(forcing, Sum) else [forcing]
+
+
+class Sum(Formula):
+    """Several forcings as one: formulas, on top of at most one that is none, such as fields from files.
+
+    Parameters
+    ----------
+    parts : sequence of Forcing
+        Their currents, slopes of the sea surface, winds and sea ice are added; the shallowest sea floor counts.
+
+    Raises
+    ------
+    ForcingError
+        If two parts are no formulas, or parts do not agree what positions are.
+    """
+
+    def __init__(self, parts: Sequence[Any]) -> None:
+        self.parts = tuple(sorted(parts, key=lambda part: isinstance(part, Formula)))
+        others = [part for part in parts if not isinstance(part, Formula)]
+        if len(others) > 1:
+            raise ForcingError(
+                f"{type(others[0]).__name__} and {type(others[1]).__name__} cannot be added",
+                where="forcing",
+                remedy="Add formulas to one forcing from files; several files are one forcing already",
+            )
+        self.grid = others[0].grid if others else None
+        self.provides = frozenset(name for part in parts for name in getattr(part, "provides", ()))
+        for name in ("latlon", "latitude"):
+            said: list[Any] = sorted(
+                {getattr(part, name) for part in self.parts if getattr(part, name, None) is not None}
+            )
+            if len(said) > 1:
+                raise ForcingError(
+                    f"parts of the forcing disagree on {name}: {' and '.join(map(str, said))}",
+                    where="forcing",
+                    remedy="Give all parts the same",
+                )
+            setattr(self, name, said.pop() if said else None)
+
+    @property
+    def start(self) -> datetime | None:
+        """Date of time 0 (UTC), if a part counts from one."""
+        return next((part.start for part in self.parts if getattr(part, "start", None) is not None), None)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What should be known of it before a run."""
+        return tuple(text for part in self.parts for text in getattr(part, "notices", ()))
+
+    @property
+    def title(self) -> str:
+        """What it is, for titles."""
+        return ", ".join(filter(None, (str(getattr(part, "title", "")) for part in self.parts)))
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add all parts."""
+        for part in self.parts:
+            if isinstance(part, Formula):
+                part.add_to(elements, time)
+            else:
+                part.sample(elements, time)
+
+    def check(self, elements: Elements, start: float, end: float) -> None:
+        """Raise `ForcingError` unless all parts serve these elements from ``start`` to ``end`` (s)."""
+        for part in self.parts:
+            part.check(elements, start, end)
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points."""
+        found = [part.currents(lon, lat, time) for part in self.parts]
+        return np.sum([u for u, _ in found], axis=0), np.sum([v for _, v in found], axis=0)
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points: that of the shallowest part."""
+        shallowest: Floats = np.min([part.depth(lon, lat) for part in self.parts], axis=0)
+        return np.where(np.isinf(shallowest), FIELD_DEFAULTS["depth"], shallowest)
+
+    def describe(self) -> str:
+        """Return all parts in words."""
+        return "; ".join(part.describe() for part in self.parts)
+
+
+class Flow(Formula):
+    """A formula whose current is balanced by the slope of the sea surface."""
+
+    def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
+        if not latlon and latitude is None:
+            raise ForcingError(
+                "positions in metres have no latitude",
+                where=type(self).__name__,
+                remedy="Give latitude, the same as earth.reference_latitude of the parameters",
+            )
+        self.latlon, self.latitude = latlon, latitude
+
+    def coriolis(self, lat: Floats) -> Floats:
+        """Return the Coriolis parameter (s-1) at arrays of points."""
+        where = np.asarray(lat, np.float64) if self.latitude is None else np.full(np.shape(lat), self.latitude)
+        return 2.0 * EARTH_ROTATION * np.sin(where * DEGREE)
+
+    def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return the current (m s-1) and its relative vorticity (s-1) at arrays of points."""
+        raise NotImplementedError
+
+    def change(self, time: float) -> Pair:
+        """Return how fast the current changes everywhere, m s-2."""
+        return 0.0, 0.0
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add current, vorticity and the slope of the sea surface that goes with them."""
+        place, e = elements.place, elements.environment
+        u, v, vorticity = self.flow(place.lon, place.lat, time)
+        f, (du, dv) = self.coriolis(place.lat), self.change(time)
+        e.uo[:] += u
+        e.vo[:] += v
+        e.vorticity[:] += vorticity
+        e.slope_x[:] += (f * v - du) / GRAVITY
+        e.slope_y[:] -= (f * u + dv) / GRAVITY
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points."""
+        u, v, _ = self.flow(np.asarray(lon, np.float64), np.asarray(lat, np.float64), time)
+        return u, v
+
+
+def metres_from(point: Pair, lon: Floats, lat: Floats, latlon: bool) -> tuple[Floats, Floats]:
+    """Return how far (m) points lie east and north of one, with the metric of the mean latitude, across any seam."""
+    dx, dy = np.asarray(lon, np.float64) - point[0], np.asarray(lat, np.float64) - point[1]
+    if not latlon:
+        return dx, dy
+    dx = dx - 360.0 * np.round(dx / 360.0)
+    scale = DEGREE * EARTH_RADIUS_A68
+    return scale * np.cos((point[1] + 0.5 * dy) * DEGREE) * dx, scale * dy
+
+
+def heading(towards: float) -> Pair:
+    """Return the unit vector (east, north) of a direction in degrees clockwise from north."""
+    return math.sin(towards * DEGREE), math.cos(towards * DEGREE)
+
+
+class Uniform(Flow):
+    """The same current, wind and sea ice everywhere, at all times.
+
+    Parameters
+    ----------
+    current, wind : tuple of float, optional
+        Eastward and northward, m s-1.
+    sea_ice : tuple of float, optional
+        Eastward and northward velocity (m s-1) and thickness (m).
+    depth : float, optional
+        Depth of water, m.
+    """
+
+    def __init__(
+        self, current: Pair = (0.0, 0.0), wind: Pair = (0.0, 0.0), sea_ice: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        depth: float = math.inf, *, latlon: bool = True, latitude: float | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(latlon=latlon, latitude=latitude)
+        self.current, self.wind, self.sea_ice, self.water = current, wind, sea_ice, depth
+
+    def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return the current and no vorticity."""
+        one = np.ones(np.shape(lon))
+        return self.current[0] * one, self.current[1] * one, 0.0 * one
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add current, slope, wind and sea ice."""
+        super().add_to(elements, time)
+        e = elements.environment
+        e.ua[:] += self.wind[0]
+        e.va[:] += self.wind[1]
+        for values, value in zip((e.ui, e.vi, e.ice_thickness), self.sea_ice, strict=True):
+            values[:] += value
+        e.depth[:] = np.minimum(e.depth, self.water)
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m)."""
+        return np.full(np.shape(lon), self.water)
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        return f"uniform: current {self.current} m/s, wind {self.wind} m/s"
+
+
+class Eddy(Flow):
+    """A round eddy with a Gaussian stream function, which may travel.
+
+    The water turns with ``s (r / R) exp((1 - r^2 / R^2) / 2)``: at most with s, at the distance R from the centre.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        Longitude and latitude (degrees; m if not ``latlon``) at the start.
+    radius : float
+        Distance of the fastest water from the centre, m.
+    speed : float
+        Its speed, m s-1; positive is counter-clockwise.
+    velocity : tuple of float, optional
+        Eastward and northward velocity of the centre, m s-1.
+    """
+
+    def __init__(
+        self, centre: Pair, radius: float, speed: float, velocity: Pair = (0.0, 0.0), *, latlon: bool = True,
+        latitude: float | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(latlon=latlon, latitude=latitude)
+        self.centre, self.radius, self.speed, self.velocity = centre, _above_zero("radius", radius), speed, velocity
+
+    def centre_at(self, time: float) -> Pair:
+        """Return the place of the centre at a time (s)."""
+        return travelled(self.centre, self.velocity, time, bool(self.latlon))
+
+    def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return current and vorticity of the eddy."""
+        x, y = metres_from(self.centre_at(time), lon, lat, bool(self.latlon))
+        q = (x * x + y * y) / self.radius**2
+        turning = self.speed / self.radius * np.exp(0.5 * (1.0 - q))
+        return -turning * y, turning * x, turning * (2.0 - q)
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        return f"eddy at {self.centre}: {self.speed:g} m/s at {self.radius / 1e3:g} km"
+
+
+def travelled(point: Pair, velocity: Pair, time: float, latlon: bool) -> Pair:
+    """Return where a point is after a time (s) at a velocity (m s-1)."""
+    east, north = velocity[0] * time, velocity[1] * time
+    if not latlon:
+        return point[0] + east, point[1] + north
+    scale = DEGREE * EARTH_RADIUS_A68
+    lat = point[1] + north / scale
+    return point[0] + east / (scale * math.cos(0.5 * (point[1] + lat) * DEGREE)), lat
+
+
+class Straight(Flow):
+    """A current in one direction that depends on the distance from a line alone.
+
+    Parameters
+    ----------
+    point : tuple of float
+        A point of the line: longitude and latitude (degrees; m if not ``latlon``).
+    towards : float
+        Direction of the line, degrees clockwise from north; 90 is eastward.
+    width : float
+        Scale of the profile across the line, m.
+    """
+
+    def __init__(
+        self, point: Pair, towards: float, width: float, *, latlon: bool = True, latitude: float | None = None
+    ) -> None:
+        super().__init__(latlon=latlon, latitude=latitude)
+        self.point, self.towards, self.width = point, towards, _above_zero("width", width)
+
+    def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return speed (m s-1) and its derivative (s-1) by the distance ``n`` (widths) to the left of the line."""
+        raise NotImplementedError
+
+    def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return current and vorticity."""
+        east, north = heading(self.towards)
+        x, y = metres_from(self.point, lon, lat, bool(self.latlon))
+        speed, rise = self.profile((x * -north + y * east) / self.width, lat)
+        return speed * east, speed * north, -rise
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        name = type(self).__name__.lower()
+        return f"{name} through {self.point} towards {self.towards:g} degrees, {self.width / 1e3:g} km wide"
+
+
+class Jet(Straight):
+    """A straight jet with the profile ``s / cosh(n / w)^2`` (Bickley).
+
+    Parameters
+    ----------
+    point, towards, width
+        As for `Straight`.
+    speed : float
+        Speed in the middle, m s-1.
+    """
+
+    def __init__(
+        self,
+        point: Pair,
+        towards: float,
+        speed: float,
+        width: float,
+        *,
+        latlon: bool = True,
+        latitude: float | None = None,
+    ) -> None:
+        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
+        self.speed = speed
+
+    def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return speed and its derivative."""
+        bell = self.speed / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
+        return bell, -2.0 * np.tanh(n) * bell / self.width
+
+
+class Shear(Straight):
+    """A shear layer: the water flows with ``s tanh(n / w)``, one way on the left of a line and the other way on its right.
+
+    Parameters
+    ----------
+    point, towards, width
+        As for `Straight`; the water on the left of the line flows ``towards``.
+    speed : float
+        Speed far from the line, m s-1.
+    """
+
+    def __init__(
+        self,
+        point: Pair,
+        towards: float,
+        speed: float,
+        width: float,
+        *,
+        latlon: bool = True,
+        latitude: float | None = None,
+    ) -> None:
+        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
+        self.speed = speed
+
+    def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return speed and its derivative."""
+        step = np.tanh(n)
+        return self.speed * step, self.speed * (1.0 - step * step) / self.width
+
+
+class Front(Straight):
+    """A front: the sea surface steps up across a line, and water flows along it as the Earth turns.
+
+    The sea level is ``step / 2 tanh(n / w)`` and the current ``-g / f d(eta)/dn``: with high water on its right on the
+    northern hemisphere, on its left on the southern one.
+
+    Parameters
+    ----------
+    point, width
+        As for `Straight`.
+    along : float
+        Direction of the line, degrees clockwise from north.
+    step : float
+        Sea level on the left of the line (looking along it) above that on its right, m.
+    temperature : tuple of float, optional
+        Temperature of the water on the left and on the right, degrees Celsius.
+    """
+
+    def __init__(
+        self, point: Pair, along: float, step: float, width: float, temperature: Pair | None = None, *,
+        latlon: bool = True, latitude: float | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(point, along, width, latlon=latlon, latitude=latitude)
+        self.step, self.temperature = step, temperature
+        self.provides = frozenset() if temperature is None else frozenset(("sst",))
+
+    def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return speed and its derivative; f is that of the place."""
+        f = self.coriolis(lat)
+        if (np.abs(f) < NEAR_EQUATOR).any():
+            raise ForcingError(
+                "a front near the equator has no balanced current",
+                where="forcing",
+                remedy="Keep it 2 degrees away, or give latitude",
+            )
+        bell = -GRAVITY / f * 0.5 * self.step / self.width / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
+        return bell, -2.0 * np.tanh(n) * bell / self.width
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add current and slope, and set the temperature of the water."""
+        super().add_to(elements, time)
+        if self.temperature is None:
+            return
+        east, north = heading(self.towards)
+        x, y = metres_from(self.point, elements.place.lon, elements.place.lat, bool(self.latlon))
+        left, right = self.temperature
+        share = 0.5 * (1.0 + np.tanh((x * -north + y * east) / self.width))
+        elements.environment.sst[:] = right + (left - right) * share
+
+
+NEAR_EQUATOR: Final = 5e-6
+"""Coriolis parameter (s-1) below which no current is found from a sea level."""
+
+
+class Tide(Flow):
+    """A tidal current: an ellipse that the water goes through once in a period, the same everywhere.
+
+    Parameters
+    ----------
+    major : float
+        Largest speed, m s-1.
+    minor : float, optional
+        Smallest speed, m s-1; positive turns counter-clockwise, 0 goes to and fro.
+    towards : float, optional
+        Direction of the largest speed, degrees clockwise from north.
+    period : float, optional
+        s; by default that of the tide M2.
+    phase : float, optional
+        Part of the period (degrees) after the start at which the speed is largest.
+    """
+
+    M2: Final = 12.4206012 * 3600.0
+
+    def __init__(
+        self, major: float, minor: float = 0.0, towards: float = 90.0, period: float = M2, phase: float = 0.0, *,
+        latlon: bool = True, latitude: float | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(latlon=latlon, latitude=latitude)
+        self.major, self.minor, self.towards, self.phase = major, minor, towards, phase
+        self.period = _above_zero("period", period)
+
+    def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return the current of the moment."""
+        u, v = self._along(*self._parts(time))
+        one = np.ones(np.shape(lon))
+        return u * one, v * one, 0.0 * one
+
+    def change(self, time: float) -> Pair:
+        """Return how fast the current changes, m s-2."""
+        omega = 2.0 * math.pi / self.period
+        c, s = self._cycle(time)
+        return self._along(-omega * self.major * s, omega * self.minor * c)
+
+    def _cycle(self, time: float) -> Pair:
+        angle = 2.0 * math.pi * time / self.period - self.phase * DEGREE
+        return math.cos(angle), math.sin(angle)
+
+    def _parts(self, time: float) -> Pair:
+        c, s = self._cycle(time)
+        return self.major * c, self.minor * s
+
+    def _along(self, along: float, left: float) -> Pair:
+        """Return east and north of a vector along the ellipse's axis and to its left."""
+        east, north = heading(self.towards)
+        return along * east - left * north, along * north + left * east
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        return f"tide of {self.major:g} m/s every {self.period / 3600.0:.4g} h"
+
+
+class Seamount(Formula):
+    """A bell on the sea floor: ``depth - height exp(-r^2 / (2 w^2))``.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        Longitude and latitude (degrees; m if not ``latlon``) of the summit.
+    height, width : float
+        Height above the plain, and standard deviation, m.
+    depth : float
+        Depth of the plain, m.
+    """
+
+    def __init__(
+        self,
+        centre: Pair,
+        height: float,
+        width: float,
+        depth: float,
+        *,
+        latlon: bool = True,
+        latitude: float | None = None,
+    ) -> None:
+        self.centre, self.height, self.width, self.plain = centre, height, _above_zero("width", width), depth
+        self.latlon, self.latitude = latlon, latitude
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Raise the sea floor."""
+        depth = elements.environment.depth
+        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m)."""
+        x, y = metres_from(self.centre, lon, lat, bool(self.latlon))
+        return self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        return f"seamount at {self.centre}: summit {self.plain - self.height:g} m deep, plain {self.plain:g} m"
+
+
+class Slope(Formula):
+    """A sea floor that deepens steadily in one direction.
+
+    Parameters
+    ----------
+    point : tuple of float
+        Where the water is ``depth`` deep: longitude and latitude (degrees; m if not ``latlon``).
+    towards : float
+        Direction in which it deepens, degrees clockwise from north.
+    gradient : float
+        Metres of depth per metre.
+    depth : float
+        m.
+    between : tuple of float, optional
+        Least and largest depth, m.
+    """
+
+    def __init__(
+        self, point: Pair, towards: float, gradient: float, depth: float, between: Pair = (1.0, 5000.0), *,
+        latlon: bool = True, latitude: float | None = None,
+    ) -> None:  # fmt: skip
+        self.point, self.towards, self.gradient, self.middle, self.between = point, towards, gradient, depth, between
+        self.latlon, self.latitude = latlon, latitude
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Raise the sea floor."""
+        depth = elements.environment.depth
+        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m)."""
+        x, y = metres_from(self.point, lon, lat, bool(self.latlon))
+        east, north = heading(self.towards)
+        return np.clip(self.middle + self.gradient * (x * east + y * north), *self.between)
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        where = f"{self.middle:g} m at {self.point}"
+        return f"sea floor that deepens by {self.gradient:g} towards {self.towards:g} degrees, {where}"
+
+
+class TurningWind(Formula):
+    """A wind of one speed whose direction turns steadily.
+
+    Parameters
+    ----------
+    speed : float
+        m s-1.
+    towards : float, optional
+        Direction to which it blows at the start, degrees clockwise from north.
+    turning : float, optional
+        How fast it turns, degrees per hour; positive is clockwise.
+    """
+
+    def __init__(
+        self, speed: float, towards: float = 90.0, turning: float = 15.0, *, latlon: bool | None = None,
+        latitude: float | None = None,
+    ) -> None:  # fmt: skip
+        self.speed, self.towards, self.turning = speed, towards, turning
+        self.latlon, self.latitude = latlon, latitude
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add the wind of the moment."""
+        east, north = heading(self.towards + self.turning * time / 3600.0)
+        elements.environment.ua[:] += self.speed * east
+        elements.environment.va[:] += self.speed * north
+
+    def describe(self) -> str:
+        """Return the values in words."""
+        return f"wind of {self.speed:g} m/s that turns by {self.turning:g} degrees per hour"
+
+
+def _above_zero(name: str, value: float) -> float:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ForcingError(f"{name} = {value:g}", where="forcing", remedy="Give a finite number above 0")
+    return value

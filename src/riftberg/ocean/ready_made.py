@@ -1,0 +1,75 @@
+"""`riftberg.Forcing`: all ready-made forcing under one name, and what a class of one's own stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.ocean import formulas
+from riftberg.ocean.datasets import DatasetForcing
+
+
+class Forcing(formulas.Formula):
+    """Forcing by formula or from datasets; parts are combined with ``+``.
+
+    A class of one's own needs one method, ``add_to(elements, time)``, which adds to the environment of the elements;
+    ``currents`` and ``depth`` let maps show it.
+
+    Examples
+    --------
+    >>> ocean = Forcing.uniform(current=(0.1, 0.0)) + Forcing.eddy((-37.0, -56.0), radius=40e3, speed=0.5)
+    >>> ocean = ocean + Forcing.turning_wind(10.0) + Forcing.seamount((-36.0, -56.0), 400.0, 20e3, depth=500.0)
+    >>> class Swirl(Forcing):
+    ...     def add_to(self, elements, time):
+    ...         elements.environment.uo[:] += 0.1 * np.cos(time / 43200.0)
+    >>> ocean = ocean + Swirl()
+    """
+
+    uniform = formulas.Uniform
+    eddy = formulas.Eddy
+    jet = formulas.Jet
+    shear = formulas.Shear
+    front = formulas.Front
+    tide = formulas.Tide
+    seamount = formulas.Seamount
+    slope = formulas.Slope
+    turning_wind = formulas.TurningWind
+
+    @staticmethod
+    def from_xarray(
+        datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | None = None, **options: Any
+    ) -> DatasetForcing:
+        """Return the forcing that datasets in memory, or opened by xarray, give.
+
+        Parameters
+        ----------
+        datasets : xarray.Dataset or sequence of them
+            Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
+            its own grid and at its own times.
+        start : datetime.datetime, optional
+            Date of the model's time 0 (UTC); by default the first at which all of them have records. A model with this
+            forcing starts then.
+        **options
+            As for `riftberg.DatasetForcing`.
+        """
+        given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        return DatasetForcing.from_xarray(given, start or first_date(given), **options)
+
+
+def first_date(datasets: Sequence[xr.Dataset]) -> datetime:
+    """Return the first date at which all datasets have begun; refuses datasets without dates."""
+    first = []
+    for ds in datasets:
+        dates = [v.values.ravel() for v in ds.variables.values() if np.issubdtype(v.dtype, np.datetime64) and v.size]
+        first += [values.min() for values in dates[:1]]
+    if not first:
+        raise ForcingError(
+            "no dataset has dates", where="Forcing.from_xarray", remedy="Give start, the date of the model's time 0"
+        )
+    seconds = (max(first) - np.datetime64(0, "s")) / np.timedelta64(1, "s")
+    return datetime.fromtimestamp(float(seconds), tz=UTC).replace(tzinfo=None)

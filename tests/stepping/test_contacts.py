@@ -1,0 +1,74 @@
+"""Meetings of bergs: one for each pair, as long as they touch again within hours; none for what has just broken off."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.parameters import Parameters
+from riftberg.state import Elements, new_elements
+from riftberg.stepping.contacts import APART, ContactLog
+from riftberg.stepping.fragments import Fragment, FragmentTree
+
+P = Parameters().kernel_values()
+HOUR = 3600.0
+
+
+def fragment(number: int, parent: int = 0, birth: float = 0.0) -> Fragment:
+    """Return a row of the family tree."""
+    return Fragment(number, parent, birth, 0.0, 0.0, 1, 1e6, 1e9, 0, False)
+
+
+def elements(bergs: tuple[int, ...] = (1, 2, 3)) -> Elements:
+    """Return elements near the date line, one of each berg."""
+    el = new_elements(len(bergs))
+    el.berg[:] = bergs
+    el.lon[:], el.lat[:] = np.array([179.99, -179.99, 0.0])[: len(bergs)], -60.0
+    el.u[:] = np.array([0.3, 0.0, 0.0])[: len(bergs)]
+    el.v[:] = np.array([0.0, 0.4, 0.0])[: len(bergs)]
+    return el
+
+
+def pair(i: int, j: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([i]), np.array([j])
+
+
+def test_a_meeting_is_one_until_the_bergs_have_been_apart() -> None:
+    log, tree, el = ContactLog(), FragmentTree([fragment(1), fragment(2), fragment(3)]), elements()
+    for hour in (10.0, 11.0, 15.0):  # they bounce
+        log.update(el, pair(1, 0), hour * HOUR, (hour + 0.5) * HOUR, tree, P)
+    (met,) = log.rows
+    assert (met.first, met.second, met.time, met.end) == (1, 2, 10.0 * HOUR, 15.5 * HOUR)
+    assert met.speed == 0.5
+    assert abs(abs(met.lon) - 180.0) < 1e-9  # half way across the seam
+    log.update(el, pair(0, 1), 15.5 * HOUR + APART, 16.0 * HOUR + APART, tree, P)
+    assert len(log.rows) == 2
+    log.update(el, (np.array([0, 0]), np.array([1, 2])), 24.0 * HOUR, 24.5 * HOUR, tree, P)
+    assert [(row.first, row.second) for row in log.rows] == [(1, 2), (1, 2), (1, 3)]
+
+
+def test_a_piece_has_not_met_what_it_broke_off() -> None:
+    tree, el = FragmentTree([fragment(1), fragment(2, parent=1, birth=5.0 * HOUR)]), elements((1, 2))
+    log = ContactLog()
+    for hour in np.arange(5.0, 20.0, 4.0):  # never apart for long
+        log.update(el, pair(0, 1), hour * HOUR, (hour + 0.5) * HOUR, tree, P)
+    assert log.rows == []
+    log.update(el, pair(0, 1), 40.0 * HOUR, 40.5 * HOUR, tree, P)  # it has been away and comes back
+    assert len(log.rows) == 1
+
+
+def test_the_pieces_of_a_berg_go_on_with_the_meeting_of_the_whole() -> None:
+    tree, el = FragmentTree([fragment(1), fragment(2)]), elements((1, 2, 3))
+    log = ContactLog()
+    log.update(el, pair(0, 1), 10.0 * HOUR, 10.5 * HOUR, tree, P)
+    tree.rows.append(fragment(3, parent=1, birth=10.5 * HOUR))
+    log.update(el, pair(1, 2), 10.5 * HOUR, 11.0 * HOUR, tree, P)
+    assert [(row.first, row.second) for row in log.rows] == [(1, 2)]
+    copied = log.saved()
+    copied.update(el, pair(1, 2), 90.0 * HOUR, 90.5 * HOUR, tree, P)
+    assert (len(copied.rows), len(log.rows)) == (2, 1)
+
+
+def test_elements_of_one_berg_do_not_meet() -> None:
+    log = ContactLog()
+    log.update(elements((1, 1)), pair(0, 1), 0.0, 1.0, FragmentTree([fragment(1)]), P)
+    assert log.rows == []
