@@ -113,6 +113,11 @@ class FrozenStepper(Forgetful):
         """No force has acted."""
         return self._applied
 
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """Nothing has met."""
+        return NOBODY
+
 
 def settle(run: RunState) -> None:
     """Find the cells after a move, stop elements at land, wrap longitudes (equations 8)."""
