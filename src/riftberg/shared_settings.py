@@ -10,7 +10,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final, cast
 
 SETTINGS: Final = threading.RLock()
 """Held by whoever changes such a setting for a while."""
@@ -18,6 +18,21 @@ SETTINGS: Final = threading.RLock()
 
 @contextmanager
 def own_filters() -> Iterator[None]:
-    """Let a block set filters of warnings, which end with it."""
-    with SETTINGS, warnings.catch_warnings():
-        yield
+    """Let a block set filters of warnings, which end with it.
+
+    Other libraries' `warnings.catch_warnings` may begin or end in other threads meanwhile and put another list in place of
+    the one that the block began with; its own filters are then taken out of both.
+    """
+    with SETTINGS:
+        begun, before = cast("list[Any]", warnings.filters), list(warnings.filters)
+        try:
+            yield
+        finally:
+            own = [entry for entry in begun if all(entry is not kept for kept in before)]
+            if warnings.filters is begun:
+                begun[:] = before
+            else:
+                for filters in (begun, cast("list[Any]", warnings.filters)):
+                    filters[:] = [entry for entry in filters if entry not in own]
+            # Python remembers which warnings it has shown, until it is said that the filters have changed.
+            getattr(warnings, "_filters_mutated", lambda: None)()

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 from riftberg.life.melted import bit_shape
 from riftberg.life.values import LifeValues
@@ -106,7 +107,7 @@ def orientations(elements: Elements, bonds: Bonds, rules: NineCellRules, earth: 
             if dx == 0.0:
                 angles[own].append(math.pi / 2.0)
             else:
-                turn = (math.pi / 2.0 - rules.orientation * (math.pi / 180.0)) - math.atan(dy / dx)
+                turn = (math.pi / 2.0 - rules.orientation * DEGREE) - math.atan(dy / dx)
                 angles[own].append(turn % third)
     for e_row, found in enumerate(angles):
         value[e_row] = (sum(found) / len(found) if found else 0.0) % third

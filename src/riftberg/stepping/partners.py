@@ -13,6 +13,9 @@ from riftberg.stepping.sizes import Sizes
 NEWBORN_CHILD = -1.0
 """Foot of a child of footloose calving that takes no part in contact yet."""
 
+MARGIN = 1.5
+"""Times the distance that bergs can come nearer in a long step, within which pairs that may meet are looked for."""
+
 
 class Neighbourhood:
     """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
@@ -57,7 +60,7 @@ class Neighbourhood:
         u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
         touching = max(2.0 * float(radius.max()), c.contact_distance)
         fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        found = self.find(el, 1.5 * touching + 1.3 * fastest * dt, OTHER_BERG, c)
+        found = self.find(el, MARGIN * (touching + fastest * dt), OTHER_BERG, c)
         first = np.repeat(np.arange(el.size), np.diff(found.start))
         once = first < found.partner
         return will_touch(el, first[once], found.partner[once], radius, dt, c)

@@ -47,7 +47,7 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import Surroundings, allocate_surroundings
-from riftberg.stepping.partners import will_touch
+from riftberg.stepping.partners import MARGIN, will_touch
 from riftberg.stepping.rigid_bodies import (
     Motion,
     element_velocities,
@@ -387,7 +387,7 @@ class LongStep:
             return NOBODY
         u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
         fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        reach = 1.5 * max(2.0 * float(radius.max()), c.contact_distance) + 1.3 * fastest * left
+        reach = MARGIN * (max(2.0 * float(radius.max()), c.contact_distance) + fastest * left)
         found = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
         first = np.repeat(np.arange(el.size), np.diff(found.start))
         once = first < found.partner
