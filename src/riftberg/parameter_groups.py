@@ -574,12 +574,6 @@ class Compatibility(Group):
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
     )
-    spread_in_nine_cells: bool = quantity(
-        False,
-        "",
-        "T1, T18, T19, T21: bergs are spread on the cells around by the reference's rules, melt stays in the cell",
-        "files 4",
-    )
 
     @classmethod
     def kid(cls, **overrides: bool) -> Compatibility:
@@ -610,6 +604,5 @@ class Compatibility(Group):
             "heat_of_one_class": True,
             "births_at_centre": True,
             "hemisphere_by_corner": True,
-            "spread_in_nine_cells": True,
         }
         return cls(**{**on, **overrides})
