@@ -25,7 +25,7 @@ def mapped(tmp_path: Path, driver: dict[str, Any] | None = None, **icebergs: Any
 @pytest.mark.parametrize("name", ["a68_synthetic", "a68_story", "a68_oras5"])
 def test_the_a68_namelist_is_the_preset(shared: Path, name: str) -> None:
     found = to_parameters(read_namelist(shared / "reference" / name / "input.nml"))
-    life = {name: getattr(found, name).model_dump() for name in ("melt", "rolling", "footloose")}
+    life = {name: getattr(found, name).model_dump() for name in ("melt", "rolling", "footloose", "calving")}
     assert found == A68A_2022_KID.changed(bonds={"max_bonds": 4}, **life)
     assert found.melt.zero_rates
     assert not found.footloose.enabled

@@ -166,6 +166,7 @@ def test_records_are_held_back_to_spare_time(tmp_path: Path) -> None:
 
 
 def test_writing_costs_little(tmp_path: Path) -> None:
+    FakeModel(4, 2).advance(1, recorders=[RunWriter(tmp_path / "first.nc")])  # imports libraries
     model, writer = FakeModel(40, 12), RunWriter(tmp_path / "run.nc")
     before = time.perf_counter()
     model.advance(10, recorders=[writer])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from riftberg.errors import InputError, nearest
@@ -88,7 +88,7 @@ def changed(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *,
     try:
         return parameters.changed(**{group: dict(values) for group, values in changes.items()})
     except InputError as error:
-        named = f"{error.where} = " if isinstance(error.__cause__, ValidationError) and error.where else ""
+        named = f"{error.where} = " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error
 
 

@@ -81,8 +81,10 @@ class ProgressRecorder:
         date = model.start + timedelta(seconds=model.time)
         days, spent = model.time / SECONDS_PER_DAY - self._speed_day, clock.monotonic() - self._began
         # A run of seconds or hours is not told in seconds per day.
-        rate = f"{spent / days:.3g} s per day" if self.days >= 0.5 else f"{spent:.3g} s"
-        speed = rate if days > 0.0 and spent > 0.0 else "first step"
+        if days <= 0.0 or spent <= 0.0:
+            speed = "first step"
+        else:
+            speed = f"{spent / days:.3g} s per day" if self.days >= 0.5 else f"{spent:.3g} s"
         count, broken = model.fragment_count, model.bonds_broken
         return (
             f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "
