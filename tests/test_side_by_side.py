@@ -46,7 +46,7 @@ def digest(path: str | Path) -> str:
         for group in (file, *file.groups.values()):
             for name in sorted(group.ncattrs()):
                 if name not in MADE_ANEW:
-                    found.update(f"{name}={group.getncattr(name)}".encode())
+                    found.update(name.encode() + np.asarray(group.getncattr(name)).tobytes())
             for name, variable in sorted(group.variables.items()):
                 found.update(name.encode() + np.ascontiguousarray(variable[...]).tobytes())
     return found.hexdigest()
