@@ -395,7 +395,10 @@ def build_site(made: Path, *, quick: bool) -> int:
     os.environ["RIFTBERG_GALLERY"] = "0" if quick else "1"
     places = ["-c", str(DOCS / "site"), "-d", str(made / "site-doctrees")]
     arguments = ["-W", "--keep-going", "-q", "-E", "-b", "html", *places]
-    return int(build_main([*arguments, str(DOCS.parent), str(made / "site")]))
+    done = int(build_main([*arguments, str(DOCS.parent), str(made / "site")]))
+    # The theme keeps a template of its own among its static files, and Sphinx copies it: it is no page of the site.
+    (made / "site" / "_static" / "webpack-macros.html").unlink(missing_ok=True)
+    return done
 
 
 def main() -> int:
