@@ -48,7 +48,11 @@ def digest(path: str | Path) -> str:
                 if name not in MADE_ANEW:
                     found.update(name.encode() + np.asarray(group.getncattr(name)).tobytes())
             for name, variable in sorted(group.variables.items()):
-                found.update(name.encode() + np.ascontiguousarray(variable[...]).tobytes())
+                values = np.ascontiguousarray(variable[...])
+                # The bytes of an array of texts would be those of their addresses.
+                found.update(
+                    name.encode() + (str(values.tolist()).encode() if values.dtype.hasobject else values.tobytes())
+                )
     return found.hexdigest()
 
 
