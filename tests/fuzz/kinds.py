@@ -420,7 +420,7 @@ def _reader(number: int, change: Callable[..., Any]) -> Callable[[Path], list[st
 def run_variables() -> Iterator[Kind]:
     """Give impossible values, types, shapes and sizes of the variables of a run file."""
     with netCDF4.Dataset(store() / "run.nc") as file:
-        names = [(n, v.dtype.kind) for n, v in file.variables.items()]
+        names = [(n, np.dtype(v.dtype).kind) for n, v in file.variables.items()]
     number = 0
     for name, _ in names:
         for what in ("dropped", "NaN", "1e36", "-5", "char", "scalar", "swapped"):

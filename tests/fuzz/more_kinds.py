@@ -29,6 +29,13 @@ WRONG: dict[str, Any] = {
 }  # fmt: skip
 
 
+def from_bounds(west: float, south: float, east: float, north: float, width: int, height: int) -> Any:
+    """Return the transform of a raster; that of rasterio warns of its own product of matrices."""
+    from affine import Affine
+
+    return Affine((east - west) / width, 0.0, west, 0.0, (south - north) / height, north)
+
+
 def more(seeds: int) -> Iterator[Kind]:
     """Give all kinds of this module; ``seeds`` of each random sort."""
     for family in (schema_values, parameter_values, forcing_variables, forcing_attributes, rasters, calls):
@@ -232,7 +239,6 @@ def forcing_attributes() -> Iterator[Kind]:
 def tiff(**changes: Any) -> bytes:
     """Return a GeoTIFF of a mask."""
     from rasterio.io import MemoryFile
-    from rasterio.transform import from_bounds
 
     options = {
         "driver": "GTiff", "width": 21, "height": 21, "count": 1, "dtype": "float32", "crs": "EPSG:4326",
@@ -267,8 +273,6 @@ def _with_raster(data: bytes, key: str) -> Callable[[Path], list[str]]:
 
 def rasters() -> Iterator[Kind]:
     """Give impossible GeoTIFF as a mask, a map of thickness or strength, and as an observation."""
-    from rasterio.transform import from_bounds
-
     good = tiff()
     made: dict[str, tuple[bytes, bool]] = {
         "empty": (b"", True), "garbage": (b"II*\0" + bytes(range(256)) * 4, True), "text": (b"hello" * 50, True), "cut short": (good[: len(good) // 2], True), "header only": (good[:16], True),

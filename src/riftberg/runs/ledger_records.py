@@ -8,6 +8,7 @@ import netCDF4
 import numpy as np
 
 from riftberg.life.ledger import PROCESSES, SOURCES
+from riftberg.runs.texts import define_texts, texts
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
@@ -54,9 +55,8 @@ def define_ledger(file: netCDF4.Dataset, model: BareModel) -> None:
         return
     file.createDimension("process", len(PROCESSES))
     file.createDimension("total", 1)
-    names = file.createVariable("process", str, ("process",))
-    for k, name in enumerate(PROCESSES):
-        names[k] = name
+    names = define_texts(file, "process", "process")
+    names[:] = texts(PROCESSES)
     names.long_name = "way in which ice becomes melt water"
     for table, dim in ((SERIES, "process"), (TOTALS, "total")):
         for name, (units, meaning) in table.items():

@@ -46,6 +46,7 @@ from riftberg.runs.layout import Layout, placed
 from riftberg.runs.ledger_records import define_ledger, ledger_row, write_ledger
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
+from riftberg.runs.texts import define_texts, texts
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.values import required
 from riftberg.whole_files import replacing
@@ -541,6 +542,11 @@ def _define_fragments(file: netCDF4.Dataset, model: BareModel, names: dict[str, 
             if v.name in ("birth_time", "time", "end"):
                 attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
             name = f"{kind}_{names.get(v.name, v.name)}"
+            if v.dtype == "str":
+                define_texts(file, name, kind).setncatts(
+                    {key: value for key, value in attributes.items() if value != ""}
+                )
+                continue
             _create(file, name, _COLUMNS.get(v.dtype, "f8"), (kind,), **attributes)
 
 
@@ -557,7 +563,7 @@ def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]
 
 def _column(rows: Iterable[dict[str, Any]], v: Variable) -> NDArray[Any]:
     if v.dtype == "str":
-        return np.array([str(row.get(v.name, "")) for row in rows], dtype=object)
+        return texts(str(row.get(v.name, "")) for row in rows)
     missing = -1 if v.dtype == "i8" else np.nan
     values = [row.get(v.name) for row in rows]
     return np.array([missing if value is None else value for value in values], dtype=v.dtype)
