@@ -105,6 +105,10 @@ def long_gaps(records: Dates, limit: float, first: np.datetime64, last: np.datet
 def check_ends(ds: xr.Dataset, dates: Dates, hold: Period = None) -> None:
     """Raise `ForcingError` where dates lie before the first or after the last record by more than these are held."""
     records = ds["time"].values
+    if not records.size:
+        raise ForcingError(
+            "the file has no records: its time is empty", where=named(ds), remedy="Make or fetch it again"
+        )
     pause = np.timedelta64(round(hold_of(ds, hold)), "s")
     outside = (dates < records[0] - pause) | (dates > records[-1] + pause)
     if outside.any():
