@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
-from riftberg.diagnostics.overlap import axis_difference, rectangle_azimuth, shapely_module
+from riftberg.diagnostics.overlap import axis_difference, rectangle_azimuth
 from riftberg.diagnostics.summary import breakups, fragment_areas
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import DAYS, story_model
@@ -179,7 +180,7 @@ def long_side(model: Model, on: Any, here: Position) -> float:
         radius=p.earth.radius,
     ).reshape(-1, 2)
     x, y = ConformalPlane(here.lon, here.lat, p.earth.radius).forward(*corners.T)
-    return rectangle_azimuth(shapely_module().multipoints(np.column_stack([x, y])))
+    return rectangle_azimuth(shapely.multipoints(np.column_stack([x, y])))
 
 
 def fastest(ocean: StoryOcean) -> tuple[float, float, float, float]:
