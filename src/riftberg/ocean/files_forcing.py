@@ -21,7 +21,6 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
-from riftberg.products.canonical import QUANTITIES
 from riftberg.products.interpolate import to_grid
 from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window
@@ -89,7 +88,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             where=", ".join(entry.file for entry in settings.entries),
             remedy=f"They give {', '.join(fields)}; add a file of currents",
         )
-    _check_pairs(datasets)
+    records.check_pairs(datasets)
     datasets = [_not_too_fine(surface_of_others(ds, currents=settings.currents == "draft")) for ds in datasets]
     if settings.spacing is None:
         parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
@@ -181,20 +180,6 @@ class ModelGrid(NamedTuple):
 def _lines(low: float, high: float, spacing: float) -> Floats:
     """Return the lines of cells of about a width that begin at the lower end of a span."""
     return np.asarray(low + spacing * np.arange(max(1, round((high - low) / spacing)) + 1), np.float64)
-
-
-def _check_pairs(datasets: list[xr.Dataset]) -> None:
-    """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
-    for ds in datasets:
-        for pair in records.VECTORS:
-            components = [name for name in pair if name in ds.data_vars]
-            if len(components) == 1:
-                other = pair[1 - pair.index(components[0])]
-                raise ForcingError(
-                    f"gives {components[0]} and no file gives {other} with the same records on the same grid",
-                    where=records.named(ds),
-                    remedy=f"Add the file with {QUANTITIES[other].long_name}",
-                )
 
 
 def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
