@@ -18,6 +18,7 @@ from riftberg.ocean.turn import Turn
 from riftberg.places import latitude, longitude
 from riftberg.products.canonical import QUANTITIES, unlikely
 from riftberg.products.keel import layer_limits
+from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Gap,
@@ -269,8 +270,10 @@ def _check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[n
     for number, record in enumerate(values):
         if not np.isfinite(record).any():
             when = f" at {minute(dates[number])}" if dates.size else ""
+            valid = str(ds[name].attrs.get(VALID, "")) if name in ds else ""
+            only = f", or outside of what the file calls valid ({valid})" if valid else ""
             raise ForcingError(
-                f"{name} has no value{when}: all land or missing", where=named(ds),
+                f"{name} has no value{when}: all land or missing{only}", where=named(ds),
                 remedy="Leave this record out, or give one with values: ds.dropna('time', how='all')" if dates.size
                 else "Leave the field out, or give one with values there",
             )  # fmt: skip

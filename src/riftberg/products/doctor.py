@@ -16,6 +16,7 @@ from riftberg.products.axes import goes_round, step_of
 from riftberg.products.canonical import PERCENT, QUANTITIES, unlikely
 from riftberg.products.findings import DataFinding, FieldFinding, Report
 from riftberg.products.on_path import FILL_CELLS, box_share_outside, on_path
+from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Dates,
@@ -377,6 +378,8 @@ def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | No
         unfilled_on_path=lacks.unfilled,
     )
     _judge(report, len(path or ()))
+    if report.missing_share == 1.0 and (valid := data.attrs.get(VALID)):
+        report.problems.append(f"the file calls only {valid} valid: check its valid_range and its units")
     return report
 
 

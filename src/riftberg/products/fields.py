@@ -13,6 +13,7 @@ from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.cf import by_standard_name, statistic, turned_away
 from riftberg.products.dated import dated
 from riftberg.products.levels import judged
+from riftberg.products.packing import VALID
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
 from riftberg.products.roles import coordinates_of, units_of
@@ -128,7 +129,13 @@ def _canonical(
     along = field.attrs.get("along")
     field = field.drop_vars([c for c in field.coords if c not in _KEPT])
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
-    noted = {"original_name": name, "original_units": units, "along": along, "crs_wkt": wkt}
+    noted = {
+        "original_name": name,
+        "original_units": units,
+        "along": along,
+        "crs_wkt": wkt,
+        VALID: attributes.get(VALID),
+    }
     field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
     return field, [*one, *remarks]
 

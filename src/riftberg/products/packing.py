@@ -9,6 +9,9 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 
+VALID = "valid"
+"""Attribute that notes which values of a field are valid by its file."""
+
 _PACKING = ("scale_factor", "add_offset")
 
 
@@ -47,6 +50,7 @@ def within_valid_range(ds: xr.Dataset) -> xr.Dataset:
             low, high = limits
             masked[name] = ds[name].where((ds[name] >= low) & (ds[name] <= high))
             masked[name].encoding = ds[name].encoding
+            masked[name].attrs = {**ds[name].attrs, VALID: f"{low:.3g} to {high:.3g}"}
     return ds.assign(masked) if masked else ds
 
 
