@@ -229,6 +229,13 @@ def test_datasets_are_forcing_with_their_own_start() -> None:
         Forcing.from_xarray(currents().isel(time=0, drop=True))
 
 
+def test_a_dataset_in_memory_is_called_by_its_title() -> None:
+    """The title of a map said "Forcing: dataset 1"."""
+    assert Forcing.from_xarray(currents()).title == "dataset 1"
+    named = currents().assign_attrs(title="ebb and flow,  in m/s")
+    assert Forcing.from_xarray(named).title == "ebb and flow, in m s"
+
+
 class Own(Forcing):
     """A class of one's own, as the documentation has it."""
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.runs.background import stored_water
+from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.values import required
@@ -108,7 +108,7 @@ def draw_map(
     >>> figure.savefig("berg.pdf")                                          # doctest: +SKIP
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_map")
-    scene, water = Scene(run), forcing or stored_water(run)
+    scene, water = Scene(run), forcing or water_of(run)
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
