@@ -460,3 +460,8 @@ def test_axes_that_cannot_hold_a_map_and_dates_outside_are_refused(run: xr.Datas
         draw_map(run, tmp_path / "map.png", ax=figure.add_subplot())  # type: ignore[call-overload]
     with pytest.raises(InputError, match="is not in the run"):
         draw_map(run, ax=figure.add_subplot(), date="2021-03-01")
+
+
+def test_several_axes_at_once_are_refused(run: xr.Dataset) -> None:
+    with pytest.raises(InputError, match="ndarray is no axes"):
+        draw_map(run, ax=np.array([None, None]))  # type: ignore[call-overload]
