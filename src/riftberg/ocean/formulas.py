@@ -610,7 +610,8 @@ class Seamount(Formula):
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
         x, y = metres_from(self.centre, lon, lat, bool(self.latlon))
-        return self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
+        depth: Floats = self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
+        return depth
 
     def describe(self) -> str:
         """Return the values in words."""
@@ -652,7 +653,8 @@ class Slope(Formula):
         """Return the depth of water (m)."""
         x, y = metres_from(self.point, lon, lat, bool(self.latlon))
         east, north = heading(self.towards)
-        return np.clip(self.middle + self.gradient * (x * east + y * north), *self.between)
+        depth: Floats = np.clip(self.middle + self.gradient * (x * east + y * north), *self.between)
+        return depth
 
     def describe(self) -> str:
         """Return the values in words."""
