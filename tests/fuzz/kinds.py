@@ -465,6 +465,9 @@ def _run_change(name: str, what: str) -> Callable[..., Any]:
             ]
         elif what == "swapped":
             table[name] = [dtype, dims[::-1], np.moveaxis(values, 0, -1), own]
+        elif values.dtype.kind in "SU":
+            letter = {"NaN": b"\xff", "1e36": b"\x00", "-5": b"\x1b"}[what]
+            table[name] = ["S1", dims, np.full(values.shape, letter, "S1"), own]
         else:
             changed = values.astype("f8")
             if changed.size:
