@@ -175,7 +175,7 @@ def forcing_variables() -> Iterator[Kind]:
         ):
             # One missing value in the water is a gap that is bridged or refused by its place; axes of one dim swap into themselves.
             possible = (what == "one NaN" and name in ("uo", "vo")) or (what == "all equal" and name in ("uo", "vo"))
-            possible |= what == "swapped" and name in ("lat", "lon", "time")
+            possible |= what == "swapped"  # dimensions in another order, values with them: the same field
             for doctor in (False, True):
                 yield Kind(
                     f"forcing variable for {'the doctor' if doctor else 'a run'}", f"{name} {what}",
