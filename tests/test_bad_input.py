@@ -299,3 +299,10 @@ def test_a_failure_on_the_command_line_can_be_resumed(tmp_path: Path, monkeypatc
     monkeypatch.setattr(Steady, "sample", whole)
     result = call(tmp_path, EXPERIMENT, "--no-map", "--resume", str(restart))
     assert result.exit_code == 0, result.output
+
+
+def test_a_word_of_thousands_of_letters_is_not_given_back_whole() -> None:
+    """A date or a name of 3000 letters filled the screen, wherever it stood in a message."""
+    error = InputError(f"{'w' * 3000!r} is no date", where=f"berg.yaml, {'v' * 3000}", remedy="Give a date")
+    assert len(str(error)) < 300
+    assert str(error).endswith("is no date. Give a date")

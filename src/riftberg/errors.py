@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import Final
+
+_LONG: Final = re.compile(r"\S{400,}")
+"""Words that a person would not read to their end; paths may be long."""
+
+
+def _ends(word: re.Match[str]) -> str:
+    return f"{word[0][:60]} ... {word[0][-15:]}"
 
 
 class RiftbergError(Exception):
@@ -25,6 +34,7 @@ class InputError(RiftbergError):
     """
 
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
+        what, where, remedy = (_LONG.sub(_ends, part) for part in (what, where, remedy))
         self.what, self.where, self.remedy = what, where, remedy
         text = f"{where}: {what}" if where else what
         end = "" if text.endswith((".", "?")) else "."

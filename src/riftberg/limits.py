@@ -121,7 +121,12 @@ def check_elements(count: float, *, where: str = "", kind: type[InputError] = In
 def check_work(steps: float, substeps: int, elements: int, *, where: str) -> None:
     """Refuse a run of more steps, sub-steps or work than is allowed, before its first step."""
     refuse_large(
-        steps, MOST_STEPS, "long steps", where=where, remedy="Run shorter, with a longer step", kind=InputError
+        steps,
+        MOST_STEPS,
+        "long steps",
+        where=where,
+        remedy="Run shorter, or give a longer stepping.time_step",
+        kind=InputError,
     )
     refuse_large(
         substeps, MOST_SUBSTEPS, "sub-steps in a long step", where=where, kind=InputError,
