@@ -31,7 +31,7 @@ def model(rows=slice(None), parameters=ALONE, start="2020-01-31 06:00") -> Model
     return Model(berg, Steady(**SEA), parameters, start=start)
 
 
-def run(tmp_path, name="f", days=2.0, every_hours=12.0, grid=0.25, **more) -> tuple[Model, GridRecorder]:
+def run(tmp_path, name="f", days=2.0, every_hours=12.0, grid=1.0, **more) -> tuple[Model, GridRecorder]:
     m = model(**more)
     recorder = GridRecorder(tmp_path / name, grid, every_hours=every_hours)
     m.advance(days, recorders=[recorder])
