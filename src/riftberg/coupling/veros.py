@@ -223,7 +223,7 @@ class VerosBergs:
 
     def _on_faces(self, force: Floats, axis: int, at: str) -> Floats:
         """Share the force on each cell among its open faces of an axis; none is lost but in a cell without any."""
-        mask = np.asarray(getattr(self.state.variables, f"mask{at}"))[..., -1]
+        mask = np.asarray(getattr(self.state.variables, f"mask{at}"), dtype=float)[..., -1]  # true + true is not 2
         after, before = mask[INNER], mask[1:-3, 2:-2] if axis == 0 else mask[2:-2, 1:-3]
         share = force / np.maximum(after + before, 1.0)
         # The face before the first cell is that behind the last one, or shut.
