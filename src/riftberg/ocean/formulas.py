@@ -383,7 +383,32 @@ class Straight(Flow):
         return f"{name} through {self.point} towards {self.towards:g} degrees, {self.width / 1e3:g} km wide"
 
 
-class Jet(Straight):
+class Stream(Straight):
+    """A current in one direction whose profile scales with a speed.
+
+    Parameters
+    ----------
+    point, towards, width
+        As for `Straight`.
+    speed : float
+        m s-1.
+    """
+
+    def __init__(
+        self,
+        point: Pair,
+        towards: float,
+        speed: float,
+        width: float,
+        *,
+        latlon: bool = True,
+        latitude: float | None = None,
+    ) -> None:
+        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
+        self.speed = speed
+
+
+class Jet(Stream):
     """A straight jet with the profile ``s / cosh(n / w)^2`` (Bickley).
 
     Parameters
@@ -394,26 +419,13 @@ class Jet(Straight):
         Speed in the middle, m s-1.
     """
 
-    def __init__(
-        self,
-        point: Pair,
-        towards: float,
-        speed: float,
-        width: float,
-        *,
-        latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:
-        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
-        self.speed = speed
-
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
         bell = self.speed / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
         return bell, -2.0 * np.tanh(n) * bell / self.width
 
 
-class Shear(Straight):
+class Shear(Stream):
     """A shear layer: the water flows with ``s tanh(n / w)``, one way on the left of a line and the other way on its right.
 
     Parameters
@@ -423,19 +435,6 @@ class Shear(Straight):
     speed : float
         Speed far from the line, m s-1.
     """
-
-    def __init__(
-        self,
-        point: Pair,
-        towards: float,
-        speed: float,
-        width: float,
-        *,
-        latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:
-        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
-        self.speed = speed
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
@@ -554,7 +553,19 @@ class Tide(Flow):
         return f"tide of {self.major:g} m/s every {self.period / 3600.0:.4g} h"
 
 
-class Seamount(Formula):
+class SeaFloor(Formula):
+    """A sea floor; of several the shallowest counts."""
+
+    def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
+        self.latlon, self.latitude = latlon, latitude
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Raise the sea floor."""
+        depth = elements.environment.depth
+        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
+
+
+class Seamount(SeaFloor):
     """A bell on the sea floor: ``depth - height exp(-r^2 / (2 w^2))``.
 
     Parameters
@@ -577,13 +588,8 @@ class Seamount(Formula):
         latlon: bool = True,
         latitude: float | None = None,
     ) -> None:
+        super().__init__(latlon=latlon, latitude=latitude)
         self.centre, self.height, self.width, self.plain = centre, height, _above_zero("width", width), depth
-        self.latlon, self.latitude = latlon, latitude
-
-    def add_to(self, elements: Elements, time: float) -> None:
-        """Raise the sea floor."""
-        depth = elements.environment.depth
-        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
@@ -595,7 +601,7 @@ class Seamount(Formula):
         return f"seamount at {self.centre}: summit {self.plain - self.height:g} m deep, plain {self.plain:g} m"
 
 
-class Slope(Formula):
+class Slope(SeaFloor):
     """A sea floor that deepens steadily in one direction.
 
     Parameters
@@ -616,13 +622,8 @@ class Slope(Formula):
         self, point: Pair, towards: float, gradient: float, depth: float, between: Pair = (1.0, 5000.0), *,
         latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
+        super().__init__(latlon=latlon, latitude=latitude)
         self.point, self.towards, self.gradient, self.middle, self.between = point, towards, gradient, depth, between
-        self.latlon, self.latitude = latlon, latitude
-
-    def add_to(self, elements: Elements, time: float) -> None:
-        """Raise the sea floor."""
-        depth = elements.environment.depth
-        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""

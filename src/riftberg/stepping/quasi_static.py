@@ -23,7 +23,7 @@ from riftberg.state import Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import limits_of, store_stresses, wear
-from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, characteristic_distance
+from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
 from riftberg.stepping.frames import (
     Bodies,
     element_motion,
@@ -42,7 +42,6 @@ from riftberg.stepping.lattice_equilibrium import (
     Holds,
     Lattice,
     balanced_loads,
-    bond_stresses,
     elastic_energy,
     find_lattice,
 )
@@ -191,8 +190,7 @@ class LongStep:
         self.now = now or self._moment(bodies, model.time)
         if fresh:
             self._bend()
-        stress = bond_stresses(self.structure.lattice, self.structure.alive, self.now.bodies.bend, self.c)
-        self.bonds.peak_stress[self.structure.alive] = stress[:, 0]
+        self.bonds.peak_stress[self.structure.alive] = self._equilibrium().stress[:, 0]
 
     def run(self) -> None:
         """Go to the end of the long step, over breaks and landings."""
@@ -206,7 +204,7 @@ class LongStep:
             pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
             longest = min(longest, self._go(left / pieces, dt, may_break))
             self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
-        self._store()
+        self._store(self._equilibrium())
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
         """Take one step of at most ``h`` s, up to the first break; returns the longest step that is right from here on."""
@@ -229,7 +227,7 @@ class LongStep:
                     self._advance(short)
                     taken = short
                 self._apply(before, taken / dt)
-                self._crack(int(s.alive[s.criterion.bond_at(place, s.alive, self.now.bodies.bend, limits)]))
+                self._crack(int(s.alive[s.criterion.bond_at(place, self._equilibrium(), limits)]))
                 return dt
         self._apply(before, taken / dt)
         return dt
@@ -265,8 +263,9 @@ class LongStep:
         self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
         if self.model.parameters.damage.enabled:
-            s, mean = self.structure, 0.5 * (before + self.now.bodies.bend)
-            wear(self.bonds, s.alive, s.criterion.ratios(s.alive, mean, limits_of(self.bonds, s.alive, c)), h, c)
+            s = self.structure
+            middle = Equilibrium(s.lattice, s.alive, 0.5 * (before + self.now.bodies.bend), c)
+            wear(self.bonds, s.alive, s.criterion.ratios(middle, limits_of(self.bonds, s.alive, c)), h, c)
 
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
@@ -397,8 +396,9 @@ class LongStep:
 
     def _crack(self, first: int) -> None:
         """Break bonds until none is overloaded; ``first`` breaks in any case (-1: only if it is overloaded)."""
-        self._store()
-        overloaded = self._overloaded()
+        now = self._equilibrium()
+        self._store(now)
+        overloaded = self._overloaded(now)
         bond = overloaded if overloaded >= 0 else first
         if bond < 0:
             return
@@ -407,18 +407,23 @@ class LongStep:
         starter = bond
         while bond >= 0:
             self._break(bond)
-            bond = self._overloaded()
+            now = self._equilibrium()
+            bond = self._overloaded(now)
             if bond >= 0:
-                self._store()
+                self._store(now)
         self._released(starter, whole - elastic_energy(self.now.bodies.bend, self.now.load))
         self._settle_fragments()
 
-    def _overloaded(self) -> int:
+    def _equilibrium(self) -> Equilibrium:
+        """Return the present equilibrium, whose stresses are found once for all that ask."""
+        s = self.structure
+        return Equilibrium(s.lattice, s.alive, self.now.bodies.bend, self.c)
+
+    def _overloaded(self, now: Equilibrium) -> int:
         """Row in the state of the bond that breaks next, or -1 where none is overloaded."""
-        s, bend = self.structure, self.now.bodies.bend
-        limits = limits_of(self.bonds, s.alive, self.c)
-        row, ratio = s.criterion.worst(s.alive, bend, limits)
-        return int(s.alive[s.criterion.bond_at(row, s.alive, bend, limits)]) if ratio > 1.0 else -1
+        criterion, limits = self.structure.criterion, limits_of(self.bonds, now.alive, self.c)
+        row, ratio = criterion.worst(now, limits)
+        return int(now.alive[criterion.bond_at(row, now, limits)]) if ratio > 1.0 else -1
 
     def _released(self, bond: int, energy: float) -> None:
         """Note the energy (J) that a crack has released with the bond that began it."""
@@ -491,11 +496,10 @@ class LongStep:
         volume = el.length * el.width * el.thickness
         return AveragedStress(lattice, alive, flat, body, volume, characteristic_distance(fracture), self.c)
 
-    def _store(self) -> None:
+    def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        s, now = self.structure, self.now
-        stress = bond_stresses(s.lattice, s.alive, now.bodies.bend, self.c)
-        store_stresses(self.bonds, s.lattice, s.alive, now.bodies.bend, stress, now.motion.elements[:, 9:11], self.c)
+        turn = self.now.motion.elements[:, 9:11]
+        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn, self.c)
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:
