@@ -17,6 +17,7 @@ from riftberg.ocean.at_elements import (
     fill_vorticity,
 )
 from riftberg.ocean.mesh import AxesMesh, CurvilinearMesh, Mesh, Places
+from riftberg.products.cells import goes_round_in_x, unit_vectors
 from riftberg.state import Floats
 from twins.at_elements import value_at
 
@@ -120,6 +121,32 @@ def test_a_plane_is_met_exactly_and_so_are_its_slope_and_curl(name: str) -> None
     over = np.ones(lon.size)
     fill_vorticity(moment(0.02, 0.03), moment(0.05, 0.01), places, mesh.points, lon, lat, over, turn)
     np.testing.assert_allclose(turn, 1.5 * (0.05 / narrow - 0.03) / metre, rtol=1e-9)
+
+
+def test_a_curvilinear_grid_that_goes_round_has_cells_between_its_last_and_its_first_column() -> None:
+    """They were missing: places there had the values of the columns themselves, of the nearer one."""
+    lon, lat = np.arange(5.0, 365.0, 5.0), np.arange(-70.0, -50.0, 2.5)
+    straight, bent = AxesMesh(lon, lat), CurvilinearMesh(*np.meshgrid(lon, lat))
+    rng = np.random.default_rng(4)
+    x, y = np.append(rng.uniform(0.0, 5.0, 60), rng.uniform(-180.0, 540.0, 60)), rng.uniform(-69.0, -53.0, 120)
+    field = (np.sin(np.deg2rad(straight.points.lon)) + straight.points.lat)[None]
+    moment, found = Moment(field, field, 0.0, SURFACE, np.nan), []
+    for mesh in (straight, bent):
+        places, out = mesh.locate(x, y), np.empty((4, x.size))
+        assert ((places.row >= 0).all(), mesh.points.columns) == (True, lon.size)
+        fill_values(moment, places, np.ones(x.size), mesh.points.columns, RINGS, out[0])
+        fill_slopes(moment, places, mesh.points, x, y, out[1], out[2])
+        fill_vorticity(moment, moment, places, mesh.points, x, y, np.ones(x.size), out[3])
+        found.append(out)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-18)
+
+
+def test_a_grid_without_positions_along_its_edge_does_not_go_round() -> None:
+    lon, lat = np.meshgrid(np.arange(0.0, 360.0, 5.0), LAT)
+    assert goes_round_in_x(unit_vectors(lon, lat))
+    lon[:, 0] = np.nan
+    assert not goes_round_in_x(unit_vectors(lon, lat))
+    assert not goes_round_in_x(np.full((3, 5, 3), np.nan))
 
 
 def test_the_slope_is_of_second_order_on_a_wavy_sea() -> None:
