@@ -36,7 +36,7 @@ from riftberg.bergs.placement import (
     turned,
 )
 from riftberg.bergs.portrait import card, portrait
-from riftberg.bergs.raster import Raster, joined, read_raster
+from riftberg.bergs.raster import Raster, read_raster, unbroken
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
 from riftberg.errors import BergError
@@ -209,7 +209,7 @@ class Iceberg(BondedBerg):
         )
         lattice = fill(region, material.radius, material.packing, layout.offset)
         if thickness is None:
-            thickness = joined(mask, ice_cells(mask, threshold)).above(threshold)
+            thickness = unbroken(mask, ice_cells(mask, threshold)).above(threshold)
         heights = thickness_at(thickness, *plane_of.inverse(lattice.x, lattice.y), read_raster)
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, layout.rotation)

@@ -32,7 +32,7 @@ FITS: Final = 1e-9
 """How closely the steps of ocean and bergs must fit, as part of a step."""
 
 
-class Balance(NamedTuple):
+class ExchangeBalance(NamedTuple):
     """The ledger of an exchange since its start.
 
     Attributes
@@ -156,11 +156,13 @@ class Exchange:
             ice, heat = ice + stored, heat + warmth - LATENT_HEAT * stored
         return ice, heat
 
-    def balance(self) -> Balance:
+    def balance(self) -> ExchangeBalance:
         """Return the ledger since the start."""
         now = self.stocks()
         came, went, heat_came, heat_went = self._totals.tolist()
-        return Balance(float(self._start[0]), now[0], came, went, float(self._start[1]), now[1], heat_came, heat_went)
+        return ExchangeBalance(
+            float(self._start[0]), now[0], came, went, float(self._start[1]), now[1], heat_came, heat_went
+        )
 
     # ----------------------------------------------------------------------------------------------------------- step
 

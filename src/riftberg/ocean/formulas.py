@@ -64,9 +64,9 @@ class Formula(ShownForcing):
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
-        begin(elements)
+        clear_environment(elements)
         self.add_to(elements, time)
-        finish(elements)
+        fill_depth(elements)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time."""
@@ -92,7 +92,7 @@ class Formula(ShownForcing):
         return Sum(_parts_of(other) + _parts_of(self)) if _is_forcing(other) else NotImplemented
 
 
-def begin(elements: Elements) -> None:
+def clear_environment(elements: Elements) -> None:
     """Set the environment of the elements to nothing at all, for parts to add to."""
     environment = elements.environment
     for name in SUMMED:
@@ -102,7 +102,7 @@ def begin(elements: Elements) -> None:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
 
 
-def finish(elements: Elements) -> None:
+def fill_depth(elements: Elements) -> None:
     """Give elements under which no part has a sea floor the depth of an open ocean."""
     depth = elements.environment.depth
     depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]

@@ -17,7 +17,7 @@ from riftberg.physics.averaging import principal
 from riftberg.physics.bonds import shear_stress_of, tensile_stress
 from riftberg.physics.damage import damage_rate, grown_damage
 from riftberg.state import Bonds, Floats, Ints
-from riftberg.stepping.lattice_equilibrium import Lattice, deformed
+from riftberg.stepping.lattice_equilibrium import ElasticLattice, deformed
 from riftberg.stepping.wear import limits_left
 
 BISECTIONS = 30
@@ -68,7 +68,7 @@ def overload(normal: float, shear: float, normal_limit: float, shear_limit: floa
 
 
 @kernel
-def _deformation(lattice: Lattice, alive: Ints, bend: Floats) -> Floats:
+def _deformation(lattice: ElasticLattice, alive: Ints, bend: Floats) -> Floats:
     """Extension, slip and bend of the bonds that hold, shape (bonds, 3)."""
     deformation = np.empty((alive.size, 3))
     for k in range(alive.size):
@@ -78,7 +78,7 @@ def _deformation(lattice: Lattice, alive: Ints, bend: Floats) -> Floats:
 
 @kernel
 def first_break(
-    lattice: Lattice, alive: Ints, before: Floats, after: Floats, limits: Limits, p: KernelParameters
+    lattice: ElasticLattice, alive: Ints, before: Floats, after: Floats, limits: Limits, p: KernelParameters
 ) -> tuple[int, float]:
     """Row of the bond that fails first between two equilibria, and the part of the step at which it does (1: none).
 
@@ -98,7 +98,7 @@ def first_break(
 
 @kernel
 def first_overload(
-    one: Floats, two: Floats, limits: Limits, averaged: bool, lattice: Lattice, alive: Ints, p: KernelParameters
+    one: Floats, two: Floats, limits: Limits, averaged: bool, lattice: ElasticLattice, alive: Ints, p: KernelParameters
 ) -> tuple[int, float]:
     """Row of the place that is overloaded first, and the part of the step at which it is (1: none), by bisection.
 
@@ -132,7 +132,7 @@ def first_overload(
 
 @kernel
 def _fails(
-    one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float, averaged: bool, lattice: Lattice,
+    one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float, averaged: bool, lattice: ElasticLattice,
     b: int, p: KernelParameters,
 ) -> bool:  # fmt: skip
     """Whether a place is overloaded at a part of the step."""
@@ -158,7 +158,7 @@ def wear(bonds: Bonds, alive: Ints, ratios: Floats, dt: float, p: KernelParamete
 
 @kernel
 def store_stresses(
-    bonds: Bonds, lattice: Lattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats, p: KernelParameters
+    bonds: Bonds, lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats, p: KernelParameters
 ) -> None:
     """Write stresses and deformations of the bonds that hold to the state; ``turn`` is the angle of each element's axes."""
     for k in range(alive.size):

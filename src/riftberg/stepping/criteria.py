@@ -19,7 +19,7 @@ from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_
 from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.cracking import Limits, first_break, first_overload, most_overloaded, overload
-from riftberg.stepping.lattice_equilibrium import Lattice, bond_stresses, deformed
+from riftberg.stepping.lattice_equilibrium import ElasticLattice, bond_stresses, deformed
 
 
 class Equilibrium:
@@ -35,7 +35,7 @@ class Equilibrium:
     p : KernelParameters
     """
 
-    def __init__(self, lattice: Lattice, alive: Ints, bend: Floats, p: KernelParameters) -> None:
+    def __init__(self, lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> None:
         self.lattice, self.alive, self.bend, self._p = lattice, alive, bend, p
 
     @cached_property
@@ -63,7 +63,7 @@ class Criterion(Protocol):
 class BondStress:
     """Each bond by its own stress."""
 
-    def __init__(self, lattice: Lattice, p: KernelParameters) -> None:
+    def __init__(self, lattice: ElasticLattice, p: KernelParameters) -> None:
         self._lattice, self._p = lattice, p
 
     def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
@@ -106,7 +106,7 @@ class AveragedStress:
     """
 
     def __init__(
-        self, lattice: Lattice, alive: Ints, flat: Floats, body: Ints, volume: Floats, distance: float,
+        self, lattice: ElasticLattice, alive: Ints, flat: Floats, body: Ints, volume: Floats, distance: float,
         p: KernelParameters,
     ) -> None:  # fmt: skip
         self._lattice, self._p, self._volume = lattice, p, volume
@@ -160,7 +160,7 @@ def characteristic_distance(fracture: Fracture) -> float:
 
 
 @kernel
-def element_stresses(lattice: Lattice, alive: Ints, bend: Floats, volume: Floats, p: KernelParameters) -> Floats:
+def element_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, volume: Floats, p: KernelParameters) -> Floats:
     """Mean stress (Pa) in each element, in the axes of its fragment: xx, yy, xy; tension is positive.
 
     ``sigma = (1 / V) sum over bonds of sym(r F)`` with r from the middle of the element to the bond and F the pull of the

@@ -33,7 +33,7 @@ BALANCE = 1e-5
 """Largest force on a holding spring, as a part of the largest load, before a solve counts as failed."""
 
 
-class Lattice(NamedTuple):
+class ElasticLattice(NamedTuple):
     """Bonds as springs between elements; all arrays have one row for each bond of the state, broken ones too.
 
     ``rows`` are the 3 x 6 matrices that give extension, slip and bend of a bond from the displacements of its ends;
@@ -54,7 +54,7 @@ class Lattice(NamedTuple):
     radius: Floats
 
 
-def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> Lattice:
+def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
     """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
 
     Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`).
@@ -62,14 +62,14 @@ def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p:
     rest = sizes.bond_radius[bonds.first] + sizes.bond_radius[bonds.second]
     if not p.rest_length_from_sizes:
         rest = np.where(np.isnan(bonds.rest_length), rest, bonds.rest_length)
-    return Lattice(*_find_lattice(bonds.first, bonds.second, rest, flat, thickness, sizes, p))
+    return ElasticLattice(*_find_lattice(bonds.first, bonds.second, rest, flat, thickness, sizes, p))
 
 
 @kernel
 def _find_lattice(
     first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
 ) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Return the fields of `Lattice`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `ElasticLattice`; see `riftberg.kernels` why no named tuple."""
     count = first.size
     nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
@@ -97,7 +97,7 @@ def _find_lattice(
 
 
 @kernel
-def _entries(lattice: Lattice, alive: Ints, free: Floats, held: Floats) -> tuple[Ints, Ints, Floats]:
+def _entries(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) -> tuple[Ints, Ints, Floats]:
     """Rows, columns and values of the matrix; freedoms that are not free stand alone with the stiffness of their bond."""
     count = free.size
     size = 36 * alive.size + count
@@ -122,7 +122,7 @@ def _entries(lattice: Lattice, alive: Ints, free: Floats, held: Floats) -> tuple
 
 
 @kernel
-def deformed(lattice: Lattice, bend: Floats, b: int) -> tuple[float, float, float]:
+def deformed(lattice: ElasticLattice, bend: Floats, b: int) -> tuple[float, float, float]:
     """Extension, slip (m) and bend (rad) of a bond, with turns of the ends in rad."""
     i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
     ri, rj = lattice.radius[i], lattice.radius[j]
@@ -133,7 +133,7 @@ def deformed(lattice: Lattice, bend: Floats, b: int) -> tuple[float, float, floa
 
 
 @kernel
-def bond_stresses(lattice: Lattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
+def bond_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
     """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
     stress = np.zeros((alive.size, 2))
     for k in range(alive.size):
@@ -285,7 +285,7 @@ class Factors:
         Freedoms that springs hold.
     """
 
-    def __init__(self, lattice: Lattice, alive: Ints, holds: Holds, springs: Ints) -> None:
+    def __init__(self, lattice: ElasticLattice, alive: Ints, holds: Holds, springs: Ints) -> None:
         self._lattice, self._free, self._springs = lattice, holds.free, springs
         self.spring = float(lattice.stiffness[alive, 0].mean()) if alive.size else 1.0
         held = np.where(holds.free > 0.0, 0.0, self.spring)

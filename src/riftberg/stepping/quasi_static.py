@@ -28,9 +28,9 @@ from riftberg.stepping.frames import (
     Bodies,
     element_motion,
     flat_shape,
-    gathered,
+    free_bodies,
     mean_bend,
-    moved,
+    moved_frames,
     place,
     regrouped,
     without_mean,
@@ -38,9 +38,9 @@ from riftberg.stepping.frames import (
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.lattice_equilibrium import (
+    ElasticLattice,
     Factors,
     Holds,
-    Lattice,
     balanced_loads,
     elastic_energy,
     find_lattice,
@@ -48,11 +48,11 @@ from riftberg.stepping.lattice_equilibrium import (
 from riftberg.stepping.media import Surroundings, allocate_surroundings
 from riftberg.stepping.partners import MARGIN, will_touch
 from riftberg.stepping.rigid_bodies import (
-    Motion,
+    BodyMotion,
     element_velocities,
     find_loading,
     inertia_and_floor,
-    keep_applied,
+    keep_body_forces,
     touching_pairs,
 )
 from riftberg.stepping.run_state import RunState
@@ -76,7 +76,7 @@ class Structure:
     """The lattice between two breaks: places of the elements in their fragments, bonds that hold, factors, criterion."""
 
     flat: Floats
-    lattice: Lattice
+    lattice: ElasticLattice
     alive: Ints
     holds: Holds
     factors: Factors
@@ -84,12 +84,12 @@ class Structure:
 
 
 @dataclass
-class Moment:
+class Standing:
     """All that is known at one time: bodies, forces on the elements (N, N, N m) and the balanced loads of the lattice."""
 
     time: float
     bodies: Bodies
-    motion: Motion
+    motion: BodyMotion
     force: Floats
     load: Floats
 
@@ -100,7 +100,7 @@ class QuasiStaticStepper:
     def __init__(self) -> None:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
-        self._now: Moment | None = None
+        self._now: Standing | None = None
         self._around = allocate_surroundings(0)
         self._ice: list[np.ndarray] = []
         self._touched = NOBODY
@@ -175,7 +175,7 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
         around: Surroundings,
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
@@ -232,16 +232,16 @@ class LongStep:
         self._apply(before, taken / dt)
         return dt
 
-    def _apply(self, before: Moment, part: float) -> None:
+    def _apply(self, before: Standing, part: float) -> None:
         """Keep the forces of a step: the mean of both ends, by its part of the long step."""
         for moment in (before, self.now):
             u, v, _ = element_velocities(moment.bodies.body, moment.motion.elements, moment.bodies.rate)
-            keep_applied(moment.motion.load, u, v, 0.5 * part, self.applied)
+            keep_body_forces(moment.motion.load, u, v, 0.5 * part, self.applied)
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
 
-    def _back(self, before: Moment, kept: list[np.ndarray]) -> None:
+    def _back(self, before: Standing, kept: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
         for name, values in zip(PLACE, kept[:-1], strict=True):
             getattr(self.el, name)[:] = values
@@ -252,7 +252,7 @@ class LongStep:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
         el, c, now = self.el, self.c, self.now
         rate = now.motion.opened(now.bodies.rate, 0.5 * h)
-        pose = moved(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
+        pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
         bodies = now.bodies._replace(pose=pose, rate=rate)
         el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
         bodies = self._place(bodies)
@@ -279,18 +279,18 @@ class LongStep:
             shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
             if not shift.any():
                 break
-            bodies = bodies._replace(pose=moved(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
+            bodies = bodies._replace(pose=moved_frames(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         return bodies
 
-    def _motion(self, bodies: Bodies) -> Motion:
+    def _motion(self, bodies: Bodies) -> BodyMotion:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
         motion = element_motion(bodies, c.latlon, c.earth_radius)
         load = find_loading(el, self.sizes, self.around, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
-        return Motion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
+        return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
 
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
@@ -316,10 +316,10 @@ class LongStep:
         held = np.unique(bodies.body[(self.el.static >= 0.5) | (self.el.free_y < 0.5)])
         return [(int(b), np.flatnonzero(bodies.body == b)) for b in held]
 
-    def _moment(self, bodies: Bodies, time: float) -> Moment:
+    def _moment(self, bodies: Bodies, time: float) -> Standing:
         return self._loaded(bodies, self._motion(bodies), time)
 
-    def _loaded(self, bodies: Bodies, motion: Motion, time: float) -> Moment:
+    def _loaded(self, bodies: Bodies, motion: BodyMotion, time: float) -> Standing:
         """Forces and loads at the velocities of the bodies, which all elements take on."""
         el, load, s = self.el, motion.load, self.structure
         u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
@@ -338,7 +338,7 @@ class LongStep:
         for _, inside in self._supported(bodies):
             z = s.holds.modes(inside, s.flat)
             balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
-        return Moment(time, bodies, motion, force, balanced)
+        return Standing(time, bodies, motion, force, balanced)
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
@@ -352,7 +352,7 @@ class LongStep:
             mean[b] = 0.0
         without_mean(now.bodies, bend, mean, load.mass, c.latlon, c.earth_radius)
         self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Moment(now.time, now.bodies._replace(bend=bend), now.motion, now.force, now.load)
+        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.force, now.load)
 
     def _contact_limit(self, left: float) -> float:
         """Longest step (s) that resolves the springs of contact between fragments."""
@@ -469,7 +469,7 @@ class LongStep:
         """Make bodies of the elements as they stand, free of load, with the rigid motion nearest to their velocities."""
         el, bonds, c = self.el, self.bonds, self.c
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
-        bodies = gathered(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
+        bodies = free_bodies(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
         self.structure = self._build(bodies)
         motion = self._motion(bodies)
         m, load = motion.elements, motion.load
@@ -488,7 +488,7 @@ class LongStep:
         factors = Factors(lattice, alive, holds, holds.springs(bodies.body, flat))
         return Structure(flat, lattice, alive, holds, factors, self._criterion(lattice, alive, flat, bodies.body))
 
-    def _criterion(self, lattice: Lattice, alive: Ints, flat: Floats, body: Ints) -> Criterion:
+    def _criterion(self, lattice: ElasticLattice, alive: Ints, flat: Floats, body: Ints) -> Criterion:
         """What decides that bonds of this lattice break."""
         fracture, el = self.model.parameters.fracture, self.el
         if fracture.criterion == "bond":

@@ -212,7 +212,7 @@ def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, 
 
 
 @kernel
-def keep_applied(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
+def keep_body_forces(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
     """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities."""
     for e in range(u.size):
         for m in range(load.media.shape[1]):
@@ -320,7 +320,7 @@ def contact_slope(body: Ints, motion: Floats, touching: Touching, row: Ints, siz
     return matrix
 
 
-class Motion(NamedTuple):
+class BodyMotion(NamedTuple):
     """What one place and time give for the motion of all fragments, before velocities are known.
 
     ``elements`` are the columns of `riftberg.stepping.frames.element_motion`; ``mobility`` is the inverse inertia,
