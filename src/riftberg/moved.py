@@ -103,7 +103,7 @@ NAMES: Final = {
     "coupling.shares.axes": "coupling.shares.element_axes",
     "bergs.report.axes": "bergs.report.principal_axes",
     "ocean.formulas.begin": "ocean.formulas.clear_environment",
-    "ocean.formulas.finish": "ocean.formulas.fill_depth",
+    "ocean.formulas.finish": "ocean.formulas.fill_open_depth",
     "diagnostics.summary.bergs": "diagnostics.summary.berg_entries",
     "products.window.cover": "products.window.extent_text",
     "stepping.frames.gathered": "stepping.frames.free_bodies",

@@ -408,8 +408,8 @@ def ocean_grid(
         See `riftberg.ocean.grid.Grid.from_corners`.
     """
     turn = (360.0 if latlon else 0.0) if period is None else period
-    given = None if mask is None else np.asarray(mask, dtype=float)
-    grid = Grid.from_corners(lon, lat, latlon=latlon, period=turn, mask=given, includes_southwest=True, **options)
+    sea = None if mask is None else np.asarray(mask, dtype=float)
+    grid = Grid.from_corners(lon, lat, latlon=latlon, period=turn, mask=sea, includes_southwest=True, **options)
     if area is not None:
         areas = np.asarray(area, dtype=float)
         if areas.shape != (grid.arrays.nj, grid.arrays.ni) or not (np.isfinite(areas).all() and (areas > 0.0).all()):

@@ -263,10 +263,10 @@ def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
     """Refuse to vary what the experiment sets itself, such as the packing of its berg."""
     for group, inner in grouped(values).items():
         for key, value in inner.items():
-            found = getattr(getattr(model.parameters, group), key)
-            if found != value and value:  # 0 and none mean: find it
+            taken = getattr(getattr(model.parameters, group), key)
+            if taken != value and value:  # 0 and none mean: find it
                 raise InputError(
-                    f"{named} keeps {group}.{key} = {value_shown(found)} whatever is given", where=f"--vary {group}.{key}",
+                    f"{named} keeps {group}.{key} = {value_shown(taken)} whatever is given", where=f"--vary {group}.{key}",
                     remedy="Vary another parameter, or give a function that makes the models",
                 )  # fmt: skip
 
@@ -318,15 +318,15 @@ class Store:
 
     def _read(self) -> dict[int, Outcome]:
         """Return the members that are done; what cannot be read is done again."""
-        found = {}
+        outcomes = {}
         for path in sorted(self.members.glob("*.json")):
             try:
                 outcome = Outcome(**json.loads(path.read_text("utf-8")))
             except (ValueError, TypeError, OSError):
                 continue
             if outcome.status == "done" and 0 <= outcome.number < len(self.plan.members):
-                found[outcome.number] = outcome
-        return found
+                outcomes[outcome.number] = outcome
+        return outcomes
 
     def keep(self, outcome: Outcome) -> None:
         """Keep what a member came to."""

@@ -154,7 +154,7 @@ def fill_values(moment: Blend, places: Places, draft: Floats, columns: int, near
 
     Parameters
     ----------
-    moment : Moment
+    moment : Blend
         The field.
     places : Places
         Where.
@@ -206,7 +206,7 @@ def fill_vorticity(
 
     Parameters
     ----------
-    east, north : Moment
+    east, north : Blend
         Components.
     places : Places
         Where, inside of the product.
@@ -278,7 +278,7 @@ def fill_slopes(
 
     Parameters
     ----------
-    level : Moment
+    level : Blend
         Sea level, m.
     places, points, lon, lat
         As in `fill_vorticity`.
@@ -315,7 +315,7 @@ def add_shore_drift(
 
     Parameters
     ----------
-    moment : Moment
+    moment : Blend
         Current to the east, which is unknown on land.
     places, points, lon, lat
         As in `fill_vorticity`.

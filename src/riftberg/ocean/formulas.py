@@ -66,7 +66,7 @@ class Formula(ShownForcing):
         """Fill the environment of the elements."""
         clear_environment(elements)
         self.add_to(elements, time)
-        fill_depth(elements)
+        fill_open_depth(elements)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time."""
@@ -102,7 +102,7 @@ def clear_environment(elements: Elements) -> None:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
 
 
-def fill_depth(elements: Elements) -> None:
+def fill_open_depth(elements: Elements) -> None:
     """Give elements under which no part has a sea floor the depth of an open ocean."""
     depth = elements.environment.depth
     depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
@@ -183,8 +183,8 @@ class Sum(Formula):
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
-        found = [part.currents(lon, lat, time) for part in self.parts]
-        return np.sum([u for u, _ in found], axis=0), np.sum([v for _, v in found], axis=0)
+        flows = [part.currents(lon, lat, time) for part in self.parts]
+        return np.sum([u for u, _ in flows], axis=0), np.sum([v for _, v in flows], axis=0)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points: that of the shallowest part."""

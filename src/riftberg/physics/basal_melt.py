@@ -253,7 +253,7 @@ def basal_melt_rate(
         Of the ice, m, for the pressure at its base.
     rho_ice : float
         kg m-3.
-    exchange : Exchange
+    exchange : ExchangeValues
         Law of the boundary layer.
     """
     pressure = ATMOSPHERE + GRAVITY * thickness * rho_ice

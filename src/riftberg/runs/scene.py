@@ -245,10 +245,10 @@ class Scene:
         for sides, packing in kinds:
             rows = self.sides == sides
             if rows.any():
-                found = element_polygons(
+                polygons = element_polygons(
                     x[rows], y[rows], turned[rows], area[rows], packing, latlon=self.latlon, radius=self.radius
                 )
-                corners[rows] = found[:, np.minimum(np.arange(most), sides - 1)]
+                corners[rows] = polygons[:, np.minimum(np.arange(most), sides - 1)]
         return corners
 
     def area_at(self, record: int) -> Floats:

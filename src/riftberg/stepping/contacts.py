@@ -47,7 +47,7 @@ class ContactLog:
 
     Attributes
     ----------
-    rows : list of Contact
+    rows : list of Meeting
         In order of time.
     """
 

@@ -84,7 +84,7 @@ def first_break(
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     before, after : array of float, shape (elements, 3)
@@ -110,7 +110,7 @@ def first_overload(
         Of each place.
     averaged : bool
         Whether it is the tensor.
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold, one for each place.
     p : KernelParameters

@@ -27,7 +27,7 @@ class Equilibrium:
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     bend : array of float, shape (elements, 3)
@@ -91,7 +91,7 @@ class AveragedStress:
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     flat : array of float, shape (elements, 2)
@@ -121,10 +121,10 @@ class AveragedStress:
         far = 4.0 * (float(np.abs(flat).max(initial=0.0)) + self.radius)  # fragments have frames of their own
         tree = cKDTree(np.column_stack([flat, far * body]))
         places = np.column_stack([self._middle[alive], far * self._body[alive]])
-        found = tree.query_ball_point(places, self.radius, return_sorted=True)
+        inside = tree.query_ball_point(places, self.radius, return_sorted=True)
         counts = np.zeros(self._middle.shape[0] + 1, np.int64)
-        counts[alive + 1] = [len(near) for near in found]
-        member = np.concatenate([np.array(near, np.int64) for near in found]) if alive.size else np.zeros(0, np.int64)
+        counts[alive + 1] = [len(near) for near in inside]
+        member = np.concatenate([np.array(near, np.int64) for near in inside]) if alive.size else np.zeros(0, np.int64)
         start = np.cumsum(counts)
         return start, member, _weights(alive, start, member, flat, self._middle, self._volume, self.radius)
 
@@ -222,10 +222,10 @@ def _averaged(alive: Ints, start: Ints, member: Ints, weight: Floats, stress: Fl
 @kernel
 def _strongest(mean: Floats) -> Floats:
     """Largest tension and shear (Pa) of each tensor, shape (places, 2)."""
-    found = np.empty((mean.shape[0], 2))
+    extremes = np.empty((mean.shape[0], 2))
     for k in range(mean.shape[0]):
-        found[k, 0], found[k, 1] = principal(mean[k, 0], mean[k, 1], mean[k, 2])
-    return found
+        extremes[k, 0], extremes[k, 1] = principal(mean[k, 0], mean[k, 1], mean[k, 2])
+    return extremes
 
 
 @kernel
@@ -248,7 +248,7 @@ def _most_loaded_near(
 @kernel
 def _damage_ratios(stress: Floats, limits: Limits) -> Floats:
     """Stress over strength as the growth of damage takes it."""
-    found = np.empty(stress.shape[0])
+    ratios = np.empty(stress.shape[0])
     for k in range(stress.shape[0]):
-        found[k] = stress_ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
-    return found
+        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
+    return ratios

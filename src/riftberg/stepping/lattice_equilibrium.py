@@ -277,7 +277,7 @@ class Factors:
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     holds : Holds

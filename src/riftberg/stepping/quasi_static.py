@@ -49,6 +49,7 @@ from riftberg.stepping.media import Surroundings, allocate_surroundings
 from riftberg.stepping.partners import MARGIN, will_touch
 from riftberg.stepping.rigid_bodies import (
     BodyMotion,
+    each_times,
     element_velocities,
     find_loading,
     inertia_and_floor,
@@ -331,8 +332,8 @@ class LongStep:
         force[:, 0] -= load.mass * load.floor * u
         force[:, 1] -= load.mass * load.floor * v
         force[:, 2] -= load.inertia * load.floor_spin * w
-        held = _times(motion.floor, bodies.rate)
-        el.spin_rate[:] = _times(motion.mobility, total - held)[bodies.body, 2]
+        held = each_times(motion.floor, bodies.rate)
+        el.spin_rate[:] = each_times(motion.mobility, total - held)[bodies.body, 2]
         turn = motion.elements[:, 9:11]
         balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
         for _, inside in self._supported(bodies):
@@ -387,10 +388,10 @@ class LongStep:
         u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
         fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
         reach = MARGIN * (max(2.0 * float(radius.max()), c.contact_distance) + fastest * left)
-        found = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-        first = np.repeat(np.arange(el.size), np.diff(found.start))
-        once = first < found.partner
-        return will_touch(el, first[once], found.partner[once], radius, left, c)
+        pairs = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        first = np.repeat(np.arange(el.size), np.diff(pairs.start))
+        once = first < pairs.partner
+        return will_touch(el, first[once], pairs.partner[once], radius, left, c)
 
     # Breaking
 
@@ -476,7 +477,7 @@ class LongStep:
         momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return bodies._replace(rate=_times(motion.mobility, sums))
+        return bodies._replace(rate=each_times(motion.mobility, sums))
 
     def _build(self, bodies: Bodies) -> Structure:
         """Describe and factor the lattice of the bonds that hold."""
@@ -500,10 +501,6 @@ class LongStep:
         """Write stresses and deformations to the state."""
         turn = self.now.motion.elements[:, 9:11]
         store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn, self.c)
-
-
-def _times(matrices: Floats, vectors: Floats) -> Floats:
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 def _supported_loads(

@@ -352,10 +352,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         lower.yaxis.get_major_locator().set_params(integer=True)
         lower.set_ylim(0.0, 1.15 * float(ground.max()))
     for k, ax in enumerate(axes):
-        ax.grid(color=colours.GRID, lw=0.6)
-        ax.set_axisbelow(True)
-        ax.tick_params(labelsize=8)
-        ax.spines[["top", "right"]].set_visible(False)
+        style.plain_axes(ax)
         ax.text(0.0, 1.02, f"({'abc'[k]})", transform=ax.transAxes, fontsize=10, fontweight="bold", va="bottom")
     if is_short(scene.times):
         lower.set_xlabel(
