@@ -286,7 +286,7 @@ class Factors:
     """
 
     def __init__(self, lattice: ElasticLattice, alive: Ints, holds: Holds, springs: Ints) -> None:
-        self._lattice, self._free, self._springs = lattice, holds.free, springs
+        self._lattice, self._free = lattice, holds.free
         self.spring = float(lattice.stiffness[alive, 0].mean()) if alive.size else 1.0
         held = np.where(holds.free > 0.0, 0.0, self.spring)
         held[springs] += self.spring
@@ -294,6 +294,8 @@ class Factors:
         lone = np.ones(holds.free.size // 3, bool)
         lone[lattice.first[alive]] = lone[lattice.second[alive]] = False
         held[np.repeat(lone, 3)] = self.spring
+        # What it carries is rounding, which is all that there is where every element stands alone.
+        self._springs = springs[~lone[springs // 3]]
         row, column, value = _entries(lattice, alive, holds.free, held)
         matrix = csc_matrix((value, (row, column)), shape=(holds.free.size, holds.free.size))
         self._lu: SuperLU = splu(
