@@ -126,7 +126,10 @@ def _compiled(function: _F, **options: Any) -> _F:
     # numba reads the setting at decoration only; other packages must not inherit ours.
     config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
     try:
-        compiled: _F = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        decorate: Any = njit  # its types do not know the last option; without it each kernel is compiled for C, too
+        compiled: _F = decorate(
+            cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options
+        )(function)  # fmt: skip
         # Ours stands in for numba's cache, whose files two processes could mix up.
         compiled._cache = SharedCache(function)  # type: ignore[attr-defined]
         return compiled

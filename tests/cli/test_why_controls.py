@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 
 from riftberg.cli.main import app
 
+pytestmark = pytest.mark.slow
+
 
 def call(*arguments: object) -> Any:
     """Run the command line."""

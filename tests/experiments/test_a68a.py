@@ -105,6 +105,7 @@ def test_without_the_shear_the_finger_stays() -> None:
     assert events[0][0] < 19.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time_step", [900.0, 450.0])
 def test_the_story_does_not_need_the_long_step(time_step: float) -> None:
     """The bending alone exceeds the strength: shorter steps, in which the finger rings less, break it as well."""
@@ -112,11 +113,13 @@ def test_the_story_does_not_need_the_long_step(time_step: float) -> None:
     assert_tip_and_finger(run(build("a68a", Options(changes))[0], 14.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [16e3, 20e3])
 def test_the_story_bears_other_strengths(strength: float) -> None:
     assert_tip_and_finger(run(build("a68a", Options({"fracture": {"normal_strength": strength}}))[0], 14.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("east", "north"), [(0.02, 0.0), (-0.02, 0.0), (0.0, 0.015), (0.0, -0.015)])
 def test_the_story_bears_another_start(east: float, north: float) -> None:
     """1.3 to 1.7 km to each side."""
@@ -126,6 +129,7 @@ def test_the_story_bears_another_start(east: float, north: float) -> None:
     assert_tip_and_finger(run(model, 14.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "packing"), [(1000.0, "square"), (1500.0, "hexagonal"), (1000.0, "hexagonal")])
 def test_other_lattices_tell_the_same_story(radius: float, packing: Packing) -> None:
     assert_tip_and_finger(run(story_model(Options(), radius=radius, packing=packing), 14.0))

@@ -70,11 +70,14 @@ def assert_goes_on(whole: Path, resumed: Path, *, first: float) -> None:
 
 @pytest.mark.parametrize("every", [0.0, 1.0, 2.0, 3.0 * DT / 3600.0], ids=["every step", "1 h", "2 h", "3 steps"])
 @pytest.mark.parametrize("law", LAWS)
-def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(tmp_path: Path, law: str, every: float) -> None:
+@pytest.mark.parametrize("apart", [6, pytest.param(2, marks=pytest.mark.slow)], ids=["few stops", "many stops"])
+def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(
+    tmp_path: Path, law: str, every: float, apart: int
+) -> None:
     whole = fresh(LAWS[law])
     whole.advance(steps=STEPS, recorders=[writer(tmp_path / "whole.nc", every)])
     assert whole.bonds_broken > 0
-    for stop in range(1, STEPS, 2 if every else 5):
+    for stop in range(1, STEPS, apart):
         part = fresh(LAWS[law])
         part.advance(steps=stop, recorders=[writer(tmp_path / "part.nc", every)])
         resumed = Model.resume(part.save(tmp_path / "part.restart.nc"), forcing())

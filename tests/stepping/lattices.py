@@ -11,7 +11,7 @@ from riftberg.stepping.bond_rows import allocate_rows
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.interactions import Partners
 from riftberg.stepping.media import allocate_surroundings
-from riftberg.stepping.multiple import StepPlan, StepReport, kick_slowly, take_substeps
+from riftberg.stepping.multiple import StepPlan, StepReport, take_long_step
 from riftberg.stepping.partners import without
 from riftberg.stepping.sizes import interaction_sizes
 from riftberg.stepping.substep import Room, allocate_scratch, pairs_from_list
@@ -173,19 +173,18 @@ def long_step(
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
     around = allocate_surroundings(n) if around is None else around
-    slow = kick_slowly(el, bonds, partners._replace(bonded=none, same_berg=none), sizes, around, plan, p)
+    room = Room(allocate_rows(bonds, n), pairs, allocate_scratch(n))
+    colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
+    earlier = np.arange(n) if rank is None else rank
+
+    def part(**which):
+        return take_long_step(
+            el, bonds, room, colliding, inside, sizes, around, earlier, plan._replace(**which), p
+        )  # fmt: skip
+
+    slow = part(moves=False)
     if slow.passes < 0:
         return slow
-    fast = take_substeps(
-        el,
-        bonds,
-        Room(allocate_rows(bonds, n), pairs, allocate_scratch(n)),
-        partners._replace(collision=none),
-        sizes,
-        around,
-        np.arange(n) if rank is None else rank,
-        plan,
-        p,
-    )
+    fast = part(kicks=False)
     explicit = p.explicit_substeps or p.dem
     return StepReport(slow.broken + fast.broken, slow.passes if explicit and fast.passes > 0 else fast.passes)

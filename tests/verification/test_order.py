@@ -87,7 +87,7 @@ WIND = Steady(current=(0.3, 0.1), wind=(8.0, 3.0))
         ),
         ("tide", Tide(), -55.0, "mts", {}, 2.0),
         ("tide, lagged forcing (Q5)", Tide(), -55.0, "mts", {"compatibility": {"forcing_lag": True}}, 1.0),
-        ("drag and Coriolis", WIND, -55.0, "runge_kutta", {}, 1.0),
+        pytest.param("drag and Coriolis", WIND, -55.0, "runge_kutta", {}, 1.0, marks=pytest.mark.slow),
         ("drag and Coriolis", WIND, -55.0, "verlet", {}, 1.0),
     ],
 )

@@ -117,6 +117,7 @@ def a68a(tmp_path_factory: pytest.TempPathFactory) -> tuple[xr.Dataset, Path]:
     return run, write_replay(run, folder / "replay.html")
 
 
+@pytest.mark.slow
 def test_a68a_by_the_hour_stays_below_ten_megabytes(a68a: tuple[xr.Dataset, Path]) -> None:
     """Real page, all records, and the estimate from which records would be left out is near it."""
     run, page = a68a
@@ -133,6 +134,7 @@ def test_a68a_by_the_hour_stays_below_ten_megabytes(a68a: tuple[xr.Dataset, Path
     assert thinned.stat().st_size < 0.8 * size
 
 
+@pytest.mark.slow
 def test_the_a68a_page_plays_to_the_end_in_a_browser(a68a: tuple[xr.Dataset, Path], tmp_path: Path) -> None:
     run, page = a68a
     with opened(page) as browser:

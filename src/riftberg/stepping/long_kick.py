@@ -165,22 +165,24 @@ def closing_half_kick(
     alone = lone_elements(partners)
     groups = 1 if partners.group.size == 0 else partners.group.max() + 1
     unsettled, norm, norm_before = np.zeros(groups, np.bool_), np.zeros(groups), np.zeros(groups)
-    _slow_pass(el, dt, around, alone, partners, unsettled, norm_before, view, law, kick, True, p)
-    if not p.iterate:
-        for e in range(u.size):
-            if static[e] < 0.5:
-                u[e], v[e] = u_sync[e], v_sync[e]
-        return 1
-    _show_synchronised(el)
-    passes = 1
-    while unsettled.any():
+    passes, sums = 0, norm_before
+    while True:
+        first = passes == 0  # not the words True and False, each of which would be compiled for itself
+        _slow_pass(el, dt, around, alone, partners, unsettled, sums, view, law, kick, first, p)
+        passes += 1
+        if not p.iterate:
+            for e in range(u.size):
+                if static[e] < 0.5:
+                    u[e], v[e] = u_sync[e], v_sync[e]
+            return passes
+        if not first:
+            _settle_groups(el, partners.group, unsettled, norm_before, p.tolerance)
+        _show_synchronised(el)
+        if not unsettled.any():
+            return passes
         if passes >= p.max_iterations:
             return -1
-        _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick, False, p)
-        passes += 1
-        _settle_groups(el, partners.group, unsettled, norm_before, p.tolerance)
-        _show_synchronised(el)
-    return passes
+        sums = norm
 
 
 @stage

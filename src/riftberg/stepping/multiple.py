@@ -52,6 +52,10 @@ class StepPlan(NamedTuple):
         Test for fracture in every sub-step, or once after the closing half kick.
     wears : bool
         Stress takes from the strength of the bonds, in every sub-step.
+    kicks : bool
+        Apply the slow forces at its start: both half kicks, and fracture after the step before.
+    moves : bool
+        Take its sub-steps.
     """
 
     dt: float
@@ -63,6 +67,8 @@ class StepPlan(NamedTuple):
     break_inline: bool
     break_after: bool
     wears: bool
+    kicks: bool = True
+    moves: bool = True
 
 
 class StepReport(NamedTuple):
@@ -124,37 +130,12 @@ def _kick(el, scratch, dt, floor_acts, implicit_ground):
         sum_stopped(el, scratch)
 
 
-def kick_slowly(
-    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
-    p: KernelParameters,
-) -> StepReport:  # fmt: skip
-    """Apply the slow forces at the start of a long step: both half kicks, and fracture after the step before.
-
-    Parameters
-    ----------
-    el, bonds : Elements, Bonds
-        The state, changed in place.
-    partners : Partners
-        Collisions between bergs.
-    sizes : Sizes
-    around : Surroundings
-        Filled from the environment that the elements carry; afterwards it holds the forces that were applied.
-    plan : StepPlan
-    p : KernelParameters
-
-    Returns
-    -------
-    StepReport
-    """
-    return StepReport(*_kick_slowly(el, bonds, partners, sizes, around, plan, p))
-
-
-@kernel
+@stage
 def _kick_slowly(
     el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
+    """Apply the slow forces; returns what `StepReport` holds."""
     find_surroundings(el, sizes, around, p)
     if plan.skip_slow:
         return 0, 1
@@ -168,11 +149,15 @@ def _kick_slowly(
     return broken, passes
 
 
-def take_substeps(
-    el: Elements, bonds: Bonds, room: Room, fast: Partners, sizes: Sizes, around: Surroundings, earlier: Ints,
-    plan: StepPlan, p: KernelParameters,
+def take_long_step(
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
+    earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
-    """Take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
+    """Apply the slow forces and take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
+
+    One call for both, for to hand the state to compiled code takes some 40 us; and one kernel, for what is compiled by
+    itself and again within another takes twice as long. Where bergs take different numbers of sub-steps, the slow forces
+    are applied to all at once (``plan.moves`` false), and each batch moves for itself (``plan.kicks`` false).
 
     Parameters
     ----------
@@ -180,11 +165,14 @@ def take_substeps(
         The state, changed in place.
     room : Room
         Room for the sub-steps, with the pairs that may touch.
+    slow : Partners
+        Collisions between bergs.
     fast : Partners
         With spring bonds, bonded pairs and contacts inside a berg.
     sizes : Sizes
     around : Surroundings
-        As `kick_slowly` filled it; the sea floor may act here.
+        The slow part fills it from the environment that the elements carry; afterwards it holds the forces that were
+        applied. The sea floor may act in the sub-steps.
     earlier : array of int
         Rank of the elements in the order of processing (quirks Q10, Q11).
     plan : StepPlan
@@ -194,35 +182,15 @@ def take_substeps(
     -------
     StepReport
     """
-    return StepReport(*_take_substeps(el, bonds, room, fast, sizes, around, earlier, plan, p))
-
-
-def take_long_step(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
-    earlier: Ints, plan: StepPlan, p: KernelParameters,
-) -> StepReport:  # fmt: skip
-    """Do what `kick_slowly` and `take_substeps` do, in one call where all bergs take the same number of sub-steps.
-
-    To hand the state to compiled code takes some 40 us, which a long step of A68a would feel.
-
-    Parameters
-    ----------
-    slow : Partners
-        Those of `kick_slowly`; the other parameters are those of `take_substeps`.
-
-    Returns
-    -------
-    StepReport
-    """
     return StepReport(*_take_long_step(el, bonds, room, slow, fast, sizes, around, earlier, plan, p))
 
 
-@kernel
+@stage
 def _take_substeps(
     el: Elements, bonds: Bonds, room: Room, fast: Partners, sizes: Sizes, around: Surroundings, earlier: Ints,
     plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
+    """Take the sub-steps; returns what `StepReport` holds."""
     shown, motion, body = el.shown, el.motion, el.body
     rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
@@ -281,8 +249,10 @@ def _take_long_step(
     earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
-    broken, passes = _kick_slowly(el, bonds, slow, sizes, around, plan, p)
-    if passes < 0:
-        return broken, passes
-    more, passes = _take_substeps(el, bonds, room, fast, sizes, around, earlier, plan, p)
-    return broken + more, passes
+    broken, passes = 0, 1
+    if plan.kicks:
+        broken, passes = _kick_slowly(el, bonds, slow, sizes, around, plan, p)
+    if plan.moves and passes >= 0:
+        more, passes = _take_substeps(el, bonds, room, fast, sizes, around, earlier, plan, p)
+        broken += more
+    return broken, passes

@@ -25,9 +25,7 @@ from riftberg.stepping.multiple import (
     POLAR_LATITUDE,
     StepPlan,
     StepReport,
-    kick_slowly,
     take_long_step,
-    take_substeps,
 )
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.quasi_static import QuasiStaticStepper
@@ -209,15 +207,19 @@ class MultipleStepper(Forgetful):
     ) -> int:  # fmt: skip
         """Take the sub-steps of each batch for itself; returns the number of bonds broken."""
         c = run.constants
-        report = kick_slowly(run.elements, run.bonds, slow, sizes, self._around, plan, c)
+        first = batches[0].room  # the slow forces need no room
+        report = take_long_step(
+            run.elements, run.bonds, first, slow, slow, sizes, self._around, earlier, plan._replace(moves=False), c
+        )  # fmt: skip
         self._check_settled(report, run)
         broken = report.broken
         for batch, fast in zip(batches, inner, strict=True):
             batch.take(run)
             some, around = batch.elements, batch.surroundings(self._around)
-            report = take_substeps(
-                some, batch.bonds, batch.room, fast, interaction_sizes(some, c), around, batch.of_all(earlier),
-                plan._replace(substeps=int(batch.of_all(substeps)[0])), c,
+            part = plan._replace(substeps=int(batch.of_all(substeps)[0]), kicks=False)
+            report = take_long_step(
+                some, batch.bonds, batch.room, fast, fast, interaction_sizes(some, c), around, batch.of_all(earlier),
+                part, c,
             )  # fmt: skip
             batch.give(run, around, self._around)
             self._check_settled(report, run)
