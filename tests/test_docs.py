@@ -8,7 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import numpy as np
 import pytest
 from typer.models import OptionInfo
 
@@ -116,6 +118,24 @@ def test_commands_exist(page: str, words: list[str]) -> None:
 
 def test_readme_runs(tmp_path: Path) -> None:
     run_page(ROOT / "README.md", tmp_path)
+
+
+@pytest.mark.slow
+def test_the_break_of_the_five_lines_does_not_come_from_the_step() -> None:
+    text = (ROOT / "README.md").read_text("utf-8").partition("## Five lines of Python")[2]
+    lines = text.partition("```python\n")[2].partition("```")[0].replace("days=6", "days=2.1")
+    pieces = []
+    for step in (1800, 900):
+        here: dict[str, Any] = {}
+        code = lines.replace('"quasi_static"', f'"quasi_static", "time_step": {step}')
+        assert code.count("time_step") == 1
+        exec(code.rpartition("draw_map")[0], here)
+        run = here["run"]
+        born = (run["fragment_birth_time"] - run["time"][0]).values / np.timedelta64(1, "h")
+        pieces.append((np.round(run["fragment_area"].values / 1e6), born))
+    assert len(pieces[0][0]) == 3
+    np.testing.assert_array_equal(pieces[0][0], pieces[1][0])
+    np.testing.assert_allclose(pieces[0][1], pieces[1][1], atol=0.5)
 
 
 @pytest.mark.parametrize("name", ["first-run.md", pytest.param("from-outline-to-break-up.md", marks=pytest.mark.slow)])

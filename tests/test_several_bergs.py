@@ -243,3 +243,14 @@ def test_why_tells_of_a_collision(tmp_path: Path) -> None:
     lines = short_summary(summarize(model))
     assert any("beam and hammer met at 0.4 m/s, at x 7.5 km, y" in line for line in lines)
     assert any("broke off beam afloat" in line and "at x " in line for line in lines)
+
+
+def test_a_mixed_join_says_what_it_is_made_of() -> None:
+    """Bug: 24 squares of 250 m and 6 hexagons of 1.5 km were "30 hexagonal elements of radius 500 m"."""
+    small = Iceberg.rectangle("3 km", "2 km", thickness="150 m", placement=(-36.6, -56.0), radius="250 m")
+    large = Iceberg.rectangle("9 km", "6 km", thickness="250 m", placement=(-37.0, -56.0), packing="hexagonal")
+    whole = Iceberg.join([large, small])
+    assert "30 square and hexagonal elements of radius 250 to 1500 m" in repr(whole)
+    assert "square and hexagonal, radius 250 to 1500 m" in whole.describe()
+    with pytest.raises(BergError, match="no list of bergs"):
+        Iceberg.join(small)  # type: ignore[arg-type]

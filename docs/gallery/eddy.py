@@ -28,13 +28,14 @@ sea = xr.Dataset(
         for n, v in {"uo": uo, "vo": vo, "zos": level}.items()
     },
     {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})},
+    {"title": "a round high of the sea surface"},
 )
 
 start = "2020-12-09"
 berg = Iceberg.rectangle("40 km", "15 km", thickness="200 m", placement=(-37.0, -56.0))
 model = Model(berg, DatasetForcing.from_xarray(sea, start), A68A_2022, start)
 run = model.run(days=3)
-draw_map(run, "eddy.png", forcing=model.forcing, title="A high of the sea turns a berg")
+draw_map(run, "eddy.png", title="A high of the sea turns a berg")
 
 # %%
 # A high turns counter-clockwise in the southern hemisphere, and the berg with it.

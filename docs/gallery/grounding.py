@@ -2,21 +2,23 @@
 Running aground
 ===============
 
-A berg whose keel is deeper than the water is slowed by the sea floor, and stops where the current cannot push it on.
+A current carries a berg up a slope. Where the keel meets the sea floor, the berg is held, and the current turns it.
 """
 
 import numpy as np
 
-from riftberg import A68A_2022, Iceberg, Model, Steady, draw_map
+from riftberg import A68A_2022, Forcing, Iceberg, Model, draw_map
 
-berg = Iceberg.rectangle("12 km", "9 km", thickness="200 m", placement=(-37.0, -56.0), velocity=(0.3, 0.0))
-shallow = Steady(current=(0.3, 0.0), depth="150 m")
-model = Model(berg, shallow, A68A_2022.changed(grounding={"coefficient": 1e5}))
-run = model.run(days=1)
-draw_map(run, "grounding.png", forcing=shallow, title="Aground")
+berg = Iceberg.rectangle("12 km", "9 km", thickness="200 m", placement=(-37.0, -56.0), velocity=(0.2, 0.0))
+shelf = Forcing.uniform(current=(0.2, 0.0)) + Forcing.slope((-37.0, -56.0), towards=270.0, gradient=0.01, depth=400.0)
+model = Model(berg, shelf, A68A_2022.changed(grounding={"coefficient": 1e5}, fracture={"enabled": False}))
+run = model.run(days=3)
+draw_map(run, "grounding.png", title="Aground on a slope")
 
 # %%
-# Over deep water the berg goes with the current; here it creeps.
-speed = float(np.hypot(model.elements.u.mean(), model.elements.v.mean()))
-print(f"{100 * speed:.2f} cm/s")
-assert speed < 0.1
+# It drifted with the current at first. Now it creeps and turns, with its eastern edge where the water is as deep as its keel.
+speed = float(np.hypot(model.elements.u_sync.mean(), model.elements.v_sync.mean()))
+draft = float(model.elements.thickness[0]) * 850.0 / 1025.0
+print(f"{100 * speed:.2f} cm/s over {model.elements.depth.min():.0f} m, with a draft of {draft:.0f} m")
+assert speed < 0.05
+assert abs(model.elements.depth.min() - draft) < 10.0

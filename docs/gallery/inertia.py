@@ -25,9 +25,14 @@ theory = 2 * np.pi / (2 * 7.292e-5 * abs(np.sin(np.radians(latitude)))) / 3600
 
 figure = Figure(figsize=(5, 4.5), layout="constrained")
 axes = figure.subplots()
-axes.plot(run["lon"][0], run["lat"][0], color="#4477aa")
-axes.set(xlabel="longitude (°E)", ylabel="latitude (°N)", title="Two days without drag")
-axes.set_aspect(1 / np.cos(np.radians(latitude)))
+km = np.radians(1.0) * 6371.0
+east = (run["lon"][0] - run["lon"][0, 0]) * km * np.cos(np.radians(latitude))
+north = (run["lat"][0] - run["lat"][0, 0]) * km
+axes.plot(east, north, color="#4477aa")
+axes.plot(0, 0, "o", color="black")
+axes.annotate("start", (0, 0), (0, 6), textcoords="offset points", ha="center")
+axes.set(xlabel="east of the start (km)", ylabel="north of the start (km)", title="Two days without drag")
+axes.set_aspect("equal")
 figure.savefig("inertia.png", dpi=120)
 
 print(f"{abs(period):.3f} h, in theory {theory:.3f} h")

@@ -17,13 +17,14 @@ values = {"uo": 0.3 * np.tanh(x / 15e3), "vo": 0 * x}
 sea = xr.Dataset(
     {n: (("lat", "lon"), values[n], {"standard_name": names[n], "units": "m s-1"}) for n in names},
     {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})},
+    {"title": "water that parts at 37 W"},
 )
 berg = Iceberg.rectangle("60 km", "15 km", thickness="200 m", placement=(-37.0, -56.0), offset=(0.0, 0.0))
 rifted = berg.with_rifts([[-37.01, -56.2], [-37.01, -55.8]], strength=0.02)
 
 model = Model(rifted, DatasetForcing.from_xarray(sea, "2020-12-09"), A68A_2022, "2020-12-09")
 run = model.run(days=1)
-draw_map(run, "rift.png", forcing=model.forcing, title="A berg breaks along its rift")
+draw_map(run, "rift.png", title="A berg breaks along its rift")
 
 # %%
 print(rifted.report["rifts"], model.fragment_count, "pieces")

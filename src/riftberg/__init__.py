@@ -2,11 +2,11 @@
 
 Five lines from nothing to a picture::
 
-    from riftberg import Iceberg, Model, Steady, draw_map
-    berg = Iceberg.rectangle(60e3, 20e3, thickness=200.0, placement=(-37.0, -56.0))
-    model = Model(berg, Steady.balanced(current=(0.2, 0.05), latitude=-56.0, wind=(5.0, -2.0)))
-    run = model.run(days=3)
-    draw_map(run, "berg.png", forcing=model.forcing)
+    from riftberg import Forcing, Iceberg, Model, draw_map
+    berg = Iceberg.rectangle("60 km", "20 km", thickness="200 m", placement=(-37.0, -56.0))
+    sea = Forcing.uniform(current=(0.2, 0.05), wind=(5.0, -2.0)) + Forcing.eddy((-37.2, -56.3), radius=30e3, speed=0.5)
+    run = Model(berg, sea).run(days=3)
+    draw_map(run, "berg.png")
 
 The names below are loaded when they are first used, so that ``import riftberg`` is quick.
 """

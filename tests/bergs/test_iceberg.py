@@ -346,13 +346,17 @@ def test_a_mask_across_greenwich_or_the_date_line_is_joined():
     np.testing.assert_allclose(berg.elements.lon + 180, plain.elements.lon, atol=1e-9)
 
 
-@pytest.mark.parametrize("thickness", [200, np.float32(200), np.int64(200), np.array(200.0), [200.0], (200,)])
+@pytest.mark.parametrize(
+    "thickness", [200, np.float32(200), np.int64(200), np.array(200.0), [200.0], (200,), "200 m", "0.2 km"]
+)
 def test_thickness_may_be_a_number_of_any_kind(thickness):
+    """Bug: "200 m" was looked for as a file by outlines and masks."""
     pytest.importorskip("shapely")
     for berg in (
         Iceberg.from_outline(OUTLINE, thickness=thickness),
         Iceberg.rectangle(30e3, 12e3, thickness=thickness, placement=(-39.0, -55.0)),
         Iceberg.from_mask(slab(1.0, 0.0), thickness=thickness),
+        Iceberg.from_mask(slab(1.0, 0.0), thickness=thickness, rules="makeberg"),
     ):
         assert (berg.elements.thickness == 200.0).all()
 

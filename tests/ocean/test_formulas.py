@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime
 from typing import Any
 
@@ -177,12 +178,51 @@ def test_a_berg_follows_a_balanced_jet() -> None:
     assert abs(v) < 0.02
 
 
+def test_values_may_carry_units() -> None:
+    """Bug: formulas in Python took plain numbers alone, and "30 km" ended in a TypeError."""
+    eddy = Forcing.eddy(("-37 deg", -56.0), radius="30 km", speed="50 cm/s", velocity=np.array([0.1, 0.0]))
+    assert (eddy.centre, eddy.radius, eddy.speed, eddy.velocity) == ((-37.0, -56.0), 30e3, 0.5, (0.1, 0.0))
+    assert Forcing.uniform(current=("20 cm/s", 0), depth="0.5 km").water == 500.0
+    assert Forcing.jet(CENTRE, 90, "1 m/s", "20 km").width == 20e3
+    assert Forcing.shear(CENTRE, 90, "1 m/s", "20 km").speed == 1.0
+    assert Forcing.front(CENTRE, 90, "20 cm", "20 km", temperature=(1, 2)).step == 0.2
+    assert Forcing.tide("10 cm/s", period="12 h").period == 43_200.0
+    assert Forcing.seamount(CENTRE, "300 m", "10 km", "0.5 km").plain == 500.0
+    assert Forcing.slope(CENTRE, 90, 0.01, "0.4 km", between=("10 m", "2 km")).between == (10.0, 2000.0)
+    assert Forcing.turning_wind("10 m/s").speed == 10.0
+    assert Forcing.eddy(("3 km", 0), 1e4, 0.1, latlon=False, latitude=-56).centre == (3000.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Forcing.eddy(CENTRE, "30 s", 0.1), "radius: '30 s' is in s"),
+        (lambda: Forcing.eddy((-37.0, -156.0), 3e4, 0.1), "centre: latitude -156"),
+        (lambda: Forcing.eddy((-37.0,), 3e4, 0.1), "centre: "),
+        (lambda: Forcing.eddy((1.0, 2.0, 3.0), 3e4, 0.1, latlon=False, latitude=-56), "centre: .* no position"),
+        (lambda: Forcing.uniform(current=0.1), "current: 0.1 is not possible"),
+        (lambda: Forcing.uniform(depth=-3.0), "depth: -3.0 is not possible"),
+        (lambda: Forcing.uniform(latitude="north"), "latitude: 'north' is not a number"),
+        (lambda: Forcing.jet(CENTRE, "east", 1.0, 2e4), "towards: 'east' is not a number"),
+        (lambda: Forcing.shear(CENTRE, 90, True, 2e4), "speed: true is no number"),
+        (lambda: Forcing.front(CENTRE, 90, np.nan, 2e4), "step: nan is not possible"),
+        (lambda: Forcing.tide(0.1, period=0.0), "period: 0.0 is not possible"),
+        (lambda: Forcing.seamount(CENTRE, 300.0, -3e3, 500.0), "width: -3000.0 is not possible"),
+        (lambda: Forcing.slope(CENTRE, 90, 20.0, 500.0), "gradient: 20.0 is not possible"),
+        (lambda: Forcing.turning_wind("fast"), "speed: 'fast' is not a number"),
+    ],
+)
+def test_values_that_are_none_are_refused_in_the_words_of_a_file(make: Callable[[], Forcing], words: str) -> None:
+    with pytest.raises(ForcingError, match=words):
+        make()
+
+
 def test_what_does_not_go_together_is_refused() -> None:
     with pytest.raises(ForcingError, match="metres have no latitude"):
         Forcing.eddy((0.0, 0.0), 1e4, 0.1, latlon=False)
     with pytest.raises(ForcingError, match="disagree on latitude"):
         Forcing.uniform((0.1, 0.0), latitude=-50.0) + Forcing.uniform((0.1, 0.0), latitude=-60.0)
-    with pytest.raises(ForcingError, match="radius = 0"):
+    with pytest.raises(ForcingError, match=r"radius: 0\.0 is not possible"):
         Forcing.eddy(CENTRE, 0.0, 0.1)
     berg = Iceberg.rectangle(9e3, 9e3, thickness=200.0, placement=CENTRE)
     with pytest.raises(InputError, match="balanced for the latitude -56 degrees"):
@@ -227,6 +267,13 @@ def test_datasets_are_forcing_with_their_own_start() -> None:
         Model(berg, forcing, start=datetime(2006, 3, 1))
     with pytest.raises(ForcingError, match="no dataset has dates"):
         Forcing.from_xarray(currents().isel(time=0, drop=True))
+
+
+def test_a_dataset_in_memory_is_called_by_its_title() -> None:
+    """The title of a map said "Forcing: dataset 1"."""
+    assert Forcing.from_xarray(currents()).title == "dataset 1"
+    named = currents().assign_attrs(title="ebb and flow,  in m/s")
+    assert Forcing.from_xarray(named).title == "ebb and flow, in m s"
 
 
 class Own(Forcing):

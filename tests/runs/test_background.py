@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,11 @@ import pytest
 import xarray as xr
 
 from fakes import FakeForcing, FakeModel
+from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
-from riftberg.runs.background import on_even_grid, stored_water
+from riftberg.ocean.analytic import Steady
+from riftberg.runs.background import KeptWater, on_even_grid, stored_water, water_of
+from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_run
 
 
@@ -98,3 +102,26 @@ def test_bilinear_is_exact_for_bilinear_fields_and_blind_outside() -> None:
     expected = (1.0 + px) * (2.0 - py)
     expected[3] = np.nan
     np.testing.assert_allclose(on_even_grid(x, y, field, px, py), expected)
+
+
+def test_a_run_in_memory_knows_its_water(tmp_path: Path) -> None:
+    """Maps of a run that was never a file had no current and no sea floor unless the forcing was given again."""
+    sea = Steady(current=(0.1, 0.0), depth=300.0)
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
+    run = Model(berg, sea).run(steps=1)
+    for known in (run, run.copy(deep=True), run.isel(time=slice(0, 1))):
+        water = water_of(known)
+        assert isinstance(water, KeptWater)
+        assert water.currents(np.array([-37.0]), np.array([-56.0]), 0.0)[0] == 0.1
+        assert water.depth(np.array([-37.0]), np.array([-56.0])) == 300.0
+    passed = water_of(pickle.loads(pickle.dumps(run)))
+    assert passed is not None
+    assert np.isnan(passed.depth(np.zeros(2), np.zeros(2))).all()  # the forcing stays behind
+    run.isel(time=slice(0, 1)).to_netcdf(tmp_path / "copy.nc")  # bug: xarray warned of the length of texts
+    assert water_of(open_run(tmp_path / "copy.nc")) is None
+
+
+def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water() -> None:
+    water = KeptWater(object())  # type: ignore[arg-type]
+    assert np.isnan(water.currents(np.zeros(3), np.zeros(3), 0.0)).all()
+    assert np.isnan(water.depth(np.zeros(3), np.zeros(3))).all()

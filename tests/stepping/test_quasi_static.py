@@ -7,7 +7,9 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import RunError
+from riftberg.ocean.ready_made import Forcing
 from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
 from riftberg.stepping.frames import element_motion, flat_shape, free_bodies, moved_frames, place, regrouped
 from riftberg.stepping.lattice_equilibrium import (
     Factors,
@@ -104,6 +106,23 @@ def test_a_load_out_of_balance_is_refused() -> None:
     factors = Factors(lattice, alive, holds, holds.springs(body, flat))
     with pytest.raises(RunError, match="not in equilibrium"):
         factors.solve(force)
+
+
+def test_loads_that_are_round_off_alone_are_in_balance() -> None:
+    """Bug: a berg that started with the velocity of a balanced current was refused, for a freedom that carried 1e-6 N."""
+    berg, force, p = floating(1, "square")
+    flat, lattice, alive, holds, *_, body = solved(berg, force, p)
+    factors = Factors(lattice, alive, holds, holds.springs(body, flat))
+    tiny = 1e-6 * np.sign(force) * np.array([1.0, 1.0, 0.0])
+    assert np.abs(factors.solve(tiny)).max() < 1e-9
+
+
+def test_a_berg_that_goes_with_the_water_bears_nothing() -> None:
+    sea = Forcing.uniform(current=(0.15, 0.0))
+    berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.15, 0.0))
+    model = Model(berg, sea, Parameters(stepping={"scheme": "quasi_static"}))
+    model.advance(steps=2)
+    assert model.bonds.peak_stress.max() < 1.0
 
 
 def test_energy_is_that_of_the_springs() -> None:

@@ -258,6 +258,19 @@ def test_a_run_without_a_sea_floor_is_not_hatched_as_shallow(tmp_path: Path, run
     assert ReplayContent(run, title="", observed={}).data()["floor"]["shallow"]
 
 
+class AllShallow(FakeForcing):
+    """A bank that reaches further than the map."""
+
+    def depth(self, lon: Any, lat: Any) -> Any:
+        """Return less than the draft everywhere."""
+        return np.full(np.shape(lon), 120.0)
+
+
+def test_a_map_that_is_shallow_from_edge_to_edge_is_hatched(run: xr.Dataset) -> None:
+    """Bug: a berg aground in 150 m of water was drawn on a blue without a sign of it."""
+    assert hatched(draw_map(run, forcing=AllShallow()))
+
+
 def test_a_floor_that_does_not_act_is_not_hatched(tmp_path: Path) -> None:
     parameters = A68A_2022.changed(grounding={"coefficient": 0.0, "implicit": False})
     quiet = finished(FakeModel(12, 5, parameters=parameters), tmp_path)
@@ -447,3 +460,8 @@ def test_axes_that_cannot_hold_a_map_and_dates_outside_are_refused(run: xr.Datas
         draw_map(run, tmp_path / "map.png", ax=figure.add_subplot())  # type: ignore[call-overload]
     with pytest.raises(InputError, match="is not in the run"):
         draw_map(run, ax=figure.add_subplot(), date="2021-03-01")
+
+
+def test_several_axes_at_once_are_refused(run: xr.Dataset) -> None:
+    with pytest.raises(InputError, match="ndarray is no axes"):
+        draw_map(run, ax=np.array([None, None]))  # type: ignore[call-overload]

@@ -39,7 +39,7 @@ from riftberg.bergs.portrait import card, portrait
 from riftberg.bergs.raster import Raster, read_raster, unbroken
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
-from riftberg.errors import BergError
+from riftberg.errors import BergError, placed_in
 from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
 from riftberg.values import given, number, numbers
@@ -136,9 +136,10 @@ class Iceberg(BondedBerg):
             geometry.bounds, (geometry.centroid.x, geometry.centroid.y), layout.conformal, material.earth_radius
         )
         region = outline_region(geometry, plane)
-        lattice = fill(region, material.radius, material.packing, layout.offset)
+        with placed_in(where):
+            lattice = fill(region, material.radius, material.packing, layout.offset)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
-        heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
+        heights = thickness_at(material.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), layout.placement, layout.shift)
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], layout.rotation)
         report = {
@@ -199,7 +200,7 @@ class Iceberg(BondedBerg):
             # The script pairs mask points with positions half a cell further south-west; thickness follows the mask.
             lon, lat = plane.inverse(lattice.x, lattice.y)
             lon, lat = lon - layout.shift[0], lat - layout.shift[1]
-            heights = thickness_at(mask if thickness is None else thickness, lon, lat, read_raster)
+            heights = thickness_at(mask if thickness is None else material.thickness, lon, lat, read_raster)
             made = {"source": mask.name, "rules": "makeberg"}
             material = material._replace(thickness=heights)
             return cls._placed(lattice.x, lattice.y, plane, material, conformal=False, report=made)
@@ -207,10 +208,14 @@ class Iceberg(BondedBerg):
         region, plane_of, centroid = mask_region(
             ice, lambda b, c: filling_plane(b, c, layout.conformal, material.earth_radius)
         )
-        lattice = fill(region, material.radius, material.packing, layout.offset)
-        if thickness is None:
-            thickness = unbroken(mask, ice_cells(mask, threshold)).above(threshold)
-        heights = thickness_at(thickness, *plane_of.inverse(lattice.x, lattice.y), read_raster)
+        with placed_in(mask.name):
+            lattice = fill(region, material.radius, material.packing, layout.offset)
+        ice_itself = unbroken(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
+        heights = thickness_at(
+            material.thickness if ice_itself is None else ice_itself,
+            *plane_of.inverse(lattice.x, lattice.y),
+            read_raster,
+        )
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, layout.rotation)
         material = material._replace(thickness=heights, pieces=region.piece_of(lattice))

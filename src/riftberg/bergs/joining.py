@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -19,7 +19,7 @@ B = TypeVar("B", bound=BondedBerg)
 
 def join(bergs: Sequence[B], names: Sequence[str] | None = None) -> B:
     """Return several bergs as one start of a run; see `riftberg.bergs.iceberg.Iceberg.join`."""
-    parts = list(bergs)
+    parts = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
     if not parts or not all(isinstance(berg, BondedBerg) for berg in parts):
         raise BergError("no list of bergs", where="Iceberg.join", remedy="Give a list of one Iceberg or more")
     _check_alike(parts)

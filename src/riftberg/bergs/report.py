@@ -19,8 +19,7 @@ def describe(berg: BondedBerg) -> str:
     if berg.report.get("feature"):
         lines.append(f"  feature: {berg.report['feature']}")
     lines += _each(berg)
-    kinds = [word for sides, word in ((4, "square"), (6, "hexagonal")) if (e.sides == sides).any()] or [berg.packing]
-    lines.append(f"  elements: {len(e.id)} {' and '.join(kinds)}, radius {berg.radius:g} m")
+    lines.append(f"  elements: {len(e.id)} {_kinds(berg)}, radius {_radii(berg)} m")
     lines.append(_plan_area(berg))
     lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
     draft = draft_of(e.thickness, berg.density)
@@ -66,9 +65,25 @@ def one_line(berg: BondedBerg) -> str:
     place = f"{latitude(lat, 3)}, {longitude(lon, 3)}" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
     bonds, pieces = int((berg.bonds.status == 0).sum()), int(e.berg.max())
     return (
-        f"{len(e.id)} {berg.packing} elements of radius {berg.radius:g} m, {berg.area / 1e6:.6g} km2, "
+        f"{len(e.id)} {_kinds(berg)} elements of radius {_radii(berg)} m, {berg.area / 1e6:.6g} km2, "
         f"{berg.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}"
     )
+
+
+def _kinds(berg: BondedBerg) -> str:
+    """Return the shapes of the elements in words."""
+    shapes = ((4, "square"), (6, "hexagonal"))
+    return " and ".join(word for sides, word in shapes if (berg.elements.sides == sides).any()) or berg.packing
+
+
+def _radii(berg: BondedBerg) -> str:
+    """Return the radius (m) of the elements; of several bergs, from the smallest to the largest by area."""
+    e = berg.elements
+    if len(berg.bergs) < 2:
+        return f"{berg.radius:g}"
+    radius = np.sqrt(e.length * e.width / np.where(e.sides == 6, 2.0 * np.sqrt(3.0), 4.0))
+    low, high = f"{radius.min():.4g}", f"{radius.max():.4g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _plan_area(berg: BondedBerg) -> str:

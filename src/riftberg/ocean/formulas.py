@@ -24,6 +24,19 @@ import numpy as np
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.formula_schema import (
+    M2,
+    EddyPart,
+    FrontPart,
+    JetPart,
+    SeamountPart,
+    SlopePart,
+    TidePart,
+    TurningWindPart,
+    UniformPart,
+    checked,
+    checked_latitude,
+)
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.shown import ShownForcing
@@ -206,7 +219,7 @@ class Flow(Formula):
                 where=type(self).__name__,
                 remedy="Give latitude, the same as earth.reference_latitude of the parameters",
             )
-        self.latlon, self.latitude = latlon, latitude
+        self.latlon, self.latitude = latlon, checked_latitude(latitude)
 
     def coriolis(self, lat: Floats) -> Floats:
         """Return the Coriolis parameter (s-1) at arrays of points."""
@@ -271,7 +284,10 @@ class Uniform(Flow):
         depth: float = math.inf, *, latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(latlon=latlon, latitude=latitude)
-        self.current, self.wind, self.sea_ice, self.water = current, wind, sea_ice, depth
+        self.current, self.wind, self.sea_ice = checked(
+            UniformPart, latlon, current=current, wind=wind, sea_ice=sea_ice
+        )
+        self.water: float = depth if depth == math.inf else checked(UniformPart, latlon, depth=depth)[0]
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current and no vorticity."""
@@ -319,7 +335,9 @@ class Eddy(Flow):
         latitude: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(latlon=latlon, latitude=latitude)
-        self.centre, self.radius, self.speed, self.velocity = centre, _above_zero("radius", radius), speed, velocity
+        self.centre, self.radius, self.speed, self.velocity = checked(
+            EddyPart, latlon, centre=centre, radius=radius, speed=speed, velocity=velocity
+        )
 
     def centre_at(self, time: float) -> Pair:
         """Return the place of the centre at a time (s)."""
@@ -364,7 +382,7 @@ class Straight(Flow):
         self, point: Pair, towards: float, width: float, *, latlon: bool = True, latitude: float | None = None
     ) -> None:
         super().__init__(latlon=latlon, latitude=latitude)
-        self.point, self.towards, self.width = point, towards, _above_zero("width", width)
+        self.point, self.towards, self.width = checked(JetPart, latlon, point=point, towards=towards, width=width)
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed (m s-1) and its derivative (s-1) by the distance ``n`` (widths) to the left of the line."""
@@ -405,7 +423,7 @@ class Stream(Straight):
         latitude: float | None = None,
     ) -> None:
         super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
-        self.speed = speed
+        (self.speed,) = checked(JetPart, latlon, speed=speed)
 
 
 class Jet(Stream):
@@ -464,8 +482,9 @@ class Front(Straight):
         self, point: Pair, along: float, step: float, width: float, temperature: Pair | None = None, *,
         latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
+        (along,) = checked(FrontPart, latlon, along=along)
         super().__init__(point, along, width, latlon=latlon, latitude=latitude)
-        self.step, self.temperature = step, temperature
+        self.step, self.temperature = checked(FrontPart, latlon, step=step, temperature=temperature)
         self.provides = frozenset() if temperature is None else frozenset(("sst",))
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
@@ -513,15 +532,16 @@ class Tide(Flow):
         Part of the period (degrees) after the start at which the speed is largest.
     """
 
-    M2: Final = 12.4206012 * 3600.0
+    M2: Final = M2
 
     def __init__(
         self, major: float, minor: float = 0.0, towards: float = 90.0, period: float = M2, phase: float = 0.0, *,
         latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(latlon=latlon, latitude=latitude)
-        self.major, self.minor, self.towards, self.phase = major, minor, towards, phase
-        self.period = _above_zero("period", period)
+        self.major, self.minor, self.towards, self.period, self.phase = checked(
+            TidePart, latlon, major=major, minor=minor, towards=towards, period=period, phase=phase
+        )
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current of the moment."""
@@ -557,7 +577,7 @@ class SeaFloor(Formula):
     """A sea floor; of several the shallowest counts."""
 
     def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
-        self.latlon, self.latitude = latlon, latitude
+        self.latlon, self.latitude = latlon, checked_latitude(latitude)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Raise the sea floor."""
@@ -589,12 +609,15 @@ class Seamount(SeaFloor):
         latitude: float | None = None,
     ) -> None:
         super().__init__(latlon=latlon, latitude=latitude)
-        self.centre, self.height, self.width, self.plain = centre, height, _above_zero("width", width), depth
+        self.centre, self.height, self.width, self.plain = checked(
+            SeamountPart, latlon, centre=centre, height=height, width=width, depth=depth
+        )
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
         x, y = metres_from(self.centre, lon, lat, bool(self.latlon))
-        return self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
+        depth: Floats = self.plain - self.height * np.exp(-(x * x + y * y) / (2.0 * self.width**2))
+        return depth
 
     def describe(self) -> str:
         """Return the values in words."""
@@ -623,13 +646,16 @@ class Slope(SeaFloor):
         latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(latlon=latlon, latitude=latitude)
-        self.point, self.towards, self.gradient, self.middle, self.between = point, towards, gradient, depth, between
+        self.point, self.towards, self.gradient, self.middle, self.between = checked(
+            SlopePart, latlon, point=point, towards=towards, gradient=gradient, depth=depth, between=between
+        )
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
         x, y = metres_from(self.point, lon, lat, bool(self.latlon))
         east, north = heading(self.towards)
-        return np.clip(self.middle + self.gradient * (x * east + y * north), *self.between)
+        depth: Floats = np.clip(self.middle + self.gradient * (x * east + y * north), *self.between)
+        return depth
 
     def describe(self) -> str:
         """Return the values in words."""
@@ -654,8 +680,10 @@ class TurningWind(Formula):
         self, speed: float, towards: float = 90.0, turning: float = 15.0, *, latlon: bool | None = None,
         latitude: float | None = None,
     ) -> None:  # fmt: skip
-        self.speed, self.towards, self.turning = speed, towards, turning
-        self.latlon, self.latitude = latlon, latitude
+        self.speed, self.towards, self.turning = checked(
+            TurningWindPart, latlon, speed=speed, towards=towards, turning=turning
+        )
+        self.latlon, self.latitude = latlon, checked_latitude(latitude)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add the wind of the moment."""
@@ -666,9 +694,3 @@ class TurningWind(Formula):
     def describe(self) -> str:
         """Return the values in words."""
         return f"wind of {self.speed:g} m/s that turns by {self.turning:g} degrees per hour"
-
-
-def _above_zero(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value > 0.0):
-        raise ForcingError(f"{name} = {value:g}", where="forcing", remedy="Give a finite number above 0")
-    return value

@@ -33,6 +33,9 @@ from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import own_interval
 from riftberg.products.vectors import together
 
+LONGEST_NAME = 60
+"""Letters of the title of a dataset that serve as its name."""
+
 PRODUCTS: tuple[Product, ...] = (
     globcurrent.PRODUCT,
     oscar.V1,
@@ -87,15 +90,18 @@ def recognise(path: str | Path) -> Product:
             if _belongs(ds, product):
                 return product
         held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
+        away = cf.turned_away(ds)
     if not held and (group := _group_with_fields(str(path))):
         raise ForcingError(
             f"its variables stand in the group {group}, which is not looked into", where=str(path),
             remedy=f"Take them out first: ncks -G : -g {group} FILE OUT",
         )  # fmt: skip
     raise ForcingError(
-        f"the product was not recognised; the file holds {held or 'nothing'}",
+        f"the product was not recognised; the file holds {held or 'nothing'}{f' ({away})' if away else ''}",
         where=str(path),
-        remedy="Name the product (--product), or give the variables CF standard names",
+        remedy="Give a file of what a run takes"
+        if away
+        else "Name the product (--product), or give the variables CF standard names",
     )
 
 
@@ -222,9 +228,16 @@ def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     parts = [
         part
         for number, ds in enumerate(datasets, 1)
-        for part in canonical_parts(ds.copy(), product, str(ds.encoding.get("source", f"dataset {number}")))
+        for part in canonical_parts(ds.copy(), product, _name_of(ds, number))
     ]
     return together(_merged([_settled(part, product) for part in parts]))
+
+
+def _name_of(ds: xr.Dataset, number: int) -> str:
+    """Return what messages and titles call a dataset that is open already: its file, its title, or its number."""
+    title = ds.attrs.get("title")
+    named = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
+    return str(ds.encoding.get("source") or named or f"dataset {number}")
 
 
 def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:

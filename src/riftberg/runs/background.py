@@ -36,6 +36,12 @@ INTERVAL: Final = 21_600.0
 MOST_TIMES: Final = 80
 """Largest number of currents; a longer run has them at longer intervals."""
 
+_KEPT: Final = "water"
+"""Place in the encoding of a run in memory."""
+
+_SILENT: Final = (RiftbergError, AttributeError, NotImplementedError)
+"""What a forcing raises that cannot be asked for maps."""
+
 _MARGIN = 0.3
 _HEIGHT = 0.85
 """Least height of the box over the width of what is drawn, before it is widened."""
@@ -76,7 +82,7 @@ def append_background(path: str | Path, model: BareModel) -> bool:
     try:
         currents = [model.forcing.currents(*np.meshgrid(*axes), float(t)) for t in times]
         depth = model.forcing.depth(*np.meshgrid(*fine))
-    except (RiftbergError, AttributeError, NotImplementedError):
+    except _SILENT:
         return False  # a picture without water is better than no run
     if not (np.isfinite(np.array(currents)).any() or np.isfinite(depth).any()):
         return False
@@ -234,6 +240,55 @@ def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
         return StoredWater(background.load())
 
 
-def usable_water(run: xr.Dataset, forcing: Forcing | None = None) -> Forcing | StoredWater | None:
-    """Return the forcing if there is one, else what the run file keeps of it."""
-    return forcing if forcing is not None else stored_water(run)
+class KeptWater:
+    """What maps ask of the forcing of a run that lives in memory alone; NaN where it has no answer.
+
+    Copies of the run share it; a pickled run does without.
+
+    Parameters
+    ----------
+    forcing : Forcing, optional
+    """
+
+    def __init__(self, forcing: Forcing | None = None) -> None:
+        self._forcing = forcing
+
+    def __deepcopy__(self, memo: object) -> KeptWater:
+        """Return itself: a forcing may hold open files."""
+        return self
+
+    def __reduce__(self) -> tuple[type[KeptWater], tuple[()]]:
+        """Leave the forcing behind."""
+        return KeptWater, ()
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at points, ``time`` seconds after the start."""
+        try:
+            return self._forcing.currents(lon, lat, time)  # type: ignore[union-attr]
+        except _SILENT:
+            nothing = np.full(np.shape(lon), np.nan)
+            return nothing, nothing
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at points."""
+        try:
+            return self._forcing.depth(lon, lat)  # type: ignore[union-attr]
+        except _SILENT:
+            return np.full(np.shape(lon), np.nan)
+
+
+def keep_water(run: xr.Dataset, forcing: Forcing) -> None:
+    """Let maps of a run that lives in memory alone ask its forcing."""
+    run.encoding[_KEPT] = KeptWater(forcing)
+
+
+def water_of(run: xr.Dataset) -> KeptWater | StoredWater | None:
+    """Return what a run knows of the water around it, or None.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
+    """
+    kept = run.encoding.get(_KEPT)
+    return kept if isinstance(kept, KeptWater) else stored_water(run)

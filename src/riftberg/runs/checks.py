@@ -52,6 +52,8 @@ _SHAPE: Final = ("length", "width", "mass")
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
 _DATES_OF_MEETINGS: Final = ("contact_time", "contact_end")
 _TEXTS: Final = ("fragment_name",)
+_SHAPE_IN_FILE: Final = ("char_dim_name", "original_shape")
+"""What xarray notes of a text in a file, and warns of where a part of the run is written to another file."""
 _POSITIVE: Final = ("length", "width", "mass", "thickness")
 _FINITE: Final = ("rotation", "u_sync", "v_sync", "spin", *_POSITIVE)
 _LARGEST: Final = 1e30
@@ -183,6 +185,9 @@ def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
             raise _error("times that are no numbers, or thousands of years away", file, f"variable {name}")
     with reading(f"{shown(file)}, variable time", "dates that cannot be read", "Make the run again"):
         decoded = xr.decode_cf(run)
+    for variable in decoded.variables.values():
+        for name in _SHAPE_IN_FILE:  # texts are as long elsewhere as they are there
+            variable.encoding.pop(name, None)
     decoded.set_close(run.close)
     for name in dates:
         if decoded[name].dtype.kind != "M":

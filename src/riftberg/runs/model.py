@@ -13,6 +13,7 @@ from riftberg.errors import RiftbergError, RunError
 from riftberg.interrupts import held, say
 from riftberg.model import BareModel, Recorder
 from riftberg.ocean.forcing import Forcing
+from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
@@ -127,7 +128,10 @@ class Model(BareModel):
                 raise RunError(
                     f"the run failed at {self.date:%Y-%m-%d %H:%M}: {error}. {self._rescued(output, end)}"
                 ) from error
-            return writer.dataset()
+            run = writer.dataset()
+        if output is None:
+            keep_water(run, self.forcing)
+        return run
 
     def _rescued(self, output: str | Path | None, end: float, why: str = "failed") -> str:
         """Save the last good state where there is a place for it, and say how to go on."""

@@ -28,7 +28,6 @@ from riftberg.stepping.multiple import (
     take_long_step,
 )
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
-from riftberg.stepping.quasi_static import QuasiStaticStepper
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 from riftberg.stepping.substep import pairs_from_list
@@ -80,6 +79,9 @@ def make_stepper(run: RunState) -> Stepper:
     if scheme == "mts":
         return MultipleStepper(run)
     if scheme == "quasi_static":
+        # Its sparse solver takes half a second to import, which runs by other schemes do not wait for.
+        from riftberg.stepping.quasi_static import QuasiStaticStepper
+
         return QuasiStaticStepper()
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 

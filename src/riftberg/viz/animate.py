@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.runs.background import stored_water
+from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.viz import colours, style
@@ -81,7 +81,7 @@ def write_film(
     gif = _is_gif(path)
     fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)
     scene = Scene(run)
-    film = _Film(scene, water or stored_water(run), observed or {}, dpi, steps=GIF_STEPS if gif else None)
+    film = _Film(scene, water or water_of(run), observed or {}, dpi, steps=GIF_STEPS if gif else None)
     records = frame_records(scene, hours, fps)
     writer = _gif_writer(film, records, fps) if gif else _mp4_writer(fps)
     path.parent.mkdir(parents=True, exist_ok=True)

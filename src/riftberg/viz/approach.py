@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.diagnostics.approach import Approach
-from riftberg.runs.background import stored_water
+from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.viz import colours, style
 from riftberg.viz.moments import moment_texts
@@ -34,7 +34,7 @@ def draw_approach(run: xr.Dataset, meeting: Approach, path: str | Path, *, title
     dpi : int, optional
     """
     style.check_format(path)
-    scene, water = Scene(run), stored_water(run)
+    scene, water = Scene(run), water_of(run)
     figure = style.new_figure(12.0, 8.6, dpi)
     above = style.put_title(figure, title or "Two bergs meet", left=0.8)
     records = telling(meeting)

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.runs.background import stored_water
+from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.values import required
@@ -85,7 +85,7 @@ def draw_map(
     date : str or numpy.datetime64 or datetime, optional
         With ``ax``: draw the berg at this date, in the current of this date.
     forcing : Forcing or StoredWater, optional
-        Gives currents and depth of water; by default what the run file keeps of them.
+        Gives currents and depth of water; by default what the run file keeps of them, or the forcing of a run in memory.
     title : str, optional
         First line of the title; by default the experiment. The second line says what the forcing is.
     dates : int, optional
@@ -108,7 +108,7 @@ def draw_map(
     >>> figure.savefig("berg.pdf")                                          # doctest: +SKIP
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_map")
-    scene, water = Scene(run), forcing or stored_water(run)
+    scene, water = Scene(run), forcing or water_of(run)
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
@@ -125,6 +125,12 @@ def draw_map(
 
 def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, date: Any) -> Axes:
     """Draw the tracks, or the berg at a date, into axes of the user's."""
+    if not hasattr(ax, "get_position"):
+        raise InputError(
+            f"{type(ax).__name__} is no axes of matplotlib",
+            where="draw_map",
+            remedy="Give one of them, such as axes[0]",
+        )
     if getattr(ax, "name", "rectilinear") != "rectilinear":
         raise InputError(
             f"axes of the projection {ax.name!r}",

@@ -10,7 +10,7 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.places import area_text
-from riftberg.runs.background import StoredWater
+from riftberg.runs.background import KeptWater, StoredWater
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.quiver import Quiver
 
-Water = Forcing | StoredWater
+Water = Forcing | StoredWater | KeptWater
 
 ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 
@@ -33,6 +33,9 @@ DEPTHS: Final = (0, *ISOBATHS, 7000, 12000)
 
 UNKNOWN_DEPTH: Final = 9000.0
 """A floor that is this deep (m) all over is the deep water of a run that knows no sea floor."""
+
+NO_FLOOR: Final = 20.0
+"""A floor nowhere deeper than this (m) is none: a depth of 0, and the sea level on top of it."""
 
 LARGE_BOX: Final = 1.6
 """Panels share one extent where it is at most so many times that of the largest berg."""
@@ -137,7 +140,7 @@ class Panel:
         if depth.mask.all():
             return False
         low, high, draft = float(depth.min()), float(depth.max()), self.scene.draft()
-        if high <= draft:
+        if high <= min(draft, NO_FLOOR):
             return False
         if shaded and low < UNKNOWN_DEPTH:
             self._shade(x, y, depth)
@@ -152,7 +155,8 @@ class Panel:
         filled = self.ax.contourf(x, y, depth, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
         filled.set_edgecolor(colours.GROUND)
         filled.set_linewidth(0.0)
-        self.ax.contour(x, y, depth, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
+        if draft < high:  # else all that is shown is too shallow
+            self.ax.contour(x, y, depth, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
         return True
 
     def _shade(self, x: Floats, y: Floats, depth: Any) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.runs.background import stored_water
+from riftberg.runs.background import water_of
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -86,7 +86,7 @@ def draw_dates(
     dpi : int, optional
     """
     scene, observed = Scene(run), observed or {}
-    water = water or stored_water(run)
+    water = water or water_of(run)
     records = chosen(scene, dates)
     shown = {day: observed[day] for r in records if (day := str(scene.times[r])[:10]) in observed}
     count = len(records) + bool(shown)
@@ -208,7 +208,7 @@ def draw_stress(
     title = figure_title(run, "stress in the bonds")
     figure = _bond_maps(
         scene, tension, colours.stress_map(), root_scale(strength if beyond else top),
-        f"largest tensile stress of a bond ({name}){text}; dotted: broken", title, water=water or stored_water(run),
+        f"largest tensile stress of a bond ({name}){text}; dotted: broken", title, water=water or water_of(run),
         beyond=beyond, dpi=dpi,
     )  # fmt: skip
     style.save_figure(figure, path)
@@ -240,7 +240,7 @@ def draw_damage(
     top = max(0.01, *(float(np.nanmax(values, initial=0.0)) for values in shown.values()))
     figure = _bond_maps(
         scene, shown, colours.damage_map(), root_scale(top), "damage of a bond; dotted: broken",
-        figure_title(run, "damage of the bonds"), water=water or stored_water(run), dpi=dpi,
+        figure_title(run, "damage of the bonds"), water=water or water_of(run), dpi=dpi,
     )  # fmt: skip
     style.save_figure(figure, path)
     return Path(path)
