@@ -10,6 +10,8 @@ venv="${RIFTBERG_VENV:-.venv}"
 "$venv/bin/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 # clouddrift still asks for zarr below 3, which today's xarray no longer takes; it uses none of it for what is tested here.
 "$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt clouddrift
+# Veros sets upper limits to packages that are here already in newer versions, with which it works.
+"$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt veros loguru entrypoints h5netcdf h5py
 "$venv/bin/ruff" format --check src tests benchmarks
 "$venv/bin/ruff" check src tests benchmarks
 "$venv/bin/mypy"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class RiftbergError(Exception):
@@ -40,6 +41,17 @@ class BergError(InputError):
 
 class NamelistError(InputError):
     """A KID namelist holds something unknown, wrong or not supported."""
+
+
+@contextmanager
+def placed_in(where: str) -> Iterator[None]:
+    """Give errors about input that name no place the file that the input came from."""
+    try:
+        yield
+    except InputError as error:
+        if error.where:
+            raise
+        raise type(error)(error.what, where=where, remedy=error.remedy) from error
 
 
 class RunError(RiftbergError):

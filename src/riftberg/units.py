@@ -58,6 +58,10 @@ _NUMBER: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(
 _FACTOR: Final = re.compile(r"([A-Za-z°%]+|1)(?:\^|\*\*)?([+-]?\d+)?$")
 
 
+def _brief(text: str) -> str:
+    return repr(text if len(text) <= 60 else f"{text[:56]} ...")
+
+
 def parse_unit(text: str) -> Unit:
     """Read a unit such as ``kg m-3``, ``m/s`` or ``kPa``.
 
@@ -73,7 +77,7 @@ def parse_unit(text: str) -> Unit:
             continue
         match = _FACTOR.match(piece)
         if match is None or match[1] not in _UNITS:
-            raise ValueError(f"{piece!r} is not a unit that Riftberg knows; it knows {', '.join(_UNITS)}")
+            raise ValueError(f"{_brief(piece)} is not a unit that Riftberg knows; it knows {', '.join(_UNITS)}")
         if len(match[2] or "") > 3:
             raise ValueError(f"{piece[:40]!r} is no power of a unit")
         power = sign * int(match[2] or 1)
@@ -108,13 +112,13 @@ def to_unit(text: str, unit: str) -> float:
     """
     match = _NUMBER.match(text)
     if match is None:
-        raise ValueError(f"{text!r} is not a number")
+        raise ValueError(f"{_brief(text)} is not a number")
     number = float(match[1])
     if not match[2]:
         return number
     pair, wanted = parse_unit(match[2]), parse_unit(unit or "1")
     if pair.powers != wanted.powers:
-        raise ValueError(f"{text!r} is in {match[2]}, but this is measured in {unit or 'no unit'}")
+        raise ValueError(f"{_brief(text)} is in {match[2][:40]}, but this is measured in {unit or 'no unit'}")
     # Divide where the factor is below one: 5 mm is 5/1000 m exactly as a reader would write it.
     factor = pair.factor / wanted.factor
     return number * factor if factor >= 1.0 else number / (wanted.factor / pair.factor)

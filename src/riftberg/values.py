@@ -119,13 +119,13 @@ def plain_value(value: Any, field: FieldInfo) -> Any:
 def _flag(text: str) -> bool:
     words = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
     if text.lower() not in words:
-        raise ValueError(f"{text!r} is neither true nor false")
+        raise ValueError(f"{value_shown(text)} is neither true nor false")
     return words[text.lower()]
 
 
 def _number_of_field(text: str, field: FieldInfo) -> float | int:
     if not looks_like_quantity(text):
-        raise ValueError(f"{text!r} is not a number")
+        raise ValueError(f"{value_shown(text)} is not a number")
     number = to_unit(text, unit_of(field))
     return int(number) if int in kinds_of(field.annotation) and number.is_integer() else number
 
@@ -174,6 +174,8 @@ def _kind_name(kind: Any) -> str:
         return f"{len(get_args(kind))} numbers"
     if get_origin(kind) is list:
         return "a list"
+    if get_origin(kind) is dict or (isinstance(kind, type) and issubclass(kind, BaseModel)):
+        return "keys with values"
     options = [repr(option) for option in get_args(kind)]
     return ", ".join(options) if options else str(getattr(kind, "__name__", kind))
 

@@ -139,6 +139,7 @@ def changed_nc(path: Path, change: Any) -> None:
     """
     with netCDF4.Dataset(path) as file:
         file.set_auto_maskandscale(False)
+        file.set_auto_chartostring(False)
         kind = file.data_model
         sizes = {name: len(dimension) for name, dimension in file.dimensions.items()}
         table = {
@@ -159,6 +160,7 @@ def changed_nc(path: Path, change: Any) -> None:
                 name.removeprefix("extra/"), dtype, dims, fill_value=own.pop("_FillValue", None)
             )
             variable.set_auto_maskandscale(False)
+            variable.set_auto_chartostring(False)
             variable.setncatts(own)
             variable[...] = values
         if extra:

@@ -581,6 +581,7 @@ def restart_variables_of_own() -> Iterator[Kind]:
         "sss",
         "ice_",
         "vorticity",
+        "keel_",
         "_ax",
         "_ay",
         "_bx",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import xarray as xr
 
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
+from riftberg.ocean.files_forcing import ModelGrid, Run
+from riftberg.ocean.files_schema import FileForcing
 from riftberg.runs.model import Model
 
 EXPERIMENT = """\
@@ -301,3 +304,21 @@ def test_fields_without_dates_are_told_to_be_held(folder: Path) -> None:
     _, info = build(str(path))
     assert [text for text in info.notices if "ua, va are held constant" in text and "mean.nc" in text]
     assert not build(str(folder / "files.yaml"))[1].notices  # the sea floor may well have no date
+
+
+@pytest.mark.parametrize(
+    ("spacing", "every_hours", "words"),
+    [(1e-6, 6.0, "asks for .* cells of a model grid, about"), (0.25, 1e-9, "asks for .* dates on a model grid")],
+)
+def test_a_model_grid_too_large_is_refused_before_it_is_made(spacing: float, every_hours: float, words: str) -> None:
+    """``every_hours: 1e-9`` made a list of a thousand million dates and took 21 GB of memory."""
+    asked = FileForcing(
+        kind="files",
+        files=["none.nc"],
+        longitude=(-41, -37),
+        latitude=(-57, -54),
+        spacing=spacing,
+        every_hours=every_hours,
+    )
+    with pytest.raises(ForcingError, match=words):
+        ModelGrid.of(asked, [], Run.of(datetime(2020, 12, 16), 1.0, np.array([200.0]), 850.0))

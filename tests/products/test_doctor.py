@@ -83,6 +83,14 @@ def test_land_on_the_path_of_the_berg(tmp_path: Path) -> None:
 
 def test_values_that_are_not_believable(tmp_path: Path) -> None:
     report = doctor(files.oscar_v2(tmp_path, shift=30.0), needed=("uo",))
+    assert "the file calls only -3 to 3 valid: check its valid_range and its units" in report.text()
+    with xr.open_dataset(files.oscar_v2(tmp_path, shift=30.0)) as ds:
+        other = ds.load()
+    for name in other.data_vars:
+        for key in ("valid_min", "valid_max"):
+            other[name].attrs.pop(key, None)
+    other.to_netcdf(path := tmp_path / "other.nc")
+    report = doctor(path, needed=("uo",))
     assert "values beyond 5 m s-1 are not believable: check the units in the file" in report.text()
 
 

@@ -11,6 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -544,3 +545,200 @@ def test_currents_along_a_map_that_is_not_described_are_refused(tmp_path: Path) 
     refused(written(tmp_path, bare), "no latitudes and longitudes are given for along_x")
     mirrored = on_map("Lambert", mapping=False, positions=True, flipped=True)
     refused(written(tmp_path, mirrored), "its direction cannot be known")
+
+
+# --- values and words of a file that a stranger may write ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("units", ["1", "g kg-1", "1e-3", "PSU", "0.001", None])
+def test_salinity_is_judged_by_its_values(tmp_path: Path, units: str | None) -> None:
+    """A salinity of 0.034, kilograms of salt per kilogram under another unit, was taken as nearly fresh water."""
+    right, wrong = plain(names=("uo", "vo", "sss")), plain(names=("uo", "vo", "sss"))
+    wrong["sss"] = (wrong["sss"] * 0.001).assign_attrs(wrong["sss"].attrs)
+    for ds in (right, wrong):
+        ds["sss"].attrs = {"standard_name": "sea_surface_salinity"} | ({"units": units} if units else {})
+    arrives(written(tmp_path, right), ("uo", "vo", "sss"))
+    refused(written(tmp_path, wrong), "no sea is so fresh")
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "offset", "words"),
+    [
+        ("sst", 1.0, -18.0, "below -5 it is not believable"),
+        ("ice_fraction", -1.0, 0.0, "below -0.01 it is not believable"),
+        ("ice_thickness", -1.0, 0.0, "below -0.01 it is not believable"),
+        ("sss", -1.0, 0.0, "below -0.5 it is not believable"),
+        ("deptho", -1.0, 0.0, "it looks like a height, positive up"),
+    ],
+)
+def test_values_that_cannot_be_are_refused_on_either_side(
+    tmp_path: Path, name: str, factor: float, offset: float, words: str
+) -> None:
+    ds = plain()
+    ds[name] = (factor * ds[name] + offset).assign_attrs(ds[name].attrs)
+    refused(written(tmp_path, ds), words)
+
+
+def test_the_doctor_doubts_percent_that_are_shares(tmp_path: Path) -> None:
+    ds = plain()
+    ds["ice_fraction"].attrs["units"] = "%"
+    assert "are these shares of 1?" in doctor([written(tmp_path, ds)]).text()
+
+
+@pytest.mark.parametrize("packed_limits", [False, True])
+@pytest.mark.parametrize("key", ["valid_range", "valid_max"])
+def test_values_outside_of_the_valid_range_are_missing(tmp_path: Path, key: str, packed_limits: bool) -> None:
+    """Land written as 3 m/s beside ``valid_max`` = 2 m/s was taken as a current."""
+    names, scale = ("uo", "vo"), 0.001 if packed_limits else 1.0
+    ds = plain(names=names)
+    for name in names:
+        ds[name][:, :, 9] = 3.0
+        limits = np.array([-2.0, 2.0]) / scale
+        limits = limits.astype("i2") if packed_limits else limits
+        ds[name].attrs[key] = limits if key == "valid_range" else limits[1]
+    encoding = {name: {"dtype": "int16", "scale_factor": scale, "_FillValue": -32768} for name in names}
+    path = written(tmp_path, ds, encoding=encoding if packed_limits else {})
+    for forced in WAYS.values():
+        e = forced(path)
+        np.testing.assert_allclose(e.uo, truth("uo", e.lon, e.lat), atol=0.03)
+
+
+@pytest.mark.parametrize("what", ["time: standard_deviation", "time: mean realization: variance", "time: maximum"])
+def test_a_statistic_of_a_field_is_not_the_field(tmp_path: Path, what: str) -> None:
+    ds = plain(names=("uo", "vo"))
+    for name in ds.data_vars:
+        ds[name].attrs["cell_methods"] = what
+    refused(written(tmp_path, ds), "uo is no eastward current", "(cell_methods)")
+
+
+@pytest.mark.parametrize("words", ["standard error of the current", "current anomaly from 1993-2012", "uncertainty"])
+def test_a_field_described_as_an_error_or_anomaly_is_refused(tmp_path: Path, words: str) -> None:
+    ds = plain(names=("uo", "vo"))
+    for name in ds.data_vars:
+        ds[name].attrs["long_name"] = words
+    refused(written(tmp_path, ds), words)
+
+
+def test_of_a_mean_and_its_spread_the_mean_is_taken(tmp_path: Path) -> None:
+    ds = plain(names=("uo", "vo"))
+    for name in ("uo", "vo"):
+        told = {**ds[name].attrs, "cell_methods": "time: standard_deviation"}
+        ds[f"a_{name}"] = (0.1 * ds[name]).assign_attrs(told)
+        ds = ds.rename({name: f"b_{name}"})
+    arrives(written(tmp_path, ds), ("uo", "vo"))
+
+
+@pytest.mark.parametrize(
+    ("east", "north"),
+    [
+        ("westward_sea_water_velocity", "southward_sea_water_velocity"),
+        ("barotropic_eastward_sea_water_velocity", "barotropic_northward_sea_water_velocity"),
+        ("eastward_sea_water_velocity_at_sea_floor", "northward_sea_water_velocity_at_sea_floor"),
+    ],
+)
+def test_a_usual_name_with_the_standard_name_of_something_else(tmp_path: Path, east: str, north: str) -> None:
+    """A westward velocity called ``uo`` was taken as eastward, the current at the sea floor as that of the surface."""
+    ds = plain(names=("uo", "vo"))
+    ds["uo"].attrs["standard_name"], ds["vo"].attrs["standard_name"] = east, north
+    refused(written(tmp_path, ds), f"uo is {east}, which is none of these")
+
+
+@pytest.mark.parametrize(
+    "names", [("u2m", "v2m"), ("ua80m", "va80m"), ("uas_2m", "vas_2m"), ("u_wind_50m", "v_wind_50m")]
+)
+def test_winds_named_after_another_height_are_refused(tmp_path: Path, names: tuple[str, str]) -> None:
+    ds = plain(names=("uo", "vo", *AIR)).rename(dict(zip(AIR, names, strict=True)))
+    refused(written(tmp_path, ds), f"{names[0]} is the wind at")
+
+
+@pytest.mark.parametrize("at", ["beginning", "end", "middle"])
+def test_means_stamped_at_an_end_of_their_bounds_hold_in_the_middle(tmp_path: Path, at: str) -> None:
+    """Daily or monthly means stamped at their beginning came half an interval too early."""
+    ds = plain(names=("uo", "vo")).drop_vars("time")
+    for name in ds.data_vars:
+        ds[name] = (ds[name] + 0.1 * xr.DataArray(np.arange(4.0), dims="time")).transpose("time", ...).assign_attrs(
+            {**ds[name].attrs, "cell_methods": "time: mean"}
+        )  # fmt: skip
+    hours = 12.0 * np.arange(-1, 3)
+    stamps = {"beginning": hours, "end": hours + 12.0, "middle": hours + 6.0}[at]
+    ds["time_bnds"] = (("time", "nv"), np.stack([hours, hours + 12.0], 1))
+    ds = ds.assign_coords(time=("time", stamps, {"units": "hours since 2020-12-16", "bounds": "time_bnds"}))
+    for forced in WAYS.values():
+        e = forced(written(tmp_path, ds))  # at 07:00, of means at -6, 6, 18 and 30 h
+        np.testing.assert_allclose(e.uo - truth("uo", e.lon, e.lat), 0.1 * (1.0 + 1.0 / 12.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("calendar", ["noleap", "360_day", "all_leap"])
+def test_dates_of_model_calendars(tmp_path: Path, calendar: str) -> None:
+    day = {"noleap": 349, "360_day": 345, "all_leap": 350}[calendar]
+    told = {"units": "days since 2020-01-01", "calendar": calendar}
+    ds = plain(names=("uo", "vo")).drop_vars("time")
+    arrives(written(tmp_path, ds.assign_coords(time=("time", day + 0.5 * np.arange(4), told))), ("uo", "vo"))
+
+
+@pytest.mark.parametrize("units", ["days since 0000-01-01 00:00:00", "days since -4713-01-01 12:00:00"])
+def test_dates_that_count_from_before_the_year_1_are_refused_in_true_words(tmp_path: Path, units: str) -> None:
+    ds = plain(names=("uo", "vo")).drop_vars("time").assign_coords(time=("time", 7e5 + np.arange(4), {"units": units}))
+    with pytest.raises(ForcingError, match="which begins before the year 1"):
+        by_run(written(tmp_path, ds))
+
+
+@pytest.mark.parametrize(("text", "right"), [("0.001", True), ("thousandths", False)])
+def test_packing_written_as_text(tmp_path: Path, text: str, right: bool) -> None:
+    """A scale factor that is text ended in a traceback when the first values were read."""
+    ds = plain(names=("uo", "vo"))
+    for name in ("uo", "vo"):
+        ds[name] = (1000.0 * ds[name]).round().astype("i2").assign_attrs(ds[name].attrs)
+    path = written(tmp_path, ds)
+    with netCDF4.Dataset(path, "a") as file:
+        for name in ("uo", "vo"):
+            file[name].setncattr("scale_factor", text)
+    if right:
+        e = by_run(path)
+        np.testing.assert_allclose(e.uo, truth("uo", e.lon, e.lat), atol=1e-3)
+    else:
+        with pytest.raises(ForcingError, match="scale_factor of uo is 'thousandths', which is no number"):
+            by_run(path)
+
+
+# --- Python: what a run from files is told, Python is told too -----------------------------------------------------------
+
+
+def test_refusals_in_python_name_no_key_of_an_experiment_file() -> None:
+    """`from_xarray` was told to set ``forcing.hold`` and to take a larger ``forcing.longitude``."""
+    e = elements()
+    for change, words in (
+        (lambda ds: ds.isel(time=slice(0, 1)), "hold of from_xarray"),
+        (
+            lambda ds: ds.assign_coords(time=ds["time"] + np.array([0, 0, 9, 9]) * np.timedelta64(1, "D")),
+            "max_gap of from_xarray",
+        ),
+        (lambda ds: ds.isel(lat=slice(0, 5)), "Give data that cover it"),
+    ):
+        with pytest.raises(ForcingError, match=words) as told:
+            DatasetForcing.from_xarray(change(plain(names=("uo", "vo"))), START).check(e, 0.0, 86400.0)
+        assert "forcing." not in str(told.value)
+        assert "--" not in str(told.value)
+
+
+def test_python_holds_the_ends_and_bridges_gaps_where_it_is_told() -> None:
+    one = plain(names=("uo", "vo")).isel(time=slice(0, 1))
+    DatasetForcing.from_xarray(one, START, hold="2 d").check(elements(), 0.0, 86400.0)
+    far = plain(names=("uo", "vo"))
+    far = far.assign_coords(time=far["time"] + np.array([0, 0, 9, 9]) * np.timedelta64(1, "D"))
+    DatasetForcing.from_xarray(far, START, max_gap="10 d").check(elements(), 0.0, 86400.0)
+    with pytest.raises(ForcingError, match="hold"):
+        DatasetForcing.from_xarray(one, START, hold="soon")
+
+
+def test_one_component_alone_is_refused_in_python_too() -> None:
+    with pytest.raises(ForcingError, match="gives uo and nothing gives vo"):
+        DatasetForcing.from_xarray(plain(names=("uo",)), START)
+
+
+def test_a_record_without_any_value_is_no_calm_sea_in_python() -> None:
+    """A record that is missing throughout counted as a current of 0; a run from files has long told it as a gap."""
+    ds = plain(names=("uo", "vo"))
+    ds["uo"][1] = np.nan
+    with pytest.raises(ForcingError, match="uo has no value at 2020-12-16T12:00"):
+        DatasetForcing.from_xarray(ds, START).check(elements(), 0.0, 86400.0)

@@ -14,6 +14,7 @@ from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
+from riftberg.input_files import value_shown
 from riftberg.limits import check_elements
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
@@ -125,7 +126,7 @@ def numbers(values: Any, size: int, what: str) -> Floats:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BergError(
-            f"{what} {values!r} is no number"[:200], remedy=f"Give one number, {size} numbers, or a map"
+            f"{what} {value_shown(values)} is no number", remedy=f"Give one number, {size} numbers, or a map"
         ) from error
     if array.size == 1:
         return array.reshape(())

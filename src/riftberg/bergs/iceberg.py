@@ -39,7 +39,7 @@ from riftberg.bergs.raster import Raster, joined, read_raster
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.errors import BergError
+from riftberg.errors import BergError, placed_in
 from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
 from riftberg.values import given, number, numbers
@@ -136,7 +136,8 @@ class Iceberg(BondedBerg):
             geometry.bounds, (geometry.centroid.x, geometry.centroid.y), layout.conformal, material.earth_radius
         )
         region = outline_region(geometry, plane)
-        lattice = fill(region, material.radius, material.packing, layout.offset)
+        with placed_in(where):
+            lattice = fill(region, material.radius, material.packing, layout.offset)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
         heights = thickness_at(material.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), layout.placement, layout.shift)
@@ -207,7 +208,8 @@ class Iceberg(BondedBerg):
         region, plane_of, centroid = mask_region(
             ice, lambda b, c: filling_plane(b, c, layout.conformal, material.earth_radius)
         )
-        lattice = fill(region, material.radius, material.packing, layout.offset)
+        with placed_in(mask.name):
+            lattice = fill(region, material.radius, material.packing, layout.offset)
         ice_itself = joined(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
         heights = thickness_at(
             material.thickness if ice_itself is None else ice_itself,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from riftberg.cli.failures import reported
-from riftberg.cli.output import check_folder
+from riftberg.cli.output import results_folder
 from riftberg.cli.spans import dates, pair, positive
 from riftberg.errors import InputError
 
@@ -41,13 +41,12 @@ def fetch(
 ) -> None:
     """Fetch forcing files; a fetch that was cut goes on where it stopped."""
     positive(depth, "--depth", "m", most=12_000.0)
-    if folder is not None:
-        check_folder(folder)
     folder = folder or Path("riftberg-data") / what
     if what == "a68a":
         from riftberg.fetching.fetch import HOURLY, fetch_a68a
 
-        paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
+        with results_folder(folder):
+            paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
     elif what in PRODUCTS:
         from riftberg.fetching.services import fetch_product
 
@@ -59,7 +58,8 @@ def fetch(
                 "days are needed", where=f"fetch {what}", remedy="For example --time 2020-12-09,2020-12-25"
             )
         chosen = tuple(field.strip() for field in fields.split(",")) if fields else ()
-        paths = fetch_product(what, folder, *box, span, fields=chosen, depth=depth, progress=not quiet)  # type: ignore[arg-type]
+        with results_folder(folder):
+            paths = fetch_product(what, folder, *box, span, fields=chosen, depth=depth, progress=not quiet)  # type: ignore[arg-type]
     else:
         raise InputError(f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join(PRODUCTS)}")
     for path in paths:

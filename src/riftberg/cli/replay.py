@@ -10,6 +10,7 @@ import typer
 from riftberg.cli.failures import reported
 from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.spans import within
+from riftberg.errors import InputError
 
 
 @reported
@@ -28,6 +29,8 @@ def replay(
     from riftberg.viz.replay import write_replay
 
     within(largest, "--largest", 0.5, 1000.0)
+    if output is not None and output.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
     shown = outlines(observed)
     with open_run(run) as dataset:
         path = write_replay(

@@ -76,6 +76,12 @@ def run(
     forces: Annotated[
         bool, typer.Option("--forces", help="Write the mean force of each medium between records.")
     ] = False,
+    cells: Annotated[
+        float | None,
+        typer.Option(
+            "--cells", help="Write fresh water, heat and mass on cells this wide (degrees), by month and day."
+        ),
+    ] = None,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
@@ -87,7 +93,7 @@ def run(
     with allow_large(large):
         options = make_options(settings, days, data, without, numerics, fetch, grid)
         positive(every, "--every", "hours", most=1e6)
-        _run(experiment, options, Wishes(output, every, forces, map_, quiet), resume, both=numerics == "both")
+        _run(experiment, options, Wishes(output, every, forces, map_, quiet, cells), resume, both=numerics == "both")
 
 
 class Wishes(NamedTuple):
@@ -105,6 +111,8 @@ class Wishes(NamedTuple):
         Draw a map at the end.
     quiet : bool
         Show no progress.
+    cells : float or None
+        Width (degrees) of the cells of the gridded output; None for none.
     """
 
     output: Path | None
@@ -112,6 +120,7 @@ class Wishes(NamedTuple):
     forces: bool
     draw: bool
     quiet: bool
+    cells: float | None = None
 
     def hours(self, info: Info) -> float:
         """Return the hours between records of an experiment."""
@@ -122,6 +131,8 @@ class Wishes(NamedTuple):
         words = [] if options.days is None else ["--days", f"{options.days!r}"]
         if self.every is not None:
             words += ["--every", f"{self.every!r}"]
+        if self.cells is not None:
+            words += ["--cells", f"{self.cells!r}"]
         return words + (["--forces"] if self.forces else [])
 
     def shown(self) -> str:
@@ -144,7 +155,7 @@ def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None,
     _tell(info)
     command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
     folder = output_folder(wishes.output, info.name)
-    session = Session(model, info, folder, command, wishes.output is not None, wishes.shown())
+    session = Session(model, info, folder, command, wishes.output is not None, wishes.shown(), wishes.cells)
     days = options.days if options.days is not None else info.days
     session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
 
@@ -165,7 +176,7 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
-        session = Session(model, info, folders[-1], command, True, wishes.shown())
+        session = Session(model, info, folders[-1], command, True, wishes.shown(), wishes.cells)
         days = options.days if options.days is not None else info.days
         session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
     assert folder is not None
@@ -286,6 +297,8 @@ class Session:
         The folder was given.
     shown : str
         Options of what is shown, as given.
+    cells : float, optional
+        Width (degrees) of the cells of the gridded output.
     """
 
     model: Model
@@ -294,6 +307,7 @@ class Session:
     experiment: str
     placed: bool = False
     shown: str = ""
+    cells: float | None = None
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
 
@@ -340,6 +354,10 @@ class Session:
             self.stopwatch,
             ProgressRecorder(remaining, quiet=quiet),
         ]
+        if self.cells is not None:
+            from riftberg.coupling.gridded import GridRecorder
+
+            recorders.append(GridRecorder(self.folder / "bergs", self.cells, every_hours=max(24.0, every_hours)))
         before = self.model.step_number
         if not quiet:
             say(berg_line(self.model))

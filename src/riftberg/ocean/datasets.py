@@ -29,6 +29,7 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.ocean.shown import ShownForcing
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
+from riftberg.products.records import check_pairs, in_python
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 from riftberg.values import given, moment, number, required
@@ -153,7 +154,13 @@ class DatasetForcing(ShownForcing):
 
     @classmethod
     def from_xarray(
-        cls, datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | date | str | np.datetime64, **options: Any
+        cls,
+        datasets: xr.Dataset | Sequence[xr.Dataset],
+        start: datetime | date | str | np.datetime64,
+        *,
+        max_gap: Any = None,
+        hold: Any = None,
+        **options: Any,
     ) -> DatasetForcing:
         """Return the forcing that datasets in memory, or opened by xarray, give.
 
@@ -164,6 +171,11 @@ class DatasetForcing(ShownForcing):
             its own grid and at its own times.
         start : date
             Date of the model's time 0 (UTC), as `riftberg.Model` takes it; give the same to `riftberg.Model`.
+        max_gap : float or str, optional
+            Longest gap between records that is interpolated across (s, or text with a unit: ``"3 d"``), else 2.5 intervals of
+            the records.
+        hold : float or str, optional
+            How long the first and last record are held (s), else half the time that a mean stands for.
         **options
             As for the class.
 
@@ -189,7 +201,15 @@ class DatasetForcing(ShownForcing):
         required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
         begin = moment(start, where="start")
-        forcing = cls([product_part(ds, begin) for ds in in_memory(several)], **options)
+        limits = {"max_gap_seconds": (max_gap, "max_gap"), "hold_seconds": (hold, "hold")}
+        rules = {
+            key: number(value, "s", where=name, kind=ForcingError)
+            for key, (value, name) in limits.items()
+            if value is not None
+        }
+        given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several)]
+        check_pairs(given)
+        forcing = cls([product_part(ds, begin) for ds in given], **options)
         forcing.start = begin
         return forcing
 
@@ -263,7 +283,9 @@ class DatasetForcing(ShownForcing):
                 raise ForcingError(
                     f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.serves)}",
                     where=part.source,
-                    remedy="Take a larger box (forcing.longitude, forcing.latitude), files that cover it, or fewer days",
+                    remedy="Give data that cover it, or fewer days"
+                    if in_python(part.records.ds)
+                    else "Take a larger box (forcing.longitude, forcing.latitude), files that cover it, or fewer days",
                 )
             yield part, places
 
@@ -301,7 +323,9 @@ class DatasetForcing(ShownForcing):
                 f"element {elements.id[row]} has a draft of {draft:.0f} m, the levels of the currents end at "
                 f"{deepest:.0f} m",
                 where=part.source,
-                remedy="Fetch deeper levels (--depth), or take the currents of the surface",
+                remedy="Give deeper levels, or the currents of the surface alone: ds.isel(depth=0)"
+                if in_python(part.records.ds)
+                else "Fetch deeper levels (--depth), or take the currents of the surface (forcing.currents: surface)",
             )
 
     def _serving(self, name: str) -> Part | None:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.limits import refuse_large
 from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
@@ -21,8 +22,8 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
-from riftberg.products.canonical import QUANTITIES
 from riftberg.products.interpolate import to_grid
+from riftberg.products.packing import VALID
 from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window
 from riftberg.state import Floats
@@ -38,6 +39,16 @@ MARGIN = 3
 
 MOST_POINTS = 4e6
 """Points of a sea floor without records; finer ones are averaged in blocks first."""
+
+
+MOST_CELLS = 20e6
+"""Cells of a model grid."""
+
+BYTES_PER_CELL = 200
+"""Memory of a cell with two records of the usual fields, about."""
+
+MOST_MOMENTS = 1e6
+"""Dates to which files are interpolated for a model grid."""
 
 
 class Run(NamedTuple):
@@ -89,7 +100,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             where=", ".join(entry.file for entry in settings.entries),
             remedy=f"They give {', '.join(fields)}; add a file of currents",
         )
-    _check_pairs(datasets)
+    records.check_pairs(datasets)
     datasets = [_not_too_fine(surface_of_others(ds, currents=settings.currents == "draft")) for ds in datasets]
     if settings.spacing is None:
         parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
@@ -152,6 +163,7 @@ class ModelGrid(NamedTuple):
     def of(cls, settings: FileForcing, datasets: list[xr.Dataset], run: Run) -> ModelGrid:
         """Return the grid that an experiment file asks for."""
         assert settings.spacing is not None
+        _check_size(settings, run)
         lon, lat = (_lines(*span, settings.spacing) for span in (_box(settings.longitude), settings.latitude))
         hours = (run.end - run.start) / timedelta(hours=1)
         count = math.ceil(hours / settings.every_hours - 1e-9)
@@ -178,23 +190,23 @@ class ModelGrid(NamedTuple):
         return xr.Dataset({name: fields[name].where(fields[f"{name}_origin"] > 0) for name in ds.data_vars})
 
 
+def _check_size(settings: FileForcing, run: Run) -> None:
+    """Refuse a model grid of more cells or dates than anybody means, before any of them is made."""
+    assert settings.spacing is not None
+    spans = [high - low for low, high in (_box(settings.longitude), settings.latitude)]
+    refuse_large(
+        math.prod(span / settings.spacing for span in spans), MOST_CELLS, "cells of a model grid", size=BYTES_PER_CELL,
+        where="forcing.spacing", remedy="Give a wider spacing or a smaller box", kind=ForcingError,
+    )  # fmt: skip
+    refuse_large(
+        (run.end - run.start) / timedelta(hours=1) / settings.every_hours, MOST_MOMENTS, "dates on a model grid",
+        where="forcing.every_hours", remedy="Give a longer interval or a shorter run", kind=ForcingError,
+    )  # fmt: skip
+
+
 def _lines(low: float, high: float, spacing: float) -> Floats:
     """Return the lines of cells of about a width that begin at the lower end of a span."""
     return np.asarray(low + spacing * np.arange(max(1, round((high - low) / spacing)) + 1), np.float64)
-
-
-def _check_pairs(datasets: list[xr.Dataset]) -> None:
-    """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
-    for ds in datasets:
-        for pair in records.VECTORS:
-            components = [name for name in pair if name in ds.data_vars]
-            if len(components) == 1:
-                other = pair[1 - pair.index(components[0])]
-                raise ForcingError(
-                    f"gives {components[0]} and no file gives {other} with the same records on the same grid",
-                    where=records.named(ds),
-                    remedy=f"Add the file with {QUANTITIES[other].long_name}",
-                )
 
 
 def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
@@ -272,8 +284,10 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     parts = records.without_empty(near)
     lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
     if lost:
+        valid = sorted({str(near[name].attrs[VALID]) for name in lost if VALID in near[name].attrs})
+        only = f", or outside of what the file calls valid ({'; '.join(valid)})" if valid else ""
         raise ForcingError(
-            f"no value of {', '.join(sorted(map(str, lost)))} in the box and at the dates of the run: all land or missing",
+            f"no value of {', '.join(sorted(map(str, lost)))} in the box and at the dates of the run: all land or missing{only}",
             where=records.named(ds),
             remedy="Leave the file out of forcing.files, or give one with values there",
         )

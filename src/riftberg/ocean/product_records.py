@@ -16,9 +16,20 @@ from riftberg.ocean.at_elements import SURFACE, Moment
 from riftberg.ocean.loading import wind_from_stress
 from riftberg.ocean.turn import Turn
 from riftberg.places import latitude, longitude
-from riftberg.products.canonical import QUANTITIES
+from riftberg.products.canonical import QUANTITIES, unlikely
 from riftberg.products.keel import layer_limits
-from riftberg.products.records import MAY_BE_EMPTY, Gap, gap_error, gap_limit, hold_of, minute, named, values_of
+from riftberg.products.packing import VALID
+from riftberg.products.records import (
+    MAY_BE_EMPTY,
+    Gap,
+    gap_error,
+    gap_limit,
+    hold_of,
+    minute,
+    named,
+    outside_remedy,
+    values_of,
+)
 from riftberg.products.window import utc
 from riftberg.state import Floats
 
@@ -166,7 +177,7 @@ class ProductRecords:
         raise ForcingError(
             f"{minute(self._date(time))} lies outside the records {minute(self.dates[0])}..{minute(self.dates[-1])}",
             where=named(self.ds),
-            remedy="Add the files of these dates, shorten the run, or hold the ends longer (forcing.hold, in hours)",
+            remedy=outside_remedy(self.ds),
         )
 
     def _check_gap(self, record: int, time: float) -> None:
@@ -192,6 +203,7 @@ class ProductRecords:
         part = self._reader(self.ds, records)
         block = {str(name): _as_block(field) for name, field in part.data_vars.items()}
         for name, values in block.items():
+            _check_not_empty(name, values, self.ds, self.dates[records])
             check_believable(name, values, part.assign_attrs(self.ds.attrs), self.dates[records])
         if "taux" in block and "tauy" in block and "ua" not in block:
             block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
@@ -251,19 +263,38 @@ def _check_dimensions(ds: xr.Dataset) -> None:
             )
 
 
-def check_believable(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
-    """Raise `ForcingError` where values (record, level, row, column) of a field are too large to be true."""
-    quantity = QUANTITIES[name]
-    wrong = np.argwhere(np.abs(values) > quantity.limit)
-    if not wrong.size:
+def _check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
+    """Raise `ForcingError` where a record of a field holds no value at all: it would count as 0."""
+    if name in MAY_BE_EMPTY:
         return
-    record, _, row, column = (int(k) for k in wrong[0])
+    for number, record in enumerate(values):
+        if not np.isfinite(record).any():
+            when = f" at {minute(dates[number])}" if dates.size else ""
+            valid = str(ds[name].attrs.get(VALID, "")) if name in ds else ""
+            only = f", or outside of what the file calls valid ({valid})" if valid else ""
+            raise ForcingError(
+                f"{name} has no value{when}: all land or missing{only}", where=named(ds),
+                remedy="Leave this record out, or give one with values: ds.dropna('time', how='all')" if dates.size
+                else "Leave the field out, or give one with values there",
+            )  # fmt: skip
+
+
+def check_believable(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
+    """Raise `ForcingError` where values (record, level, row, column) of a field cannot be true."""
+    known = values[np.isfinite(values)]
+    fault = unlikely(name, float(known.min()), float(known.max())) if known.size else ""
+    if not fault:
+        return
+    least, most = QUANTITIES[name].range
+    beyond = np.argwhere((values < least) | (values > most))
+    place = beyond[0] if beyond.size else np.argwhere(np.isfinite(values))[0]
+    record, _, row, column = (int(k) for k in place)
     when = f"{minute(dates[record])}, " if dates.size else ""
+    units = QUANTITIES[name].units.removeprefix("1")
     raise ForcingError(
-        f"{name} is {values[tuple(wrong[0])]:.3g} {quantity.units} at {when}{_place(ds, row, column)}; "
-        f"beyond {quantity.limit:g} it is not believable",
+        f"{name} is {values[tuple(place)]:.3g}{f' {units}' if units else ''} at {when}{_place(ds, row, column)}; {fault}",
         where=named(ds),
-        remedy="Is it a missing value that the file does not declare, or another unit? Correct the file's attributes",
+        remedy="Is it a missing value that the file does not declare, or another unit or sign? Correct the file's attributes",
     )
 
 

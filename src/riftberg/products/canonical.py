@@ -25,6 +25,8 @@ class Quantity:
         What a positive value means.
     limit : float
         Magnitude beyond which a value is not believable (in ``units``).
+    lowest : float
+        Value below which none is believable.
     """
 
     name: str
@@ -33,6 +35,12 @@ class Quantity:
     long_name: str
     sign: str
     limit: float
+    lowest: float
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest believable value."""
+        return max(-self.limit, self.lowest), self.limit
 
 
 _ROWS = (
@@ -68,8 +76,19 @@ _ROWS = (
         12000.0,
     ),
 )
-QUANTITIES: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
+_LOWEST = {
+    "sst": -5.0, "sss": -0.5, "ice_fraction": -0.01, "ice_thickness": -0.01, "wave_height": -0.01, "wave_period": -0.01,
+}  # fmt: skip
+"""Lowest believable values; those of interpolation and packing may lie a little below zero."""
+
+FRESH = 0.06
+"""Salinity (1e-3) that some point of a sea exceeds: 0.035 are kilograms of salt per kilogram under another unit."""
+
+QUANTITIES: dict[str, Quantity] = {row[0]: Quantity(*row, _LOWEST.get(row[0], -float("inf"))) for row in _ROWS}
 """All canonical variables by name."""
+
+PERCENT = ("%", "percent", "percentage", "1e-2", "0.01", "1.e-2")
+"""Ways to write hundredths."""
 
 _SAME = (1.0, 0.0)
 _UNITS: dict[str, dict[str, tuple[float, float]]] = {
@@ -177,6 +196,7 @@ _UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "1e-3": {
         **dict.fromkeys(
             (
+                "",  # values tell: a salinity of 0.035 is refused by `unlikely`
                 "1e-3",
                 "psu",
                 "practical salinity units",
@@ -209,7 +229,7 @@ _UNITS: dict[str, dict[str, tuple[float, float]]] = {
             ("1", "", "1.0", "(0 - 1)", "0-1", "fraction", "none", "dimensionless", "unitless", "m2 m-2", "m2/m2"),
             _SAME,
         ),
-        **dict.fromkeys(("%", "percent", "percentage", "1e-2", "0.01", "1.e-2"), (0.01, 0.0)),
+        **dict.fromkeys(PERCENT, (0.01, 0.0)),
         **dict.fromkeys(("tenths", "tenth", "0.1", "1e-1"), (0.1, 0.0)),
     },
     "s": {
@@ -280,3 +300,26 @@ def labelled(data: xr.DataArray, quantity: Quantity) -> xr.DataArray:
         "positive_means": quantity.sign,
     }
     return data
+
+
+def unlikely(name: str, low: float, high: float) -> str:
+    """Return what is wrong with values of a field from ``low`` to ``high``; empty if they are believable.
+
+    Parameters
+    ----------
+    name : str
+        Canonical name.
+    low, high : float
+        Smallest and largest value (canonical units).
+    """
+    quantity = QUANTITIES[name]
+    least, most = quantity.range
+    if high > most or low < -most:
+        return f"beyond {most:g} it is not believable"
+    if name == "sss" and 0.0 < high <= FRESH:
+        return "no sea is so fresh: it looks like kg of salt per kg"
+    if low < least:
+        return f"below {least:g} it is not believable"
+    if name == "depth_below_surface" and low < high <= 0.0:
+        return "nowhere is there water: it looks like a height, positive up"
+    return ""

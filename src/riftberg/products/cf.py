@@ -6,6 +6,8 @@ projected and curvilinear grids. Documentation only: each file is taken at its w
 
 from __future__ import annotations
 
+import re
+
 import xarray as xr
 
 from riftberg.errors import ForcingError
@@ -68,11 +70,28 @@ _ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
 }
 
 
+_OTHERS = re.compile(
+    r"tid|stokes|geostrophic|anomaly|error|wave_to|gust|barotropic|(velocity|temperature|salinity)_at_sea_floor|bottom|"
+    r"westward|southward|upward_(east|north|x_|y_)"
+)
+"""Standard names of what a run does not take: parts of a current, other levels, other signs."""
+
+_SPREADS = re.compile(
+    r"\b(time|t|realization|ensemble|member|number)\s*:\s*"
+    r"(standard_deviation|variance|maximum|minimum|range|mid_range|sum_of_squares|root_mean_square|sum)\b"
+)
+_WORDS_OF_SPREAD = re.compile(
+    r"\b(standard[ _-](error|deviation)|std\.? ?dev|uncertainty|variance|anomal(y|ies)|(wind )?gusts?|ensemble spread)\b",
+    re.I,
+)
+
+
 def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
     """Return the variables that may hold a quantity: by standard name (true components first), else by usual name."""
     held = [name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"]
     for names in (_STANDARD[quantity], _ALONG_THE_GRID.get(quantity, ())):
         by_name = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
+        by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)] or by_name
         if by_name:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
     usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
@@ -88,10 +107,32 @@ def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
 
 def _near_enough(ds: xr.Dataset, name: str) -> bool:
     """Tell whether a standard name that is not in the tables leaves a usual name believable: no tides, no Stokes drift."""
-    metadata_name = standard_name(ds.variables[name])
-    return not any(
-        word in metadata_name for word in ("tid", "stokes", "geostrophic", "anomaly", "error", "wave_to", "gust")
-    )
+    return not _OTHERS.search(standard_name(ds.variables[name]))
+
+
+def turned_away(ds: xr.Dataset) -> str:
+    """Return which variables have a usual name and a standard name of something else, in words; empty if none."""
+    names = [name for name in map(str, ds.variables) if name in USUAL_NAMES and not _near_enough(ds, name)]
+    return "; ".join(f"{name} is {standard_name(ds.variables[name])}, which is none of these" for name in names[:4])
+
+
+def statistic(variable: xr.Variable | xr.DataArray, quantity: str) -> str:
+    """Return in words which statistic of a field a variable is, rather than the field itself; empty if it is none.
+
+    Parameters
+    ----------
+    variable : xarray.Variable or DataArray
+        With the attributes of the file.
+    quantity : str
+        Canonical name of the field.
+    """
+    match = _SPREADS.search(str(variable.attrs.get("cell_methods", "")))
+    if match:
+        return f"{match[2]} over {match[1]} (cell_methods)"
+    words = str(variable.attrs.get("long_name", ""))
+    found = _WORDS_OF_SPREAD.search(words)
+    # The topography of models is called an anomaly too, and is the one that is wanted.
+    return f"described as {words!r}" if found and not (quantity == "ssh" and "anom" in found[0].lower()) else ""
 
 
 def _rank(quantity: str, name: str) -> int:

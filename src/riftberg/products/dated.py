@@ -99,8 +99,12 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
             ds[other] = (variable.dims, dates, variable.attrs)
             stamps.append(other)
         elif variable.ndim == 1 and declared and variable.dims == (other,) and " since " in units_of(variable):
+            early = re.search(r"since\s+(-|0{1,4}-)", units_of(variable))
+            fault = (
+                "which begins before the year 1" if early else "which is no length of time that can be added to a date"
+            )
             raise ForcingError(
-                f"{other} counts {units_of(variable)!r}, which is no length of time that can be added to a date",
+                f"{other} counts {units_of(variable)!r}, {fault}",
                 where=where,
                 remedy=f"Write {other} in days or hours since a date, or as dates in Python: ds.assign_coords({other}=dates)",
             )
@@ -147,7 +151,7 @@ def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:
 
 def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
     """Return dates of validity: those of a forecast's issue get the length of the forecast added."""
-    dates = ds[name]
+    dates = _middles(ds, ds[name])
     if not _NOT_VALID.search(f"{standard_name(dates)} {name.lower()}"):
         return dates
     for other in ("step", "forecast_period", "leadtime", "lead_time", "forecast_hour"):
@@ -159,6 +163,16 @@ def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
                 ahead = np.timedelta64(round(float(ahead) * seconds), "s")
             return dates.copy(data=dates.values + ahead.astype("timedelta64[ns]"))
     return dates
+
+
+def _middles(ds: xr.Dataset, dates: xr.DataArray) -> xr.DataArray:
+    """Return dates in the middle of their bounds where the file stamps all its means at their beginnings or all at their ends."""
+    bounds = ds.variables.get(str(dates.attrs.get("bounds", dates.encoding.get("bounds", ""))))
+    if bounds is None or dates.dtype.kind != "M" or bounds.dtype.kind != "M" or bounds.shape != (*dates.shape, 2):
+        return dates
+    first, last = bounds.values[..., 0], bounds.values[..., 1]
+    at_an_end = bool((dates.values == first).all() or (dates.values == last).all())
+    return dates.copy(data=first + (last - first) // 2) if at_an_end and bool((last > first).all()) else dates
 
 
 def _with_dates(field: xr.DataArray, dates: xr.DataArray) -> xr.DataArray:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from riftberg.errors import ForcingError
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.products.axes import goes_round, step_of
-from riftberg.products.canonical import QUANTITIES
+from riftberg.products.canonical import PERCENT, QUANTITIES, unlikely
 from riftberg.products.findings import DataFinding, FieldFinding, Report
 from riftberg.products.on_path import FILL_CELLS, box_share_outside, on_path
+from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Dates,
@@ -376,18 +377,27 @@ def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | No
         missing_on_path=lacks.missing,
         unfilled_on_path=lacks.unfilled,
     )
-    _judge(report, quantity.limit, len(path or ()))
+    _judge(report, len(path or ()))
+    if report.missing_share == 1.0 and (valid := data.attrs.get(VALID)):
+        report.problems.append(f"the file calls only {valid} valid: check its valid_range and its units")
     return report
 
 
-def _judge(finding: FieldFinding, limit: float, points: int) -> None:
+def _judge(finding: FieldFinding, points: int) -> None:
     """Add what looks wrong about a field."""
     if finding.missing_share == 1.0:
         finding.problems.append("holds no value at all in the experiment: all land or missing")
         return
-    if max(abs(finding.low), abs(finding.high)) > limit:
+    most = QUANTITIES[finding.name].limit
+    if finding.low < -most or finding.high > most:
         finding.problems.append(
-            f"values beyond {limit:g} {finding.units} are not believable: check the units in the file"
+            f"values beyond {most:g} {finding.units} are not believable: check the units in the file"
+        )
+    elif fault := unlikely(finding.name, finding.low, finding.high):
+        finding.problems.append(f"{fault}: check the units in the file")
+    if finding.original_units in PERCENT and 0.0 < finding.high <= 0.01:
+        finding.problems.append(
+            f"at most {finding.high:.2%} although the file says {finding.original_units}: are these shares of 1?"
         )
     if finding.low == finding.high == 0.0:
         finding.problems.append("is zero everywhere in the experiment: check that the right variable was written")

@@ -10,9 +10,10 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, canonicalise
-from riftberg.products.cf import by_standard_name
+from riftberg.products.cf import by_standard_name, statistic, turned_away
 from riftberg.products.dated import dated
 from riftberg.products.levels import judged
+from riftberg.products.packing import VALID
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
 from riftberg.products.roles import coordinates_of, units_of
@@ -46,7 +47,9 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     parts = []
     for key, fields in groups.items():
         part = xr.Dataset(fields)
-        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": "; ".join(dict.fromkeys(remarks_by_field[key]))}
+        away = turned_away(ds) if product.select is not None else ""
+        told = "; ".join(dict.fromkeys([*remarks_by_field[key], *([away] if away else [])]))
+        attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": told}
         if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
             attributes["longest_step"] = DAY_SECONDS
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
@@ -75,10 +78,14 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
     choice += _beyond(ds, product, {quantity for quantity, _, _ in choice})
     if not choice:
         held = sorted(map(str, ds.data_vars))
+        others = f" ({away})" if (away := turned_away(ds)) else ""
         raise ForcingError(
-            f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has {', '.join(held) or 'nothing'}",
+            f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has "
+            f"{', '.join(held) or 'nothing'}{others}",
             where=where,
-            remedy="Give the file with the wanted variables, or name the right product",
+            remedy="Give the variables CF standard names and units"
+            if product.name == "cf"
+            else "Give the file with the wanted variables, or name the right product",
         )
     return choice
 
@@ -99,6 +106,11 @@ def _canonical(
     """Return one field, placed and in canonical units, and what should be known of it."""
     source = next((s for s in product.sources if s.quantity == quantity), None)
     units = units_of(ds[name]) or (source.units if source is not None else "")
+    if other := statistic(ds[name], quantity):
+        raise ForcingError(
+            f"{name} is no {QUANTITIES[quantity].long_name} at its dates but a statistic of it: {other}", where=where,
+            remedy=f"Give the values or their means, or leave it out: ncks -x -v {name} FILE OUT",
+        )  # fmt: skip
     attributes = dict(ds[name].attrs)
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
     field, one = _one_member(ds, name, field, where)
@@ -117,7 +129,13 @@ def _canonical(
     along = field.attrs.get("along")
     field = field.drop_vars([c for c in field.coords if c not in _KEPT])
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
-    noted = {"original_name": name, "original_units": units, "along": along, "crs_wkt": wkt}
+    noted = {
+        "original_name": name,
+        "original_units": units,
+        "along": along,
+        "crs_wkt": wkt,
+        VALID: attributes.get(VALID),
+    }
     field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
     return field, [*one, *remarks]
 

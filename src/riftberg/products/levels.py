@@ -137,7 +137,7 @@ def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> N
         metres = unit.lower().startswith("m") and not unit.lower().startswith(("mb", "mil"))
         if not metres or not WIND_HEIGHTS[0] <= float(number) <= WIND_HEIGHTS[1]:
             raise _no_surface_wind(name, f"at {number} {unit} (its description reads {words.strip()!r})", where)
-    match = re.fullmatch(r"(?:[uv]|[uv]wnd|wind_[uv])_?(\d{2,4})m?", name.lower())
+    match = re.fullmatch(r"(?:[uv]a?s?|[uv]_?wi?nd|wind_[uv])_?(\d{2,4}(?=m?$)|\d(?=m$))m?", name.lower())
     if match and not WIND_HEIGHTS[0] <= float(match[1]) <= WIND_HEIGHTS[1]:
         raise _no_surface_wind(name, f"at {match[1]} m or hPa by its name", where)
 

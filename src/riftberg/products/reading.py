@@ -15,6 +15,7 @@ from riftberg.input_files import check_file, is_folder
 from riftberg.netcdf_lock import open_lazily
 from riftberg.products.axes import tidy_axes
 from riftberg.products.fields import gathered
+from riftberg.products.packing import with_plain_packing, within_valid_range
 from riftberg.products.product import Product
 from riftberg.products.sizes import whole_size
 from riftberg.products.stated import stated_interval, told_kind
@@ -185,8 +186,8 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     path : str
         Where it comes from, for messages.
     """
-    raw = _without_false_fill(product.mend(with_plain_time_units(with_text_dates(raw))))
-    ds = product.reshape(_decoded_dataset(raw))
+    raw = _without_false_fill(product.mend(with_plain_time_units(with_text_dates(with_plain_packing(raw, path)))))
+    ds = product.reshape(within_valid_range(_decoded_dataset(raw)))
     ds.encoding["source"] = path
     stated = stated_interval(raw, path)
     parts = []

@@ -7,6 +7,7 @@ value is a missing record.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -16,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.products.canonical import QUANTITIES
 
 Dates = NDArray[np.datetime64]
 Period = np.timedelta64 | float | None
@@ -96,6 +98,17 @@ def hold_of(ds: xr.Dataset, period: Period = None) -> float:
     return seconds_of(period, rule)
 
 
+def in_python(ds: xr.Dataset) -> bool:
+    """Tell whether a dataset was given in Python, where the keys of experiment files are of no use."""
+    return bool(ds.attrs.get("in_python", False))
+
+
+def outside_remedy(ds: xr.Dataset) -> str:
+    """Return what to do about dates outside of the records."""
+    hold = "hold of from_xarray" if in_python(ds) else "forcing.hold of an experiment file (hours)"
+    return f"Give data of these dates, shorten the run, or hold the ends longer: {hold}"
+
+
 def long_gaps(records: Dates, limit: float, first: np.datetime64, last: np.datetime64) -> list[Gap]:
     """Return the gaps longer than ``limit`` (s) that hold a part of ``first..last``."""
     pairs = (Gap(*pair) for pair in pairwise(records))
@@ -117,7 +130,7 @@ def check_ends(ds: xr.Dataset, dates: Dates, hold: Period = None) -> None:
             f"{wrong.size} of {dates.size} dates, the first {minute(wrong[0])}, lie outside the records "
             f"{minute(records[0])}..{minute(records[-1])}",
             where=named(ds),
-            remedy="Add the files of these dates, shorten the run, or hold the ends longer (forcing.hold, in hours)",
+            remedy=outside_remedy(ds),
         )
 
 
@@ -128,8 +141,12 @@ def gap_error(ds: xr.Dataset, gap: Gap, limit: float, at: np.datetime64) -> Forc
         f"{minute(at)} lies in a gap of {gap.seconds / 86400:.3g} days between {minute(gap.before)} and "
         f"{minute(gap.after)} without values of {fields}; the limit is {limit / 86400:.3g} days",
         where=named(ds),
-        remedy="Add the missing files, or allow a longer gap: forcing.max_gap of an experiment file (hours), "
-        "max_gap of to_grid",
+        remedy="Give the missing records, or allow a longer gap: "
+        + (
+            "max_gap of from_xarray"
+            if in_python(ds)
+            else "forcing.max_gap of an experiment file (hours), max_gap of to_grid"
+        ),
     )
 
 
@@ -139,6 +156,21 @@ def check_records(ds: xr.Dataset, first: np.datetime64, last: np.datetime64) -> 
     limit = gap_limit(ds)
     for gap in long_gaps(ds["time"].values, limit, first, last):
         raise gap_error(ds, gap, limit, max(gap.before, first))
+
+
+def check_pairs(datasets: Sequence[xr.Dataset]) -> None:
+    """Raise `ForcingError` where one component of a vector is given without the other: it would count as 0."""
+    for ds in datasets:
+        for pair in VECTORS:
+            components = [name for name in pair if name in ds.data_vars]
+            if len(components) == 1:
+                other = pair[1 - pair.index(components[0])]
+                nothing, the = ("nothing", "the") if in_python(ds) else ("no file", "the file with")
+                raise ForcingError(
+                    f"gives {components[0]} and {nothing} gives {other} with the same records on the same grid",
+                    where=named(ds),
+                    remedy=f"Add {the} {QUANTITIES[other].long_name}",
+                )
 
 
 def minute(moment: np.datetime64) -> str:
@@ -159,7 +191,7 @@ def values_of(field: xr.DataArray) -> NDArray[Any]:
     """Return the values of a field; `ForcingError` where a damaged file does not give them up."""
     try:
         return np.asarray(field.values)
-    except (OSError, RuntimeError, EOFError) as error:
+    except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
         name = field.attrs.get("original_name", field.name)
         raise ForcingError(
             f"values of {name} cannot be read ({' '.join(str(error).split())[:120]})",

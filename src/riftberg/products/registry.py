@@ -90,15 +90,18 @@ def recognise(path: str | Path) -> Product:
             if _belongs(ds, product):
                 return product
         held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
+        away = cf.turned_away(ds)
     if not held and (group := _group_with_fields(str(path))):
         raise ForcingError(
             f"its variables stand in the group {group}, which is not looked into", where=str(path),
             remedy=f"Take them out first: ncks -G : -g {group} FILE OUT",
         )  # fmt: skip
     raise ForcingError(
-        f"the product was not recognised; the file holds {held or 'nothing'}",
+        f"the product was not recognised; the file holds {held or 'nothing'}{f' ({away})' if away else ''}",
         where=str(path),
-        remedy="Name the product (--product), or give the variables CF standard names",
+        remedy="Give a file of what a run takes"
+        if away
+        else "Name the product (--product), or give the variables CF standard names",
     )
 
 

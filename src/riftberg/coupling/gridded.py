@@ -1,0 +1,319 @@
+"""What bergs give to the ocean, on cells: monthly means and moments of a run as CF files, conserving to round-off.
+
+Names are those of CMIP and of the exchange (`riftberg.coupling.names.GIVEN`): ``ficeberg`` is the fresh water,
+``hfibthermds2d`` the heat that it takes, latent heat above all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from riftberg.constants import LATENT_HEAT
+from riftberg.coupling.exchange import ocean_grid
+from riftberg.coupling.names import GIVEN
+from riftberg.coupling.shares import Shares, shares_of
+from riftberg.errors import InputError
+from riftberg.life.ledger import PROCESSES, water_by_process
+from riftberg.life.process import LifeModel
+from riftberg.life.thermodynamics import scaled_mass
+from riftberg.model import BareModel
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.search import locate_points
+from riftberg.state import Elements, Floats, Ints
+from riftberg.values import number
+from riftberg.version import __version__
+from riftberg.whole_files import replacing
+
+MASS: Final = len(PROCESSES)
+HEAT: Final = MASS + 1
+AREA: Final = HEAT + 1
+ROWS: Final = AREA + 1
+"""Rows of a sum: melt water by process (kg), then mass (kg s), heat (J) and area (m2 s)."""
+
+MOST_LATITUDE: Final = 88.0
+"""Cells of `cells_of` end here: nearer to the pole they have no width."""
+
+
+def cells_of(width: float) -> Grid:
+    """Return cells of this width (degrees) around the Earth, joined at the date line.
+
+    Parameters
+    ----------
+    width : float
+        Of the cells; a whole number of them must make 360 degrees.
+    """
+    width = number(width, "degree", where="cells")
+    count = round(360.0 / width) if 1e-3 < width <= 10.0 else 0
+    if not count or abs(count * width - 360.0) > 1e-6:
+        raise InputError(
+            f"cells of {width:g} degrees",
+            where="cells",
+            remedy="Give a width that divides 360, from 0.01 to 10 degrees",
+        )
+    rows = math.floor(MOST_LATITUDE / width)
+    lon, lat = np.meshgrid(np.arange(count + 1) * width - 180.0, np.arange(-rows, rows + 1) * width)
+    return ocean_grid(lon, lat)
+
+
+class _Sums(NamedTuple):
+    """Sums in the cells that bergs have touched, [row, cell]; most cells of a grid never see one."""
+
+    cells: Ints
+    rows: Floats
+
+    def added(self, cells: Ints, rows: Floats) -> _Sums:
+        """Return these sums with amounts added, in a fixed order."""
+        every, where = np.unique(np.concatenate([self.cells, cells]), return_inverse=True)
+        both = np.concatenate([self.rows, rows], axis=1)
+        return _Sums(every, np.stack([np.bincount(where, row, minlength=every.size) for row in both]))
+
+
+class _Span(NamedTuple):
+    """What passed between two moments, and how things stood (kg, m2)."""
+
+    since: datetime
+    end: datetime
+    sums: _Sums
+    state: _Sums
+
+    @property
+    def seconds(self) -> float:
+        return (self.end - self.since).total_seconds()
+
+
+def _nothing(rows: int) -> _Sums:
+    return _Sums(np.zeros(0, np.int64), np.zeros((rows, 0)))
+
+
+class GridRecorder:
+    """Recorder of a run: gathers on cells what the bergs give, and writes it at the end.
+
+    Parameters
+    ----------
+    path : path
+        Folder, or file name to which ``-monthly.nc`` and ``-instantaneous.nc`` are added.
+    grid : Grid or float
+        Cells (`riftberg.coupling.exchange.ocean_grid`), or their width in degrees.
+    every_hours : float, optional
+        Time between moments; fluxes of a moment are means since the one before.
+
+    Examples
+    --------
+    >>> from riftberg import Iceberg, Model, Parameters, Steady
+    >>> berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
+    >>> model = Model(berg, Steady(temperature=2.0, salinity=34.0), Parameters(melt={"enabled": True}))
+    >>> recorder = GridRecorder("somewhere/fields", 0.25, every_hours=24.0)
+    >>> recorder.names()
+    ('fields-monthly.nc', 'fields-instantaneous.nc')
+    """
+
+    def __init__(self, path: str | Path, grid: Grid | float, *, every_hours: float = 24.0) -> None:
+        self.path = Path(path)
+        self.grid = grid if isinstance(grid, Grid) else cells_of(grid)
+        self.every = timedelta(hours=number(every_hours, "h", where="every_hours"))
+        if self.every <= timedelta(0):
+            raise InputError(f"a moment every {every_hours:g} h", where="every_hours", remedy="Give hours above 0")
+        self._month = self._passed = _nothing(ROWS)
+        self._month_began = self._passed_began = datetime.min
+        self._months: list[_Span] = []
+        self._moments: list[_Span] = []
+        self._seen: tuple[Shares, Elements] | None = None
+        self._before: Callable[[LifeModel], None] | None = None
+
+    def names(self) -> tuple[str, str]:
+        """Return the names of the two files."""
+        return f"{self.path.name}-monthly.nc", f"{self.path.name}-instantaneous.nc"
+
+    def start(self, model: BareModel) -> None:
+        """Begin; look at the bergs between their motion and their melt from now on."""
+        if model.parameters.earth.latlon != self.grid.arrays.latlon:
+            raise InputError(
+                "cells and bergs are not both in degrees, or both in metres", where="gridded output",
+                remedy="Give a grid in the coordinates of the run: riftberg.coupling.exchange.ocean_grid(..., latlon=...)",
+            )  # fmt: skip
+        self._month_began = self._passed_began = model.date
+        life = model.life
+        if life is None:
+            return
+        before = self._before = life.look_around
+
+        def look(living: LifeModel) -> None:
+            if before is not None:
+                before(living)
+            self._look(model)
+
+        life.look_around = look
+
+    def record(self, model: BareModel) -> None:
+        """Add a long step."""
+        if self._seen is None:
+            self._look(model)
+        cells, rows = self._of_step(model)
+        self._seen = None
+        began = model.date - timedelta(seconds=model.parameters.stepping.time_step)
+        if (began.year, began.month) != (self._month_began.year, self._month_began.month):
+            self._end_month(began)
+        self._month, self._passed = self._month.added(cells, rows), self._passed.added(cells, rows)
+        if model.date - self._passed_began >= self.every - timedelta(milliseconds=1):
+            self._moments.append(_Span(self._passed_began, model.date, self._passed, self._state(model)))
+            self._passed, self._passed_began = _nothing(ROWS), model.date
+
+    def finish(self, model: BareModel) -> None:
+        """Write both files; nothing where no step was taken."""
+        if model.life is not None:
+            model.life.look_around = self._before
+        if model.date > self._month_began:
+            self._end_month(model.date)
+        for name, dataset in zip(self.names(), (self.monthly(), self.moments()), strict=True):
+            if dataset.sizes["time"]:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                with replacing(self.path.with_name(name)) as part:
+                    dataset.to_netcdf(part)
+
+    def monthly(self) -> xr.Dataset:
+        """Return means by month; the first and the last are of what the run had of them, as their bounds say."""
+        return self._dataset(self._months, "mean")
+
+    def moments(self) -> xr.Dataset:
+        """Return mass and area at moments, and fluxes as means since the moment before."""
+        return self._dataset(self._moments, "point")
+
+    def _end_month(self, end: datetime) -> None:
+        seconds = (end - self._month_began).total_seconds()
+        state = _Sums(self._month.cells, self._month.rows[[MASS, AREA]] / seconds)
+        self._months.append(_Span(self._month_began, end, self._month, state))
+        self._month, self._month_began = _nothing(ROWS), end
+
+    def _look(self, model: BareModel) -> None:
+        elements = self._placed(model.elements)
+        self._seen = shares_of(elements, model.bonds, self.grid, model.parameters), elements.copy()
+
+    def _placed(self, elements: Elements) -> Elements:
+        """Return the elements with their cells of this grid."""
+        count = elements.size
+        i, j = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        lon, lat, g = elements.place.lon, elements.place.lat, self.grid.arrays
+        locate_points(lon, lat, g, True, i, j, np.zeros(count), np.zeros(count))
+        if (i < 0).any():
+            row = int(np.flatnonzero(i < 0)[0])
+            raise InputError(
+                f"element {elements.body.id[row]} at ({lon[row]:.6g}, {lat[row]:.6g}) is outside the cells",
+                where="gridded output", remedy="Give a grid that holds all bergs of the run",
+            )  # fmt: skip
+        turns = np.round((lon - g.lon_centre[j, i]) / g.period) * g.period if g.period > 0.0 else 0.0
+        return elements.replaced(cell_i=i, cell_j=j, lon=lon - turns)
+
+    def _of_step(self, model: BareModel) -> tuple[Ints, Floats]:
+        """Return cells and rows of a long step: what melted where the bergs stood, and mass and area times its length."""
+        assert self._seen is not None
+        shares, elements = self._seen
+        dt, amounts = model.parameters.stepping.time_step, np.zeros((ROWS, elements.size))
+        amounts[MASS] = scaled_mass(elements.life, elements.body.mass) * dt
+        amounts[AREA] = _plan(elements) * dt
+        last = model.life.last if model.life is not None else None
+        if last is not None:
+            amounts[:MASS] = water_by_process(last.melt)
+            amounts[HEAT] = last.melt.water * (last.melt.heat_density - LATENT_HEAT)
+        return shares.cells, _shared(shares, amounts)
+
+    def _state(self, model: BareModel) -> _Sums:
+        elements = self._placed(model.elements)
+        shares = shares_of(elements, model.bonds, self.grid, model.parameters)
+        amounts = np.stack([scaled_mass(elements.life, elements.body.mass), _plan(elements)])
+        return _nothing(2).added(shares.cells, _shared(shares, amounts))
+
+    def _box(self, spans: list[_Span]) -> tuple[slice, slice]:
+        """Return rows and columns with bergs, and one more on each side."""
+        g = self.grid.arrays
+        touched = np.concatenate([np.zeros(0, np.int64), *(part.cells for s in spans for part in (s.sums, s.state))])
+        j, i = np.divmod(np.unique(touched), g.area.shape[1])
+        if not j.size:
+            return np.s_[g.halo : g.halo + 1, g.halo : g.halo + 1]
+        low, high = g.halo, (g.halo + g.nj, g.halo + g.ni)
+        rows, columns = (
+            slice(max(int(k.min()) - 1, low), min(int(k.max()) + 2, most)) for k, most in zip((j, i), high, strict=True)
+        )
+        return rows, columns
+
+    def _cells(self, sums: _Sums, box: tuple[slice, slice]) -> Floats:
+        """Return sums per area on a box of cells, [row, j, i]."""
+        area = self.grid.arrays.area
+        out = np.zeros((len(sums.rows), area[box].size))
+        j, i = np.divmod(sums.cells, area.shape[1])
+        out[:, (j - box[0].start) * area[box].shape[1] + i - box[1].start] = sums.rows
+        return out.reshape(-1, *area[box].shape) / area[box]
+
+    def _dataset(self, spans: list[_Span], how: str) -> xr.Dataset:
+        box = self._box(spans)
+        shape = self.grid.arrays.area[box].shape
+        flux = np.array([self._cells(s.sums, box) / s.seconds for s in spans]).reshape(-1, ROWS, *shape)
+        states = np.array([self._cells(s.state, box) for s in spans]).reshape(-1, 2, *shape)
+        mean, state = "area: time: mean", f"area: mean time: {how}"
+        data: dict[str, Any] = {
+            "ficeberg": _variable(flux[:, :MASS].sum(axis=1), "water_flux_into_sea_water_from_icebergs", mean),
+            "hfibthermds2d": _variable(
+                flux[:, HEAT], "heat_flux_into_sea_water_due_to_iceberg_thermodynamics", mean
+            ),
+            "ibmass": _variable(states[:, 0], "iceberg_mass_on_sea_water", state, "mass of bergs, also of those aground"),
+            "ibarea": _variable(states[:, 1], "iceberg_area_fraction", state),
+            "ficeberg_process": (
+                ("time", "process", "j", "i"), flux[:, :MASS],
+                {"units": "kg m-2 s-1", "long_name": "melt water of bergs by process", "cell_methods": mean},
+            ),
+        }  # fmt: skip
+        dataset = xr.Dataset(data, self._coordinates(spans, box, how), self._attributes())
+        began = spans[0].since if spans else datetime(2000, 1, 1)
+        for name in ("time", "time_bnds"):
+            dataset[name].encoding = {"units": f"seconds since {began:%Y-%m-%d %H:%M:%S}", "dtype": "float64"}
+        for name in data:
+            dataset[name].encoding = {"zlib": True}
+        return dataset
+
+    def _coordinates(self, spans: list[_Span], box: tuple[slice, slice], how: str) -> dict[str, Any]:
+        g = self.grid.arrays
+        bounds = np.array([[s.since, s.end] for s in spans], dtype="datetime64[ns]").reshape(-1, 2)
+        time = bounds[:, 1] if how == "point" else bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) // 2
+        units = ("degrees_east", "degrees_north") if g.latlon else ("m", "m")
+        names = ("longitude", "latitude") if g.latlon else ("projection_x_coordinate", "projection_y_coordinate")
+        return {
+            "time": ("time", time, {"standard_name": "time", "bounds": "time_bnds"}),
+            "time_bnds": (("time", "bnds"), bounds),
+            "lon": (("j", "i"), g.lon_centre[box], {"units": units[0], "standard_name": names[0]}),
+            "lat": (("j", "i"), g.lat_centre[box], {"units": units[1], "standard_name": names[1]}),
+            "areacello": (("j", "i"), g.area[box], {"units": "m2", "standard_name": "cell_area"}),
+            "process": ("process", list(PROCESSES), {"long_name": "way in which ice becomes melt water"}),
+        }
+
+    @staticmethod
+    def _attributes() -> dict[str, str]:
+        return {
+            "Conventions": "CF-1.11", "title": "What icebergs give to the ocean", "source": f"riftberg {__version__}",
+            "comment": "The sum over cells of a field times areacello is that over all bergs.",
+        }  # fmt: skip
+
+
+def _variable(values: Floats, name: str, how: str, meaning: str | None = None) -> tuple[Any, ...]:
+    q = GIVEN[name]
+    attributes = {
+        "units": q.units,
+        "long_name": meaning or q.meaning,
+        "cell_methods": how,
+        "cell_measures": "area: areacello",
+    }
+    return ("time", "j", "i"), values, {**attributes, **({"standard_name": name} if q.standard else {})}
+
+
+def _plan(elements: Elements) -> Floats:
+    return np.asarray(elements.body.length * elements.body.width * elements.life.mass_scaling)
+
+
+def _shared(shares: Shares, amounts: Floats) -> Floats:
+    """Return the part of each amount, [row, element], that each pair of element and cell has."""
+    return np.asarray(np.repeat(amounts, np.diff(shares.first), axis=1) * shares.shares)

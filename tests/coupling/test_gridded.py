@@ -1,0 +1,125 @@
+"""Gridded output of a run: cells hold what the bergs gave, to round-off, by month and by moment, as CF."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.cli.main import app
+from riftberg.coupling.exchange import ocean_grid
+from riftberg.coupling.gridded import GridRecorder, cells_of
+from riftberg.errors import InputError
+from riftberg.life.thermodynamics import scaled_mass
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+
+ALONE = Parameters(
+    bonds={"law": "none"}, fracture={"enabled": False}, contact={"iterate": False},
+    stepping={"scheme": "verlet", "time_step": 3600.0, "interactions": False, "explicit_substeps": True},
+    melt={"enabled": True, "mode": "berg", "base": "turbulent", "bits_fraction": 0.3}, rolling={"enabled": True},
+)  # fmt: skip
+SEA = {"current": (0.4, -0.1), "wind": (8.0, 3.0), "temperature": 3.0, "salinity": 34.0}
+LON, LAT = np.array([179.7, -170.0, 60.2]), np.array([-56.1, -61.0, -57.5])
+
+
+def model(rows=slice(None), parameters=ALONE, start="2020-01-31 06:00") -> Model:
+    berg = Iceberg.from_points(LON[rows], LAT[rows], thickness=200.0, radius=9000.0)
+    return Model(berg, Steady(**SEA), parameters, start=start)
+
+
+def run(tmp_path, name="f", days=2.0, every_hours=12.0, grid=1.0, **more) -> tuple[Model, GridRecorder]:
+    m = model(**more)
+    recorder = GridRecorder(tmp_path / name, grid, every_hours=every_hours)
+    m.advance(days, recorders=[recorder])
+    return m, recorder
+
+
+def test_cells_hold_what_all_bergs_gave(tmp_path) -> None:
+    m, recorder = run(tmp_path)
+    balance = m.life.balance(m)
+    for dataset in (recorder.monthly(), recorder.moments()):
+        seconds = (dataset["time_bnds"].diff("bnds").squeeze("bnds") / np.timedelta64(1, "s")).astype(float)
+        total = lambda name, d=dataset, s=seconds: (d[name] * d["areacello"] * s).sum(("time", "j", "i"))  # noqa: E731
+        for process, water in balance.water.items():
+            assert float(total("ficeberg_process").sel(process=process)) == pytest.approx(water, rel=1e-12, abs=1e-3)
+        assert float(total("ficeberg")) == pytest.approx(sum(balance.water.values()), rel=1e-12)
+        assert float(total("hfibthermds2d")) == pytest.approx(sum(balance.heat.values()), rel=1e-12)
+    assert balance.water["waves"] > 0.0
+    last = recorder.moments().isel(time=-1)
+    mass = scaled_mass(m.elements.life, m.elements.body.mass).sum()
+    assert float((last["ibmass"] * last["areacello"]).sum()) == pytest.approx(mass, rel=1e-12)
+
+
+def dense(recorder: GridRecorder) -> np.ndarray:
+    """Sums of all months on all cells."""
+    total = np.zeros((9, recorder.grid.arrays.area.size))
+    for span in recorder._months:
+        total[:, span.sums.cells] += span.sums.rows
+    return total
+
+
+def test_each_cell_is_the_sum_over_bergs_that_run_alone(tmp_path) -> None:
+    grid = cells_of(0.5)
+    together = run(tmp_path, grid=grid)[1]
+    whole = dense(together)
+    alone = sum(dense(run(tmp_path, name=f"b{k}", rows=slice(k, k + 1), grid=grid)[1]) for k in range(3))
+    np.testing.assert_allclose(whole, alone, rtol=1e-12, atol=1e-12 * np.abs(whole).max())
+    assert (whole[0] > 0).sum() > 6  # several cells each
+
+
+def test_months_end_where_the_calendar_says(tmp_path) -> None:
+    m, _ = run(tmp_path)
+    with xr.open_dataset(tmp_path / "f-monthly.nc") as monthly:
+        bounds = monthly["time_bnds"].values
+        assert bounds[0, 0] == np.datetime64("2020-01-31T06:00")
+        assert bounds[0, 1] == bounds[1, 0] == np.datetime64("2020-02-01T00:00")
+        assert bounds[1, 1] == np.datetime64(m.date)
+        assert monthly["ficeberg"].attrs["standard_name"] == "water_flux_into_sea_water_from_icebergs"
+        assert monthly["hfibthermds2d"].attrs["units"] == "W m-2"
+        assert float(monthly["hfibthermds2d"].max()) <= 0.0
+        assert monthly["ibmass"].attrs["cell_methods"] == "area: mean time: mean"
+        assert monthly.attrs["Conventions"].startswith("CF-")
+    with xr.open_dataset(tmp_path / "f-instantaneous.nc") as moments:
+        assert moments.sizes["time"] == 4
+        assert moments["ibmass"].attrs["cell_methods"] == "area: mean time: point"
+
+
+def test_bergs_that_only_drift_have_mass_and_no_melt(tmp_path) -> None:
+    _, recorder = run(tmp_path, parameters=ALONE.changed(melt={"enabled": False}, rolling={"enabled": False}))
+    monthly = recorder.monthly()
+    assert float(monthly["ficeberg"].max()) == 0.0
+    assert float(monthly["ibmass"].max()) > 0.0
+
+
+def test_a_berg_beyond_the_cells_and_cells_that_do_not_close_are_refused(tmp_path) -> None:
+    lon, lat = np.meshgrid(np.linspace(50.0, 70.0, 21), np.linspace(-60.0, -50.0, 11))
+    with pytest.raises(InputError, match=r"element 1 at .* is outside the cells"):
+        run(tmp_path, grid=ocean_grid(lon, lat))
+    x, y = np.meshgrid(np.arange(11.0) * 1e4, np.arange(11.0) * 1e4)
+    with pytest.raises(InputError, match="not both in degrees"):
+        run(tmp_path, grid=ocean_grid(x, y, latlon=False))
+    for width in (0.7, 0.0, 20.0, float("nan")):
+        with pytest.raises(InputError, match="cells"):
+            cells_of(width)
+    with pytest.raises(InputError, match="every"):
+        GridRecorder(tmp_path / "x", 1.0, every_hours=0.0)
+
+
+def test_the_command_line_writes_both_files(tmp_path) -> None:
+    (tmp_path / "e.yaml").write_text(
+        "name: small\nstart: 2020-12-15\ndays: 0.1\n"
+        "berg: {rectangle: {length: 6 km, width: 3 km}, thickness: 200 m, radius: 1500 m, placement: [-37, -56]}\n"
+        "forcing: {kind: constant}\nparameters: {melt: {enabled: true, temperature: 2, salinity: 34}}\n"
+    )
+    words = ["run", str(tmp_path / "e.yaml"), "--no-map", "--quiet", "--output", str(tmp_path / "out"), "--every", "1"]
+    done = CliRunner().invoke(app, [*words, "--cells", "0.5"])
+    assert done.exit_code == 0, done.output
+    with xr.open_dataset(tmp_path / "out" / "bergs-monthly.nc") as monthly:
+        assert float(monthly["ibmass"].max()) > 0.0
+    refused = CliRunner().invoke(app, [*words, "--cells", "0.7"])
+    assert refused.exit_code == 2
+    assert "divides 360" in refused.output
