@@ -113,6 +113,15 @@ def arguments(node: Function) -> int:
     return sum(name not in ("self", "cls") for name in every)
 
 
+def with_many_arguments(trees: dict[str, ast.Module]) -> list[str]:
+    """Return the functions of more than `MANY` arguments, kernels and commands apart."""
+    return [
+        f"{name}.{node.name}: {arguments(node)}"
+        for name, node, _ in functions(trees)
+        if arguments(node) > MANY and not decorated(node, "kernel", "stage", "njit", "reported")
+    ]
+
+
 def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
     """Return the names of classes and of functions of modules that are defined in more than one module."""
     homes: dict[str, list[str]] = defaultdict(list)
@@ -141,10 +150,7 @@ def main() -> None:
     options = parser.parse_args()
     trees = modules(options.folder)
     edges = imports(trees)
-    found = list(functions(trees))
-    lengths = [lines_of_code(node) for _, node, _ in found]
-    many = [f"{name}.{node.name}: {arguments(node)}" for name, node, _ in found
-            if arguments(node) > MANY and not decorated(node, "kernel", "stage", "njit", "reported")]  # fmt: skip
+    lengths = [lines_of_code(node) for _, node, _ in functions(trees)]
     largest = max(shares(options.folder).items(), key=lambda item: item[1])
     names = twice_named(trees)
     lists = {
@@ -152,11 +158,11 @@ def main() -> None:
         "imports that run upwards": [
             f"{a} -> {b}" for a, b in upward(edges, floors(home.parents[1] / "pyproject.toml"))
         ],
-        f"functions of more than {MANY} arguments (kernels and commands apart)": many,
+        f"functions of more than {MANY} arguments (kernels and commands apart)": with_many_arguments(trees),
         "names with more than one home": [f"{name}: {', '.join(homes)}" for name, homes in names.items()],
     }
     print(f"{'modules':>56}  {len(trees)}")
-    print(f"{'functions':>56}  {len(found)}")
+    print(f"{'functions':>56}  {len(lengths)}")
     print(f"{'median length, lines':>56}  {statistics.median(lengths):g}")
     print(f"{f'above {LONG} lines':>56}  {100.0 * sum(n > LONG for n in lengths) / len(lengths):.2f} %")
     print(f"{'largest room':>56}  {largest[0]}, {100.0 * largest[1]:.1f} %")

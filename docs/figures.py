@@ -153,7 +153,7 @@ def scores(folder: Path) -> Iterator[Path]:
     from scores import daily_outlines, run_experiment, shared_folder
 
     from riftberg.diagnostics.score import score_run
-    from riftberg.viz.plots import heading
+    from riftberg.viz.plots import figure_title
     from riftberg.viz.score import draw_score
 
     data = shared_folder()
@@ -164,7 +164,7 @@ def scores(folder: Path) -> Iterator[Path]:
         with tempfile.TemporaryDirectory() as scratch:
             run, _ = run_experiment(name, "own", data, Path(scratch) / "run.nc")
             with run:
-                title = heading(run, "run against the daily outlines").replace("Iceberg", name)
+                title = figure_title(run, "run against the daily outlines").replace("Iceberg", name)
                 yield draw_score(
                     score_run(run, daily_outlines(data)), folder / f"score-{name}.png", title=title, dpi=110
                 )

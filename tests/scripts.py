@@ -18,5 +18,7 @@ def loaded(path: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
+    if str(file.parent) not in sys.path:
+        sys.path.append(str(file.parent))  # scripts find each other, as when Python runs one of them
     spec.loader.exec_module(module)
     return module

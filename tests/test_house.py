@@ -1,4 +1,4 @@
-"""The floors of the house: nothing imports upwards, no circles; the contracts stand in ``pyproject.toml``."""
+"""The house: nothing imports upwards, no circles (the contracts stand in ``pyproject.toml``), no long lists of arguments."""
 
 from __future__ import annotations
 
@@ -6,9 +6,17 @@ from pathlib import Path
 
 from importlinter.cli import lint_imports
 
+from scripts import loaded
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_no_import_runs_upwards_and_none_in_circles(capsys):
     broken = lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
     assert not broken, capsys.readouterr().out
+
+
+def test_no_function_takes_more_than_ten_arguments_but_kernels_and_commands():
+    """Others take an options object, or options of a typed dict, which are checked by name in one place."""
+    house = loaded("benchmarks/house.py")
+    assert not house.with_many_arguments(house.modules(ROOT / "src" / "riftberg"))

@@ -89,13 +89,13 @@ def refuse_large(
         return
     about = f", about {human(count * size)}" if size else ""
     raise kind(
-        f"this asks for {number(count)} {what}{about}; the most is {number(most)}",
+        f"this asks for {number_text(count)} {what}{about}; the most is {number_text(most)}",
         where=where,
         remedy=f"{remedy}, {ANYWAY}",
     )
 
 
-def number(count: float) -> str:
+def number_text(count: float) -> str:
     """Return a count in words that can be read: plain up to ten digits."""
     return f"{count:.0f}" if abs(count) < 1e10 else f"{count:.3g}"
 
@@ -129,7 +129,7 @@ def check_work(steps: float, substeps: int, elements: int, *, where: str) -> Non
     )  # fmt: skip
     refuse_large(
         steps * substeps * elements, MOST_WORK,
-        f"updates of elements ({number(steps)} steps of {substeps} sub-steps for {elements} elements, "
-        f"about {number(steps * substeps * elements / 1e7 / 86400.0)} days of computing)",
+        f"updates of elements ({number_text(steps)} steps of {substeps} sub-steps for {elements} elements, "
+        f"about {number_text(steps * substeps * elements / 1e7 / 86400.0)} days of computing)",
         where=where, remedy="Run shorter, or with fewer and larger elements", kind=InputError,
     )  # fmt: skip

@@ -323,6 +323,29 @@ def required(
         raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {wanted}")
 
 
+def check_names(options: Mapping[str, Any], kind: type) -> None:
+    """Refuse arguments by name that a typed dict of options does not list, as Python does for those of a function.
+
+    Raises
+    ------
+    TypeError
+        Naming those that there are.
+
+    Examples
+    --------
+    >>> from typing import TypedDict
+    >>> class Size(TypedDict, total=False):
+    ...     length: float
+    >>> check_names({"lenght": 2.0}, Size)
+    Traceback (most recent call last):
+    TypeError: unexpected keyword argument 'lenght'. Did you mean 'length'? It may be length
+    """
+    known = kind.__annotations__
+    for name in options:
+        if name not in known:
+            raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")
+
+
 def moment(value: Any, *, where: str) -> datetime:
     """Return a date as UTC without zone: from a date, a text, a datetime64 or a Timestamp.
 

@@ -86,3 +86,12 @@ def test_what_cannot_be_a_field_is_refused(options: dict[str, Any], words: str) 
     with pytest.raises(RiftbergError, match=words):
         Iceberg.field(given.pop("n"), given.pop("area"), **given)
     assert issubclass(BergError, RiftbergError)
+
+
+def test_options_of_a_field_are_refused_by_name_before_it_is_drawn() -> None:
+    with pytest.raises(TypeError, match=r"'densty'\. Did you mean 'density'\?"):
+        Iceberg.field(5, BOX, densty=900.0)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="'radius'"):
+        Iceberg.field(5, BOX, radius=900.0)  # type: ignore[call-arg]
+    with pytest.raises(BergError, match="density"):
+        Iceberg.field(5, BOX, density=-1.0)

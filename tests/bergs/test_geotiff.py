@@ -10,7 +10,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.raster import read_raster
-from riftberg.bergs.report import axes
+from riftberg.bergs.report import principal_axes
 from riftberg.errors import BergError, RiftbergError
 
 rasterio = pytest.importorskip("rasterio")
@@ -66,7 +66,7 @@ def test_a_projected_mask_gives_the_berg_of_its_outline(tmp_path, box, nodata):
     assert berg.area == pytest.approx(outline.area, rel=0.02)
     assert berg.centroid == pytest.approx(outline.centroid, abs=2e-3)
     # At 45 W the projection's x axis points to the south-east.
-    assert [axes(b)[2] for b in (berg, outline)] == pytest.approx([135.0, 135.0], abs=2.0)
+    assert [principal_axes(b)[2] for b in (berg, outline)] == pytest.approx([135.0, 135.0], abs=2.0)
 
 
 def test_a_projected_thickness_is_sampled_where_it_lies(tmp_path, box):

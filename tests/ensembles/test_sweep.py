@@ -180,6 +180,11 @@ def test_a_bad_sweep_is_refused_before_its_first_run(options: dict[str, Any], me
     assert not (tmp_path / "out").exists()
 
 
+def test_an_option_of_a_sweep_that_there_is_not_is_refused_by_name() -> None:
+    with pytest.raises(TypeError, match=r"'worker'\. Did you mean 'workers'\?"):
+        sweep(drifting, {"speed": [0.1]}, days=0.1, worker=0)  # type: ignore[call-arg]
+
+
 def test_impossible_combinations_and_what_an_experiment_keeps_are_refused() -> None:
     with pytest.raises(InputError, match=r"member with .*grounding.law = 'quadratic'.*quadratic_coefficient > 0"):
         planned("a68a", ["grounding.law=linear,quadratic"], Options(), 6.0)

@@ -10,13 +10,14 @@ from riftberg.ocean.at_elements import (
     NO_RINGS,
     RINGS,
     SURFACE,
-    Moment,
+    Blend,
     add_shore_drift,
     fill_slopes,
     fill_values,
     fill_vorticity,
 )
 from riftberg.ocean.mesh import AxesMesh, CurvilinearMesh, Mesh, Places
+from riftberg.products.cells import goes_round_in_x, unit_vectors
 from riftberg.state import Floats
 from twins.at_elements import value_at
 
@@ -43,7 +44,7 @@ def turned(angle: float = 0.6, skew: float = 0.0) -> CurvilinearMesh:
     return CurvilinearMesh(-42.0 + (c * x - s * y) / 0.55, -58.0 + s * x + c * y)
 
 
-def values(moment: Moment, places: Places, draft: Floats | float = 1.0, near: np.ndarray = RINGS) -> Floats:
+def values(moment: Blend, places: Places, draft: Floats | float = 1.0, near: np.ndarray = RINGS) -> Floats:
     out = np.empty(places.row.size)
     fill_values(moment, places, np.broadcast_to(np.float64(draft), out.shape).copy(), 0, near, out)
     return out
@@ -61,7 +62,7 @@ def test_values_agree_with_the_twin_over_drafts_land_and_gaps(weight: float, abs
     records[:, :, :7, :6] = np.nan  # land without water near by
     _, _, places = places_on(mesh, 300)
     draft = rng.uniform(0.5, 220.0, 300)
-    moment = Moment(records[0], records[1], weight, LIMITS, np.nan if absent is None else absent)
+    moment = Blend(records[0], records[1], weight, LIMITS, np.nan if absent is None else absent)
     found = values(moment, places, draft)
     for n in range(300):
         cell = int(places.row[n]), int(places.column[n])
@@ -75,7 +76,7 @@ def test_a_known_value_is_not_lost_between_unknown_ones() -> None:
     field = np.full((1, LAT.size, LON.size), np.nan)
     field[0, 8, 7] = 0.25
     mesh = AxesMesh(LON, LAT)
-    moment = Moment(field, field, 0.0, SURFACE, np.nan)
+    moment = Blend(field, field, 0.0, SURFACE, np.nan)
     lon, lat = LON[7] + np.array([0.1, -0.8, 1.1, 2.0]), LAT[8] + np.array([0.1, 0.05, 0.0, 0.0])
     places = mesh.locate(lon, lat)
     np.testing.assert_array_equal(values(moment, places), [0.25, 0.25, 0.25, np.nan])
@@ -89,10 +90,10 @@ def test_thin_ice_feels_the_surface_and_thick_ice_the_deep() -> None:
     field[0] = 0.5
     _, _, places = places_on(mesh, 50)
     draft = np.linspace(4.0, 188.0, 50)
-    found = values(Moment(field, field, 0.0, LIMITS, np.nan), places, draft)
+    found = values(Blend(field, field, 0.0, LIMITS, np.nan), places, draft)
     np.testing.assert_allclose(found, 0.5 * np.minimum(1.0, 20.0 / draft), rtol=1e-12)
     field[1:] = np.nan  # the floor at 20 m
-    np.testing.assert_allclose(values(Moment(field, field, 0.0, LIMITS, np.nan), places, draft), 0.5, rtol=1e-12)
+    np.testing.assert_allclose(values(Blend(field, field, 0.0, LIMITS, np.nan), places, draft), 0.5, rtol=1e-12)
 
 
 MESHES = {"axes": AxesMesh(LON, LAT), "turned": turned(), "mirrored": turned(2.5), "skewed": turned(0.3, 0.4)}
@@ -105,9 +106,9 @@ def test_a_plane_is_met_exactly_and_so_are_its_slope_and_curl(name: str) -> None
     lon, lat, places = places_on(mesh)
     x, y = mesh.points.lon, mesh.points.lat
 
-    def moment(a: float, b: float) -> Moment:
+    def moment(a: float, b: float) -> Blend:
         field = (0.1 + a * (x + 40.0) + b * (y + 56.0))[None]
-        return Moment(field, 3.0 * field, 0.25, SURFACE, np.nan)  # 1.5 times the first record
+        return Blend(field, 3.0 * field, 0.25, SURFACE, np.nan)  # 1.5 times the first record
 
     np.testing.assert_allclose(
         values(moment(0.02, 0.03), places), 1.5 * (0.1 + 0.02 * (lon + 40.0) + 0.03 * (lat + 56.0)), atol=1e-12
@@ -122,6 +123,32 @@ def test_a_plane_is_met_exactly_and_so_are_its_slope_and_curl(name: str) -> None
     np.testing.assert_allclose(turn, 1.5 * (0.05 / narrow - 0.03) / metre, rtol=1e-9)
 
 
+def test_a_curvilinear_grid_that_goes_round_has_cells_between_its_last_and_its_first_column() -> None:
+    """They were missing: places there had the values of the columns themselves, of the nearer one."""
+    lon, lat = np.arange(5.0, 365.0, 5.0), np.arange(-70.0, -50.0, 2.5)
+    straight, bent = AxesMesh(lon, lat), CurvilinearMesh(*np.meshgrid(lon, lat))
+    rng = np.random.default_rng(4)
+    x, y = np.append(rng.uniform(0.0, 5.0, 60), rng.uniform(-180.0, 540.0, 60)), rng.uniform(-69.0, -53.0, 120)
+    field = (np.sin(np.deg2rad(straight.points.lon)) + straight.points.lat)[None]
+    moment, found = Blend(field, field, 0.0, SURFACE, np.nan), []
+    for mesh in (straight, bent):
+        places, out = mesh.locate(x, y), np.empty((4, x.size))
+        assert ((places.row >= 0).all(), mesh.points.columns) == (True, lon.size)
+        fill_values(moment, places, np.ones(x.size), mesh.points.columns, RINGS, out[0])
+        fill_slopes(moment, places, mesh.points, x, y, out[1], out[2])
+        fill_vorticity(moment, moment, places, mesh.points, x, y, np.ones(x.size), out[3])
+        found.append(out)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-18)
+
+
+def test_a_grid_without_positions_along_its_edge_does_not_go_round() -> None:
+    lon, lat = np.meshgrid(np.arange(0.0, 360.0, 5.0), LAT)
+    assert goes_round_in_x(unit_vectors(lon, lat))
+    lon[:, 0] = np.nan
+    assert not goes_round_in_x(unit_vectors(lon, lat))
+    assert not goes_round_in_x(np.full((3, 5, 3), np.nan))
+
+
 def test_the_slope_is_of_second_order_on_a_wavy_sea() -> None:
     """Half the step, a quarter of the error."""
     errors = []
@@ -132,7 +159,7 @@ def test_the_slope_is_of_second_order_on_a_wavy_sea() -> None:
         level = (np.sin(x) * np.cos(1.5 * y))[None]
         e, n, places = places_on(mesh, 400)
         sx, sy = np.empty((2, e.size))
-        fill_slopes(Moment(level, level, 0.0, SURFACE, np.nan), places, mesh.points, e, n, sx, sy)
+        fill_slopes(Blend(level, level, 0.0, SURFACE, np.nan), places, mesh.points, e, n, sx, sy)
         metre = EARTH_RADIUS_A68 * DEGREE
         wrong_x = sx * metre * np.cos(n * DEGREE) - np.cos(e) * np.cos(1.5 * n)
         wrong_y = sy * metre + 1.5 * np.sin(e) * np.sin(1.5 * n)
@@ -147,7 +174,7 @@ def test_there_is_no_slope_across_a_shore() -> None:
     level[0, :, :7] = np.nan
     lon, lat = np.array([LON[7] + 0.1, LON[6] + 0.1]), np.array([-57.1, -57.1])
     sx, sy = np.empty((2, 2))
-    fill_slopes(Moment(level, level, 0.0, SURFACE, np.nan), mesh.locate(lon, lat), mesh.points, lon, lat, sx, sy)
+    fill_slopes(Blend(level, level, 0.0, SURFACE, np.nan), mesh.locate(lon, lat), mesh.points, lon, lat, sx, sy)
     np.testing.assert_array_equal([sx, sy], 0.0)
 
 
@@ -156,7 +183,7 @@ def test_drift_leads_away_from_land_on_any_grid() -> None:
     lon, lat, places = places_on(mesh)
     wet = mesh.points.lon > lon.mean()
     field = np.where(wet, 0.0, np.nan)[None]
-    moment = Moment(field, field, 0.0, SURFACE, np.nan)
+    moment = Blend(field, field, 0.0, SURFACE, np.nan)
     du, dv = np.zeros((2, lon.size))
     add_shore_drift(moment, places, mesh.points, lon, lat, 0.1, du, dv)
     corners = [wet[places.row + b, places.column + a] for a in (0, 1) for b in (0, 1)]

@@ -15,8 +15,10 @@ wind = between(0.0, 25.0)
 past = between(0.0, 1.5)
 
 
-def exchange(three: bool = True, const: bool = True, reference: bool = False, tide: float = 0.0) -> basal_melt.Exchange:
-    return basal_melt.Exchange(three, const, 0.022, 1e-3, 1.5e-3, tide, reference)
+def exchange(
+    three: bool = True, const: bool = True, reference: bool = False, tide: float = 0.0
+) -> basal_melt.ExchangeValues:
+    return basal_melt.ExchangeValues(three, const, 0.022, 1e-3, 1.5e-3, tide, reference)
 
 
 def base_rate(law, speed=0.1, f=-1.2e-4, salinity=34.3, theta=1.0, thickness=235.0):

@@ -13,8 +13,8 @@ from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.averaging import DISC, critical_toughness, disc_radius, disc_weight
 from riftberg.stepping.cracking import Limits
-from riftberg.stepping.criteria import AveragedStress, element_stresses
-from riftberg.stepping.frames import flat_shape, gathered
+from riftberg.stepping.criteria import AveragedStress, Equilibrium, element_stresses
+from riftberg.stepping.frames import flat_shape, free_bodies
 from riftberg.stepping.lattice_equilibrium import Factors, Holds, balanced_loads, find_lattice
 from riftberg.stepping.sizes import interaction_sizes
 
@@ -55,7 +55,7 @@ class Sheet:
         self.p = Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}).kernel_values()
         el = self.berg.elements
         self.body = np.zeros(el.mass.size, np.int64)
-        bodies = gathered(el.lon, el.lat, self.body, el.mass, False, 1.0, 0.0)
+        bodies = free_bodies(el.lon, el.lat, self.body, el.mass, False, 1.0, 0.0)
         self.flat = flat_shape(bodies.shape, False, 1.0)
         self.lattice = find_lattice(self.berg.bonds, self.flat, el.thickness, interaction_sizes(el, self.p), self.p)
         self.volume = el.length * el.width * el.thickness
@@ -99,7 +99,7 @@ class Sheet:
         bend = factors.solve(balanced_loads(self.body, self.flat, level, force, el.mass, inertia, np.zeros(1)))
         criterion = AveragedStress(self.lattice, alive, self.flat, self.body, self.volume, distance, self.p)
         limits = Limits(np.full(alive.size, STRENGTH), np.full(alive.size, 1e9))
-        return criterion.worst(alive, bend, limits)[1]
+        return criterion.worst(Equilibrium(self.lattice, alive, bend, self.p), limits)[1]
 
 
 def bending(stress: float, height: float) -> Any:

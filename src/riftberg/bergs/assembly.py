@@ -41,7 +41,7 @@ def make_elements(lon: Floats, lat: Floats, material: Material, *, static: Any =
     check_elements(len(lon), kind=BergError)
     radius, density, velocity = material.radius, material.density, material.velocity
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(numbers(material.thickness, len(lon), "thickness"), lon.shape)
+    thickness = np.broadcast_to(one_each(material.thickness, len(lon), "thickness"), lon.shape)
     _check_elements(lon, lat, radius, thickness, density, material.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
@@ -120,7 +120,7 @@ def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
     return np.sqrt(elements.body.length * elements.body.width * inscribed_share(elements, packing))
 
 
-def numbers(values: Any, size: int, what: str) -> Floats:
+def one_each(values: Any, size: int, what: str) -> Floats:
     """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -154,7 +154,7 @@ def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
         Reader of maps (`riftberg.bergs.raster.read_raster`).
     """
     if not isinstance(source, str | Path | Raster | xr.DataArray | xr.Dataset):
-        return numbers(source, len(lon), "thickness")
+        return one_each(source, len(lon), "thickness")
     raster: Raster = source if isinstance(source, Raster) else read(source)
     values = raster.above(0.0).sample(lon, lat)
     missing = ~np.isfinite(values)

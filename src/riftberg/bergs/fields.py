@@ -57,10 +57,10 @@ def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[fl
         if sizes == "tournadre":
             return power_law(random.random(count), *between)
         raise BergError(f"sizes {sizes!r}", where="Iceberg.field", remedy=f"Use {', '.join(SIZES)}, or areas in m2")
-    given = np.asarray(sizes, np.float64).ravel()
-    if given.size == 0 or not (np.isfinite(given) & (given > 0.0)).all():
+    choices = np.asarray(sizes, np.float64).ravel()
+    if choices.size == 0 or not (np.isfinite(choices) & (choices > 0.0)).all():
         raise BergError("sizes that are no areas", where="Iceberg.field", remedy="Give areas in m2, above 0")
-    return np.asarray(random.choice(given, count))
+    return np.asarray(random.choice(choices, count))
 
 
 def power_law(share: Floats, least: float, largest: float, exponent: float = EXPONENT) -> Floats:

@@ -18,6 +18,7 @@ from riftberg.bergs.keys import LatticeRows, Rectangle
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.options import (
+    FieldOptions,
     Material,
     PointOptions,
     RectangleOptions,
@@ -35,10 +36,9 @@ from riftberg.bergs.placement import (
     turned,
 )
 from riftberg.bergs.portrait import card, portrait
-from riftberg.bergs.raster import Raster, joined, read_raster
+from riftberg.bergs.raster import Raster, read_raster, unbroken
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
-from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError, placed_in
 from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
@@ -210,7 +210,7 @@ class Iceberg(BondedBerg):
         )
         with placed_in(mask.name):
             lattice = fill(region, material.radius, material.packing, layout.offset)
-        ice_itself = joined(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
+        ice_itself = unbroken(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
         heights = thickness_at(
             material.thickness if ice_itself is None else ice_itself,
             *plane_of.inverse(lattice.x, lattice.y),
@@ -386,10 +386,7 @@ class Iceberg(BondedBerg):
         thickness: Any = None,
         gap: float = 0.0,
         between: tuple[float, float] = (0.1e6, 10e6),
-        density: float = 850.0,
-        velocity: tuple[Any, Any] = (0.0, 0.0),
-        latlon: bool = True,
-        earth_radius: float = EARTH_RADIUS_A68,
+        **options: Unpack[FieldOptions],
     ) -> Iceberg:
         """Return a field of ``n`` bergs of one element each, at random places that do not overlap.
 
@@ -410,8 +407,8 @@ class Iceberg(BondedBerg):
             Least distance between bergs, m.
         between : tuple of float
             Least and largest area of the power law, m2.
-        density, velocity, latlon, earth_radius
-            As for `from_points`.
+        **options
+            density, velocity, latlon, earth_radius: as for `from_points`.
 
         Examples
         --------
@@ -424,12 +421,12 @@ class Iceberg(BondedBerg):
         random = np.random.default_rng(seed)
         plan = fields.areas(n, sizes, random, between)
         heights = fields.thickness_of(plan) if thickness is None else thickness
+        material, _ = sorted_options(options, FieldOptions, heights)
         # Squares of any turn keep clear of each other where their corners do.
-        metric = Metric(latlon, earth_radius, 360.0 if latlon else 0.0)
+        metric = Metric(material.latlon, material.earth_radius, 360.0 if material.latlon else 0.0)
         x, y = fields.places(np.sqrt(0.5 * plan), area, gap, metric, random)
         berg = cls.from_points(
-            x, y, thickness=heights, radius=0.5 * np.sqrt(plan), density=density, velocity=velocity, latlon=latlon,
-            earth_radius=earth_radius, pieces=np.arange(n),
+            x, y, thickness=heights, radius=0.5 * np.sqrt(plan), pieces=np.arange(n), **options
         )  # fmt: skip
         made = {"source": f"field of {n} bergs", "sizes": sizes if isinstance(sizes, str) else "given", "seed": seed}
         return replace(berg, report=made, bergs=tuple((f"{k + 1}", 1) for k in range(n)))

@@ -19,19 +19,19 @@ B = TypeVar("B", bound=BondedBerg)
 
 def join(bergs: Sequence[B], names: Sequence[str] | None = None) -> B:
     """Return several bergs as one start of a run; see `riftberg.bergs.iceberg.Iceberg.join`."""
-    given = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
-    if not given or not all(isinstance(berg, BondedBerg) for berg in given):
+    parts = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
+    if not parts or not all(isinstance(berg, BondedBerg) for berg in parts):
         raise BergError("no list of bergs", where="Iceberg.join", remedy="Give a list of one Iceberg or more")
-    _check_alike(given)
-    named = _named(given, names)
-    first = given[0]
+    _check_alike(parts)
+    named = _named(parts, names)
+    first = parts[0]
     whole = replace(
         first,
-        elements=_joined_elements(given),
-        bonds=_joined_bonds(given),
+        elements=_joined_elements(parts),
+        bonds=_joined_bonds(parts),
         # Elements know their sides; the packing of the whole says how many bonds one may have.
-        packing="hexagonal" if any(berg.packing == "hexagonal" for berg in given) else "square",
-        radius=float(np.average([berg.radius for berg in given], weights=[berg.elements.size for berg in given])),
+        packing="hexagonal" if any(berg.packing == "hexagonal" for berg in parts) else "square",
+        radius=float(np.average([berg.radius for berg in parts], weights=[berg.elements.size for berg in parts])),
         report={"source": f"{len(named)} bergs: {_listed([name for name, _ in named])}"},
         bergs=tuple(named),
     )
@@ -57,17 +57,17 @@ def _named(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tup
     """Return name and number of elements of each berg; those without a name are called ``berg 1`` and so on."""
     if names is not None and len(names) != len(bergs):
         raise BergError(f"{len(names)} names for {len(bergs)} bergs", where="Iceberg.join", remedy="Give one name each")
-    found: list[tuple[str, int]] = []
+    counts: list[tuple[str, int]] = []
     for number, berg in enumerate(bergs):
         own = berg.bergs if names is None else ((names[number], berg.elements.size),)
-        found += own or ((f"berg {number + 1}", berg.elements.size),)
-    for name, _ in found:
+        counts += own or ((f"berg {number + 1}", berg.elements.size),)
+    for name, _ in counts:
         check_name(name)
-    taken = [name for name, _ in found]
+    taken = [name for name, _ in counts]
     twice = next((name for name in taken if taken.count(name) > 1), None) if len(set(taken)) < len(taken) else None
     if twice is not None:
         raise BergError(f"two bergs are called {twice!r}", where="Iceberg.join", remedy="Give each its own name")
-    return found
+    return counts
 
 
 def _joined_elements(bergs: Sequence[BondedBerg]) -> Any:

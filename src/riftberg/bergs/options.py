@@ -13,12 +13,12 @@ import numpy as np
 
 from riftberg.bergs.keys import MOST, BergKeys
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.errors import BergError, nearest
+from riftberg.errors import BergError
 from riftberg.input_files import value_shown
 from riftberg.parameters import Earth, Ice, Packing
 from riftberg.sections import beyond
 from riftberg.units import looks_like_quantity
-from riftberg.values import check_degrees, check_place, given, native, number, numbers
+from riftberg.values import check_degrees, check_names, check_place, given, native, number, numbers
 
 
 class Material(NamedTuple):
@@ -129,6 +129,15 @@ class PointOptions(TypedDict, total=False):
     pieces: Any
 
 
+class FieldOptions(TypedDict, total=False):
+    """What `Iceberg.field` takes beside what makes a field."""
+
+    density: float
+    velocity: tuple[Any, Any]
+    latlon: bool
+    earth_radius: float
+
+
 def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tuple[Material, Placing]:
     """Return options of a kind as material and layout.
 
@@ -148,10 +157,7 @@ def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tu
     BergError
         If one is no such value, in the words that an experiment file gets.
     """
-    known = kind.__annotations__
-    for name in options:
-        if name not in known:
-            raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")
+    check_names(options, kind)
     plain = {name: option(name, value, bool(options.get("latlon", True))) for name, value in options.items()}
     material = {name: value for name, value in plain.items() if name in Material._fields}
     layout = {name: value for name, value in plain.items() if name in Placing._fields}

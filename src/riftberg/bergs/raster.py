@@ -95,7 +95,7 @@ def projection(crs: str) -> Any:
     return needed("pyproj", "projected grids need it", "geotiff").Transformer.from_crs("EPSG:4326", crs, always_xy=True)
 
 
-def joined(raster: Raster, there: Booleans) -> Raster:
+def unbroken(raster: Raster, there: Booleans) -> Raster:
     """Return a raster whose longitudes begin in the widest gap of the marked cells, so that no seam cuts these.
 
     Parameters

@@ -11,7 +11,7 @@ import shapely
 
 from riftberg.bergs.lattice import Booleans, Region
 from riftberg.bergs.placement import FillingPlane
-from riftberg.bergs.raster import Raster, joined, unprojected
+from riftberg.bergs.raster import Raster, unbroken, unprojected
 from riftberg.bergs.rifts import pieces as connected
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
@@ -74,7 +74,7 @@ class IceMask:
             fraction, level = replace(mask, values=values), threshold
         else:
             fraction, level = replace(mask, values=there.astype(np.float64)), 0.5
-        return cls(joined(fraction, there) if mask.crs is None else unprojected(fraction, there), level)
+        return cls(unbroken(fraction, there) if mask.crs is None else unprojected(fraction, there), level)
 
     @property
     def there(self) -> Booleans:

@@ -28,7 +28,7 @@ def describe(berg: BondedBerg) -> str:
     )
     place = f"{lon:.4f} E, {lat:.4f} N" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
     lines.append(f"  centroid: {place}")
-    long_axis, short_axis, azimuth = axes(berg)
+    long_axis, short_axis, azimuth = principal_axes(berg)
     lines.append(
         f"  extents: {long_axis / 1e3:.4g} km x {short_axis / 1e3:.4g} km, long axis {azimuth:.0f} degrees from north"
     )
@@ -99,7 +99,7 @@ def _range(values: Floats) -> str:
     return f"{low:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
 
 
-def axes(berg: BondedBerg) -> tuple[float, float, float]:
+def principal_axes(berg: BondedBerg) -> tuple[float, float, float]:
     """Return the extents (m) along and across the principal axis, and the axis' azimuth (degrees, 0 to 180)."""
     e = berg.elements
     lon, lat = berg.centroid

@@ -38,19 +38,14 @@ def _main(
     """Take the options that stand before the command."""
 
 
-app.command("run")(verbose(run.run))
-app.command("sweep")(verbose(sweep.sweep))
-app.command("experiments")(verbose(run.experiments))
-app.command("kid")(verbose(kid.kid))
-app.command("bench")(verbose(bench.bench))
-app.command("plot")(verbose(plot.plot))
-app.command("animate")(verbose(animate.animate))
-app.command("replay")(verbose(replay.replay))
-app.command("score")(verbose(score.score))
-app.command("compare")(verbose(compare.compare))
-app.command("why")(verbose(why.why))
-app.command("doctor")(verbose(doctor.doctor))
-app.command("fetch")(verbose(fetch.fetch))
+COMMANDS = (
+    run.run, sweep.sweep, run.experiments, kid.kid, bench.bench, plot.plot, animate.animate, replay.replay, score.score,
+    compare.compare, why.why, doctor.doctor, fetch.fetch,
+)  # fmt: skip
+"""The commands, called as these functions are, in the order of the help."""
+
+for command in COMMANDS:
+    app.command(command.__name__)(verbose(command))
 
 if __name__ == "__main__":
     app()

@@ -403,13 +403,13 @@ class Session:
 
         rows = self.track.rows if self.track else ()
         summary = summarize(self.model, experiment=self.info.name, track=rows, stopwatch=self.stopwatch)
-        told = self._own_story(summary)
+        story = self._own_story(summary)
         write_summary(summary, self.folder / "summary.json")
         files = ["run.nc", "summary.json"]
         if draw:
             self._draw()
             files.append("map.png")
-        for line in short_summary(summary, told):
+        for line in short_summary(summary, story):
             typer.echo(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 

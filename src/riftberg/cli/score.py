@@ -60,7 +60,7 @@ def score(
     from riftberg.diagnostics.observed import read_observed
     from riftberg.diagnostics.score import score_run
     from riftberg.runs.run_file import open_run
-    from riftberg.viz.plots import heading
+    from riftberg.viz.plots import figure_title
 
     within(hour, "--hour", 0.0, 24.0)
     check_picture_format(picture)
@@ -70,7 +70,7 @@ def score(
         result = score_run(
             dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
         )
-        title = heading(dataset, f"run against {observed.name}")
+        title = figure_title(dataset, f"run against {observed.name}")
         if as_json:
             typer.echo(json.dumps(result.as_dict(), indent=1))
         else:

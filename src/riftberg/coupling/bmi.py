@@ -93,9 +93,9 @@ class BmiRiftberg(Bmi):
 
     def update(self) -> None:
         """Take one step."""
-        given = self.exchange.step({name: self._values[name] for name in self.get_input_var_names()})
+        fields = self.exchange.step({name: self._values[name] for name in self.get_input_var_names()})
         for name, quantity in GIVEN.items():
-            self._values[name][:] = given[quantity.short].values
+            self._values[name][:] = fields[quantity.short].values
 
     def update_until(self, time: float) -> None:
         """Step until a time (s); it must be reached by whole steps."""

@@ -32,7 +32,7 @@ FITS: Final = 1e-9
 """How closely the steps of ocean and bergs must fit, as part of a step."""
 
 
-class Balance(NamedTuple):
+class ExchangeBalance(NamedTuple):
     """The ledger of an exchange since its start.
 
     Attributes
@@ -156,11 +156,13 @@ class Exchange:
             ice, heat = ice + stored, heat + warmth - LATENT_HEAT * stored
         return ice, heat
 
-    def balance(self) -> Balance:
+    def balance(self) -> ExchangeBalance:
         """Return the ledger since the start."""
         now = self.stocks()
         came, went, heat_came, heat_went = self._totals.tolist()
-        return Balance(float(self._start[0]), now[0], came, went, float(self._start[1]), now[1], heat_came, heat_went)
+        return ExchangeBalance(
+            float(self._start[0]), now[0], came, went, float(self._start[1]), now[1], heat_came, heat_went
+        )
 
     # ----------------------------------------------------------------------------------------------------------- step
 
@@ -406,8 +408,8 @@ def ocean_grid(
         See `riftberg.ocean.grid.Grid.from_corners`.
     """
     turn = (360.0 if latlon else 0.0) if period is None else period
-    given = None if mask is None else np.asarray(mask, dtype=float)
-    grid = Grid.from_corners(lon, lat, latlon=latlon, period=turn, mask=given, includes_southwest=True, **options)
+    sea = None if mask is None else np.asarray(mask, dtype=float)
+    grid = Grid.from_corners(lon, lat, latlon=latlon, period=turn, mask=sea, includes_southwest=True, **options)
     if area is not None:
         areas = np.asarray(area, dtype=float)
         if areas.shape != (grid.arrays.nj, grid.arrays.ni) or not (np.isfinite(areas).all() and (areas > 0.0).all()):

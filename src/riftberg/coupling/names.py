@@ -13,7 +13,7 @@ from riftberg.state import Floats
 from riftberg.units import parse_unit
 
 
-class Quantity(NamedTuple):
+class Exchanged(NamedTuple):
     """What is exchanged.
 
     Attributes
@@ -41,57 +41,61 @@ class Quantity(NamedTuple):
     standard: bool = True
 
 
-TAKEN: Final[dict[str, Quantity]] = {
-    "eastward_sea_water_velocity": Quantity(
+TAKEN: Final[dict[str, Exchanged]] = {
+    "eastward_sea_water_velocity": Exchanged(
         "uo", "m s-1", "current at the surface, along the rows of the grid", -20, 20
     ),
-    "northward_sea_water_velocity": Quantity("vo", "m s-1", "current at the surface, across the rows", -20, 20),
-    "eastward_sea_ice_velocity": Quantity("ui", "m s-1", "sea-ice velocity along the rows", -20, 20),
-    "northward_sea_ice_velocity": Quantity("vi", "m s-1", "sea-ice velocity across the rows", -20, 20),
-    "eastward_wind": Quantity("ua", "m s-1", "wind along the rows", -150, 150),
-    "northward_wind": Quantity("va", "m s-1", "wind across the rows", -150, 150),
-    "surface_downward_eastward_stress": Quantity(
+    "northward_sea_water_velocity": Exchanged("vo", "m s-1", "current at the surface, across the rows", -20, 20),
+    "eastward_sea_ice_velocity": Exchanged("ui", "m s-1", "sea-ice velocity along the rows", -20, 20),
+    "northward_sea_ice_velocity": Exchanged("vi", "m s-1", "sea-ice velocity across the rows", -20, 20),
+    "eastward_wind": Exchanged("ua", "m s-1", "wind along the rows", -150, 150),
+    "northward_wind": Exchanged("va", "m s-1", "wind across the rows", -150, 150),
+    "surface_downward_eastward_stress": Exchanged(
         "taux", "Pa", "stress of the wind along the rows, in place of it", -20, 20
     ),
-    "surface_downward_northward_stress": Quantity("tauy", "Pa", "stress of the wind across the rows", -20, 20),
-    "sea_surface_height_above_geoid": Quantity("ssh", "m", "sea level", -100, 100),
-    "sea_surface_temperature": Quantity("sst", "degree_Celsius", "temperature of the water", -5, 60),
-    "sea_surface_salinity": Quantity("sss", "1e-3", "salinity of the water", 0, 60),
-    "sea_ice_area_fraction": Quantity("ice_fraction", "1", "part of the sea that sea ice covers", 0, 1),
-    "sea_ice_thickness": Quantity("ice_thickness", "m", "thickness of sea ice", 0, 100),
-    "sea_floor_depth_below_geoid": Quantity("depth", "m", "depth of the sea floor", 0, 2e4),
-    "land_ice_specific_mass_flux_due_to_calving": Quantity("calving", "kg m-2 s-1", "ice that leaves the land", 0, 1e3),
-    "heat_flux_of_calved_ice": Quantity(
+    "surface_downward_northward_stress": Exchanged("tauy", "Pa", "stress of the wind across the rows", -20, 20),
+    "sea_surface_height_above_geoid": Exchanged("ssh", "m", "sea level", -100, 100),
+    "sea_surface_temperature": Exchanged("sst", "degree_Celsius", "temperature of the water", -5, 60),
+    "sea_surface_salinity": Exchanged("sss", "1e-3", "salinity of the water", 0, 60),
+    "sea_ice_area_fraction": Exchanged("ice_fraction", "1", "part of the sea that sea ice covers", 0, 1),
+    "sea_ice_thickness": Exchanged("ice_thickness", "m", "thickness of sea ice", 0, 100),
+    "sea_floor_depth_below_geoid": Exchanged("depth", "m", "depth of the sea floor", 0, 2e4),
+    "land_ice_specific_mass_flux_due_to_calving": Exchanged(
+        "calving", "kg m-2 s-1", "ice that leaves the land", 0, 1e3
+    ),
+    "heat_flux_of_calved_ice": Exchanged(
         "calving_heat", "W m-2", "heat that this ice brings, from ice at its melting point", -1e9, 1e9, standard=False
     ),
 }
 """What the ocean hands over in a step, by name."""
 
-GIVEN: Final[dict[str, Quantity]] = {
-    "water_flux_into_sea_water_from_icebergs": Quantity("melt", "kg m-2 s-1", "melt water of bergs", short="ficeberg"),
-    "heat_flux_into_sea_water_due_to_iceberg_thermodynamics": Quantity(
+GIVEN: Final[dict[str, Exchanged]] = {
+    "water_flux_into_sea_water_from_icebergs": Exchanged("melt", "kg m-2 s-1", "melt water of bergs", short="ficeberg"),
+    "heat_flux_into_sea_water_due_to_iceberg_thermodynamics": Exchanged(
         "heat", "W m-2", "heat that melting brings to the sea; negative", short="hfibthermds2d"
     ),
-    "water_flux_into_sea_water_from_land_ice": Quantity(
+    "water_flux_into_sea_water_from_land_ice": Exchanged(
         "left", "kg m-2 s-1", "land ice that became no berg", short="flandice"
     ),
-    "heat_flux_into_sea_water_due_to_land_ice": Quantity(
+    "heat_flux_into_sea_water_due_to_land_ice": Exchanged(
         "left_heat", "W m-2", "heat that this ice brings to the sea; negative", short="hflandice", standard=False
     ),
-    "iceberg_mass_on_sea_water": Quantity(
+    "iceberg_mass_on_sea_water": Exchanged(
         "mass", "kg m-2", "mass of bergs that the water bears", short="ibmass", standard=False
     ),
-    "grounded_iceberg_mass": Quantity(
+    "grounded_iceberg_mass": Exchanged(
         "grounded", "kg m-2", "mass of bergs that the sea floor bears", short="ibmassgrd", standard=False
     ),
-    "iceberg_area_fraction": Quantity("area", "1", "part of the cell that bergs cover", short="ibarea", standard=False),
-    "iceberg_friction_velocity": Quantity(
+    "iceberg_area_fraction": Exchanged(
+        "area", "1", "part of the cell that bergs cover", short="ibarea", standard=False
+    ),
+    "iceberg_friction_velocity": Exchanged(
         "ustar", "m s-1", "friction velocity of the water under bergs", short="ibustar", standard=False
     ),
-    "downward_eastward_stress_from_icebergs": Quantity(
+    "downward_eastward_stress_from_icebergs": Exchanged(
         "stress_x", "Pa", "drag of bergs on the water, along the rows", short="ibtaux", standard=False
     ),
-    "downward_northward_stress_from_icebergs": Quantity(
+    "downward_northward_stress_from_icebergs": Exchanged(
         "stress_y", "Pa", "drag of bergs on the water, across the rows", short="ibtauy", standard=False
     ),
 }
@@ -178,7 +182,7 @@ def _split(value: Any, units: str) -> tuple[Floats, str]:
     return np.asarray(value, dtype=float), str(stated)
 
 
-def _check_limits(values: Floats, mask: Floats, name: str, q: Quantity) -> None:
+def _check_limits(values: Floats, mask: Floats, name: str, q: Exchanged) -> None:
     wet: NDArray[np.bool_] = mask >= 0.5 if values.shape == mask.shape else np.ones(values.shape, bool)
     with np.errstate(invalid="ignore"):
         bad = wet & ~((values >= q.low) & (values <= q.high))

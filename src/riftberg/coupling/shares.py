@@ -53,7 +53,7 @@ class Shares:
         return Shares(first, self.cells[where], self.shares[where], self.grid)
 
 
-def axes(elements: Elements, bonds: Bonds, p: Parameters) -> Floats:
+def element_axes(elements: Elements, bonds: Bonds, p: Parameters) -> Floats:
     """Return the axis of each element, rad from east: of its lattice where it has bonds, else what it has turned by."""
     earth = p.earth
     unbroken = np.flatnonzero(bonds.status == 0)
@@ -87,7 +87,7 @@ def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Sh
     """
     g, place, body = grid.arrays, elements.place, elements.body
     shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
-    angle = axes(elements, bonds, p)
+    angle = element_axes(elements, bonds, p)
     room = 2 * elements.size + 64
     while True:
         first = np.zeros(elements.size + 1, np.int64)

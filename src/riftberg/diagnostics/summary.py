@@ -123,7 +123,7 @@ def summarize(
         "bonds_broken": bonds_broken(model),
         "fragments": len(areas),
         "breakups": breakups(model),
-        "bergs": bergs(model),
+        "bergs": berg_entries(model),
         "collisions": collisions(model),
         "track": track_table(track),
         "largest_km2": areas[0] if areas else 0.0,
@@ -174,7 +174,7 @@ def breakups(model: BareModel) -> list[dict[str, Any]]:
     return [_breakup(model.start, row, names) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
 
 
-def bergs(model: BareModel) -> list[dict[str, Any]]:
+def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
     rows = {int(row["number"]): row for row in fragment_rows(model)}
     e = model.elements

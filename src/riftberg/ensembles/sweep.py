@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
 
 import xarray as xr
 
@@ -24,7 +24,7 @@ from riftberg.input_files import check_file, is_folder, reading, value_shown
 from riftberg.interrupts import Hold, held
 from riftberg.limits import large_allowed
 from riftberg.runs.progress import SweepBar
-from riftberg.values import number
+from riftberg.values import check_names, number
 from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
@@ -39,22 +39,51 @@ MEMBERS: Final = "members"
 """Folder of what is done."""
 
 
+class WorkerOptions(TypedDict, total=False):
+    """Where the members of a sweep run.
+
+    Attributes
+    ----------
+    scheduler : str or distributed.Client
+        Address of a dask scheduler, or a client; by default a cluster of this machine is started.
+    workers : int
+        Processes of that cluster, one for each core by default; 0 runs one member after the other in this process.
+    save_seconds : float
+        Wall time between two saved states of a member, s; 60 by default.
+    """
+
+    scheduler: Any
+    workers: int | None
+    save_seconds: float
+
+
+class SweepOptions(WorkerOptions, total=False):
+    """What `sweep` takes beside its own arguments: where the members run, and what is the same for all of them.
+
+    Attributes
+    ----------
+    changes : mapping
+        Parameters by group and name.
+    without, data, numerics
+        As for ``riftberg run``.
+    """
+
+    changes: Mapping[str, Mapping[str, Any]] | None
+    without: Iterable[str]
+    data: str | Path | None
+    numerics: Literal["own", "reference"] | None
+
+
 def sweep(
     experiment: str | Path | Maker,
     vary: Mapping[str, Any] | Iterable[str],
     *,
     days: float | str | None = None,
-    changes: Mapping[str, Mapping[str, Any]] | None = None,
-    without: Iterable[str] = (),
-    data: str | Path | None = None,
-    numerics: Literal["own", "reference"] | None = None,
     every_hours: float | str = 6.0,
     output: str | Path | None = None,
     resume: bool = False,
-    scheduler: Any = None,
-    workers: int | None = None,
     progress: bool = False,
-    save_seconds: float = 60.0,
+    **options: Unpack[SweepOptions],
 ) -> xr.Dataset:
     """Run an experiment for every combination of the values of some parameters, on many cores or machines.
 
@@ -67,10 +96,6 @@ def sweep(
         ``"14, 18, 24 kPa"``. The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
-    changes : mapping, optional
-        Parameters by group and name that are the same for all members.
-    without, data, numerics
-        As for ``riftberg run``.
     every_hours : float or str
         Interval of the tracks.
     output : path, optional
@@ -78,14 +103,11 @@ def sweep(
         must reach it to save states there.
     resume : bool
         Go on with the sweep in ``output``: members that are done stay, those that failed are tried again.
-    scheduler : str or distributed.Client, optional
-        Address of a dask scheduler, or a client; by default a cluster of this machine is started.
-    workers : int, optional
-        Processes of that cluster, one for each core by default; 0 runs one member after the other in this process.
     progress : bool, optional
         Show how many members are done.
-    save_seconds : float
-        Wall time between two saved states of a member, s.
+    **options
+        What is the same for all members (changes, without, data, numerics), and where they run (scheduler, workers,
+        save_seconds): `SweepOptions`.
 
     Returns
     -------
@@ -110,15 +132,23 @@ def sweep(
     >>> result.sizes["member"], result["status"].values.tolist()
     (2, [0, 0])
     """
-    options = Options(
-        changes=dict(changes or {}), days=None if days is None else number(days, "day", where="days"),
-        data=None if data is None else Path(data), without=frozenset(without), numerics=numerics,
-    )  # fmt: skip
-    plan = planned(experiment, vary, options, number(every_hours, "h", where="every_hours"))
+    check_names(options, SweepOptions)
+    plan = planned(experiment, vary, _common(days, options), number(every_hours, "h", where="every_hours"))
+    where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)
         bar = SweepBar(len(plan.members)) if progress else None
-        return run_sweep(store, scheduler=scheduler, workers=workers, save_seconds=save_seconds, bar=bar)
+        return run_sweep(store, bar=bar, **where)
+
+
+def _common(days: float | str | None, options: SweepOptions) -> Options:
+    """Return what is the same for all members."""
+    data = options.get("data")
+    return Options(
+        changes=dict(options.get("changes") or {}), days=None if days is None else number(days, "day", where="days"),
+        data=None if data is None else Path(data), without=frozenset(options.get("without", ())),
+        numerics=options.get("numerics"),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -233,10 +263,10 @@ def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
     """Refuse to vary what the experiment sets itself, such as the packing of its berg."""
     for group, inner in grouped(values).items():
         for key, value in inner.items():
-            found = getattr(getattr(model.parameters, group), key)
-            if found != value and value:  # 0 and none mean: find it
+            taken = getattr(getattr(model.parameters, group), key)
+            if taken != value and value:  # 0 and none mean: find it
                 raise InputError(
-                    f"{named} keeps {group}.{key} = {value_shown(found)} whatever is given", where=f"--vary {group}.{key}",
+                    f"{named} keeps {group}.{key} = {value_shown(taken)} whatever is given", where=f"--vary {group}.{key}",
                     remedy="Vary another parameter, or give a function that makes the models",
                 )  # fmt: skip
 
@@ -288,15 +318,15 @@ class Store:
 
     def _read(self) -> dict[int, Outcome]:
         """Return the members that are done; what cannot be read is done again."""
-        found = {}
+        outcomes = {}
         for path in sorted(self.members.glob("*.json")):
             try:
                 outcome = Outcome(**json.loads(path.read_text("utf-8")))
             except (ValueError, TypeError, OSError):
                 continue
             if outcome.status == "done" and 0 <= outcome.number < len(self.plan.members):
-                found[outcome.number] = outcome
-        return found
+                outcomes[outcome.number] = outcome
+        return outcomes
 
     def keep(self, outcome: Outcome) -> None:
         """Keep what a member came to."""
@@ -343,7 +373,7 @@ def run_sweep(
     ----------
     store : Store
     scheduler, workers, save_seconds
-        As for `sweep`.
+        See `WorkerOptions`.
     bar : SweepBar, optional
         Shows how many members are done.
     """

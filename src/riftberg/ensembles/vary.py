@@ -66,15 +66,15 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
         Naming the entry, and what would be right.
     """
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
-    found: list[Varied] = []
+    varied: list[Varied] = []
     for name, values in pairs:
         where = f"--vary {name}={values}" if isinstance(values, str) else f"vary, {name}"
-        if any(other.name == name for other in found):
+        if any(other.name == name for other in varied):
             raise InputError(f"{name} is varied twice", where=where, remedy="Name each parameter once")
-        found.append(_free(name, values, where) if free else _of_parameter(name, values, where))
-    if not found:
+        varied.append(_free(name, values, where) if free else _of_parameter(name, values, where))
+    if not varied:
         raise InputError("nothing is varied", where="--vary", remedy=EXAMPLE)
-    return tuple(found)
+    return tuple(varied)
 
 
 def _texts(vary: Any) -> list[str]:
@@ -121,11 +121,11 @@ def _listed(values: Any, where: str) -> list[Any]:
 
 def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
     """Read a range ``LOW..HIGH:COUNT`` or a list with commas; a unit at the end is that of all."""
-    found = _RANGE.match(text)
-    if found is None:
+    bounds = _RANGE.match(text)
+    if bounds is None:
         parts = [part.strip() for part in text.split(",")]
         return _with_unit_of_last(parts)
-    low, high, count = found.groups()
+    low, high, count = bounds.groups()
     low, high = _with_unit_of_last([low.strip(), high.strip()])
     if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
         said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"

@@ -75,8 +75,8 @@ def sum_of(forcing: FormulaForcing, *, latlon: bool, latitude: float | None) -> 
     """
     parts = []
     for name, kind in _CLASSES.items():
-        given = getattr(forcing, name)
-        for section in given if isinstance(given, list) else [given] if given is not None else []:
+        value = getattr(forcing, name)
+        for section in value if isinstance(value, list) else [value] if value is not None else []:
             values: dict[str, Any] = {k: v for k, v in section.model_dump().items() if v is not None}
             parts.append(kind(**values, latlon=latlon, latitude=latitude))
     return formulas.Sum(parts)

@@ -10,7 +10,7 @@ import numpy as np
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.options import Info, Options
-from riftberg.ocean.analytic import Seamount
+from riftberg.ocean.analytic import SeamountFlow
 from riftberg.parameters import Parameters
 from riftberg.state import Floats
 
@@ -76,6 +76,6 @@ def build(options: Options) -> tuple[Model, Info]:
     if options.numerics == "reference":
         parameters = reference_numerics(PARAMETERS.changed(stepping={"substeps": 200}))
         parameters = parameters.changed(stepping={"skip_first_long_force": False})
-    forcing = Seamount(current=CURRENT, centre=(63e3, 60e3), height=950.0, width=5e3, depth=1000.0)
+    forcing = SeamountFlow(current=CURRENT, centre=(63e3, 60e3), height=950.0, width=5e3, depth=1000.0)
     model = Model(berg(), forcing, options.apply(parameters))
     return model, Info("grounding-fracture", "A berg runs aground and breaks", days=3.0, output_every_hours=1.0)

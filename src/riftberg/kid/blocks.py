@@ -68,8 +68,8 @@ class BlockWriter:
         dataset.createDimension("i", None)
         for item in self.columns:
             variable = dataset.createVariable(item.name, item.dtype, ("i",), chunksizes=(CHUNK,))
-            told = {"long_name": item.long_name, "units": item.units}
-            variable.setncatts({name: text for name, text in told.items() if text})
+            attributes = {"long_name": item.long_name, "units": item.units}
+            variable.setncatts({name: text for name, text in attributes.items() if text})
 
     def append(self, records: dict[str, NDArray[Any]]) -> None:
         """Add records; all arrays have one length. They reach the disk with the block."""

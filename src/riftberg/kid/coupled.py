@@ -25,7 +25,7 @@ from riftberg.kid.driver import MOST_CELLS, Clock
 from riftberg.kid.identifiers import CALVING_FILE
 from riftberg.kid.life import attach_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
-from riftberg.kid.parameters import time_step, to_parameters, zonal_period
+from riftberg.kid.parameters import namelist_period, time_step, to_parameters
 from riftberg.kid.restart import read_restart
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.limits import MOST_STEPS, refuse_large
@@ -86,7 +86,7 @@ def coupled_grid(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     if driver.number("land") > 0.0:
         mask[_cells(LAND)] = 0.0
     x, y = np.meshgrid(spacing * np.arange(1, ni + 1), driver.number("lat0") + spacing * np.arange(1, nj + 1))
-    period = zonal_period(icebergs)
+    period = namelist_period(icebergs)
     grid = Grid.from_corners(x, y, latlon=False, regular=True, period=max(period, 0.0), mask=mask)
     grid.arrays.dx[:], grid.arrays.dy[:], grid.arrays.area[:] = spacing, spacing, spacing**2
     grid.arrays = grid.arrays._replace(regular=icebergs.flag("grid_is_regular"))

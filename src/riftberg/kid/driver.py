@@ -16,7 +16,7 @@ from riftberg.errors import NamelistError
 from riftberg.kid.a68 import a68_grid, a68_records
 from riftberg.kid.calendar import LATE_START, Date, date_after
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
-from riftberg.kid.parameters import time_step, zonal_period
+from riftberg.kid.parameters import namelist_period, time_step
 from riftberg.limits import MOST_STEPS, refuse_large
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
@@ -110,7 +110,7 @@ def build_grid(namelist: KidNamelist, case: Path) -> Grid:
             f"Set grid_is_latlon = {'.true.' if a68 else '.false.'}",
         )
     if a68:
-        return a68_grid(driver, case, zonal_period(icebergs))
+        return a68_grid(driver, case, namelist_period(icebergs))
     return _cartesian(driver, icebergs)
 
 
@@ -125,7 +125,7 @@ def _cartesian(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
         ni * nj, MOST_CELLS, "grid cells", size=1000.0, where=driver.where, remedy="Give smaller ni and nj",
         kind=NamelistError,
     )  # fmt: skip
-    period = zonal_period(icebergs)
+    period = namelist_period(icebergs)
     if period > 0 and not math.isclose(period, ni * spacing, rel_tol=1e-12):
         raise icebergs.error(
             f"Lx = {period} m, but the driver's grid spans ni x gridres = {ni * spacing} m",

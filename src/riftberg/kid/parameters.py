@@ -82,7 +82,7 @@ def contact_stiffness(group: NamelistGroup) -> float:
     return stated if stated > 0 else group.number("spring_coef")
 
 
-def zonal_period(group: NamelistGroup) -> float:
+def namelist_period(group: NamelistGroup) -> float:
     """Return the zonal period; the default of 360 means none on a Cartesian grid."""
     stated = group.number("Lx")
     return -1.0 if stated == 360.0 and not group.flag("grid_is_latlon") else stated
@@ -252,7 +252,7 @@ def _earth(group: NamelistGroup) -> dict[str, Any]:
     return {
         "latlon": group.flag("grid_is_latlon"),
         "radius": group.number("Rearth"),
-        "period": zonal_period(group),
+        "period": namelist_period(group),
         "f_plane": group.flag("use_f_plane"),
         "reference_latitude": group.number("lat_ref"),
     }

@@ -69,20 +69,20 @@ def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -
     body, life = elements.body, elements.life
     result = melted(elements, values)
     place = Place(*(getattr(elements, name).copy() for name in Place._fields))
-    told = MeltStep(
+    step = MeltStep(
         body.id.copy(), place, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),
         elements.motion.u.copy(), elements.motion.v.copy(), result, np.zeros(body.id.size, bool),
     )  # fmt: skip
     life.fl_k[:] = result.foot
     if values.keep_shape:
-        return told
+        return step
     _store(elements, result)
     empty = result.mass <= 0.0
     replaced = empty & (result.fl_bits > 0.0)
     if replaced.any():
         _let_bits_replace(elements, result, replaced, values.rho_ice, born)
-    told.gone[:] = empty & ~replaced
-    return told
+    step.gone[:] = empty & ~replaced
+    return step
 
 
 def _store(elements: Elements, result: Melted) -> None:

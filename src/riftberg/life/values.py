@@ -6,7 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from riftberg.parameters import Parameters
-from riftberg.physics.basal_melt import Exchange
+from riftberg.physics.basal_melt import ExchangeValues
 from riftberg.physics.rolling import LEGACY, UPDATED, WEEKS_MELLOR
 
 EXPOSED, BERG, SHELF, MIXED = range(4)
@@ -23,7 +23,7 @@ class LifeValues(NamedTuple):
     dt: float
     mode: int
     turbulent: bool
-    exchange: Exchange
+    exchange: ExchangeValues
     temperature: float
     salinity: float
     salinity_from_ocean: bool
@@ -53,7 +53,7 @@ class LifeValues(NamedTuple):
 def life_values(p: Parameters) -> LifeValues:
     """Flatten the groups ``melt``, ``rolling`` and ``footloose`` and what else they need."""
     melt, quirks = p.melt, p.compatibility
-    exchange = Exchange(
+    exchange = ExchangeValues(
         three_equation=melt.base == "three_equation",
         const_gamma=melt.const_gamma,
         gamma_t=melt.gamma_t,

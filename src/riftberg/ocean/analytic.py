@@ -223,7 +223,7 @@ class Convergence(Steady):
         return f"current {self.current} m/s that converges on y = {self.line:g} m at {self.speed:g} m/s"
 
 
-class Seamount(Steady):
+class SeamountFlow(Steady):
     """A uniform current over a Gaussian seamount (equations 10.4).
 
     Parameters

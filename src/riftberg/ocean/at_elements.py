@@ -32,7 +32,7 @@ SURFACE: Final = np.array([0.0, 1.0])
 """Limits (m) of the only layer of a field without levels."""
 
 
-class Moment(NamedTuple):
+class Blend(NamedTuple):
     """A field at one time, between two records.
 
     Attributes
@@ -110,7 +110,7 @@ def in_time(before: float, after: float, weight: float, absent: float) -> float:
 
 
 @kernel
-def _point_at(moment: Moment, draft: float, j: int, i: int) -> float:
+def _point_at(moment: Blend, draft: float, j: int, i: int) -> float:
     """Value of a point at the time of the moment."""
     before = mean_to_draft(moment.before, moment.limits, draft, j, i)
     if moment.weight <= 0.0:
@@ -149,12 +149,12 @@ def _record_at(
 
 
 @kernel
-def fill_values(moment: Moment, places: Places, draft: Floats, columns: int, near: Ints, out: Floats) -> None:
+def fill_values(moment: Blend, places: Places, draft: Floats, columns: int, near: Ints, out: Floats) -> None:
     """Fill a field at many places; NaN where it is unknown, and outside.
 
     Parameters
     ----------
-    moment : Moment
+    moment : Blend
         The field.
     places : Places
         Where.
@@ -200,13 +200,13 @@ def _across_cell(sw: float, se: float, nw: float, ne: float, xi: float, eta: flo
 
 @kernel
 def fill_vorticity(
-    east: Moment, north: Moment, places: Places, points: Points, lon: Floats, lat: Floats, draft: Floats, out: Floats
+    east: Blend, north: Blend, places: Places, points: Points, lon: Floats, lat: Floats, draft: Floats, out: Floats
 ) -> None:
     """Fill the vorticity ``dv/dE - du/dN`` (s-1) of a current; 0 where a point around does not know it.
 
     Parameters
     ----------
-    east, north : Moment
+    east, north : Blend
         Components.
     places : Places
         Where, inside of the product.
@@ -258,7 +258,7 @@ def _faces(position: float, first: int, last: int, around: int) -> tuple[int, in
 
 @kernel
 def _change(
-    level: Moment, points: Points, j: int, i: int, j1: int, i1: int, lon: float, lat: float
+    level: Blend, points: Points, j: int, i: int, j1: int, i1: int, lon: float, lat: float
 ) -> tuple[float, float, float]:
     """Change of the field, and of the position to the east and north (rad), from one point to the next."""
     e0, n0 = beside(points.lon[j, i], points.lat[j, i], lon, lat)
@@ -269,7 +269,7 @@ def _change(
 
 @kernel
 def fill_slopes(
-    level: Moment, places: Places, points: Points, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
+    level: Blend, places: Places, points: Points, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
 ) -> None:
     """Fill the slope of the sea surface to the east and north.
 
@@ -278,7 +278,7 @@ def fill_slopes(
 
     Parameters
     ----------
-    level : Moment
+    level : Blend
         Sea level, m.
     places, points, lon, lat
         As in `fill_vorticity`.
@@ -309,13 +309,13 @@ def fill_slopes(
 
 @kernel
 def add_shore_drift(
-    moment: Moment, places: Places, points: Points, lon: Floats, lat: Floats, speed: float, out_x: Floats, out_y: Floats
+    moment: Blend, places: Places, points: Points, lon: Floats, lat: Floats, speed: float, out_x: Floats, out_y: Floats
 ) -> None:
     """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell.
 
     Parameters
     ----------
-    moment : Moment
+    moment : Blend
         Current to the east, which is unknown on land.
     places, points, lon, lat
         As in `fill_vorticity`.

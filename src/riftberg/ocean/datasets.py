@@ -78,8 +78,8 @@ class Part(NamedTuple):
         """Name for titles: the product, or the files where nothing but their conventions is known."""
         if self.source not in NO_NAMES:
             return self.source
-        given = str(self.records.ds.attrs.get("source", "")) or self.source
-        return ", ".join(dict.fromkeys(PurePath(name).name for name in given.split(", ")))
+        source = str(self.records.ds.attrs.get("source", "")) or self.source
+        return ", ".join(dict.fromkeys(PurePath(name).name for name in source.split(", ")))
 
 
 def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:

@@ -77,9 +77,9 @@ class Formula(ShownForcing):
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
-        begin(elements)
+        clear_environment(elements)
         self.add_to(elements, time)
-        finish(elements)
+        fill_open_depth(elements)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time."""
@@ -105,7 +105,7 @@ class Formula(ShownForcing):
         return Sum(_parts_of(other) + _parts_of(self)) if _is_forcing(other) else NotImplemented
 
 
-def begin(elements: Elements) -> None:
+def clear_environment(elements: Elements) -> None:
     """Set the environment of the elements to nothing at all, for parts to add to."""
     environment = elements.environment
     for name in SUMMED:
@@ -115,7 +115,7 @@ def begin(elements: Elements) -> None:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
 
 
-def finish(elements: Elements) -> None:
+def fill_open_depth(elements: Elements) -> None:
     """Give elements under which no part has a sea floor the depth of an open ocean."""
     depth = elements.environment.depth
     depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
@@ -196,8 +196,8 @@ class Sum(Formula):
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
-        found = [part.currents(lon, lat, time) for part in self.parts]
-        return np.sum([u for u, _ in found], axis=0), np.sum([v for _, v in found], axis=0)
+        flows = [part.currents(lon, lat, time) for part in self.parts]
+        return np.sum([u for u, _ in flows], axis=0), np.sum([v for _, v in flows], axis=0)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points: that of the shallowest part."""
@@ -401,7 +401,32 @@ class Straight(Flow):
         return f"{name} through {self.point} towards {self.towards:g} degrees, {self.width / 1e3:g} km wide"
 
 
-class Jet(Straight):
+class Stream(Straight):
+    """A current in one direction whose profile scales with a speed.
+
+    Parameters
+    ----------
+    point, towards, width
+        As for `Straight`.
+    speed : float
+        m s-1.
+    """
+
+    def __init__(
+        self,
+        point: Pair,
+        towards: float,
+        speed: float,
+        width: float,
+        *,
+        latlon: bool = True,
+        latitude: float | None = None,
+    ) -> None:
+        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
+        (self.speed,) = checked(JetPart, latlon, speed=speed)
+
+
+class Jet(Stream):
     """A straight jet with the profile ``s / cosh(n / w)^2`` (Bickley).
 
     Parameters
@@ -412,26 +437,13 @@ class Jet(Straight):
         Speed in the middle, m s-1.
     """
 
-    def __init__(
-        self,
-        point: Pair,
-        towards: float,
-        speed: float,
-        width: float,
-        *,
-        latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:
-        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
-        (self.speed,) = checked(JetPart, latlon, speed=speed)
-
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
         bell = self.speed / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
         return bell, -2.0 * np.tanh(n) * bell / self.width
 
 
-class Shear(Straight):
+class Shear(Stream):
     """A shear layer: the water flows with ``s tanh(n / w)``, one way on the left of a line and the other way on its right.
 
     Parameters
@@ -441,19 +453,6 @@ class Shear(Straight):
     speed : float
         Speed far from the line, m s-1.
     """
-
-    def __init__(
-        self,
-        point: Pair,
-        towards: float,
-        speed: float,
-        width: float,
-        *,
-        latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:
-        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
-        (self.speed,) = checked(JetPart, latlon, speed=speed)
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
@@ -574,7 +573,19 @@ class Tide(Flow):
         return f"tide of {self.major:g} m/s every {self.period / 3600.0:.4g} h"
 
 
-class Seamount(Formula):
+class SeaFloor(Formula):
+    """A sea floor; of several the shallowest counts."""
+
+    def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
+        self.latlon, self.latitude = latlon, checked_latitude(latitude)
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Raise the sea floor."""
+        depth = elements.environment.depth
+        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
+
+
+class Seamount(SeaFloor):
     """A bell on the sea floor: ``depth - height exp(-r^2 / (2 w^2))``.
 
     Parameters
@@ -597,15 +608,10 @@ class Seamount(Formula):
         latlon: bool = True,
         latitude: float | None = None,
     ) -> None:
+        super().__init__(latlon=latlon, latitude=latitude)
         self.centre, self.height, self.width, self.plain = checked(
             SeamountPart, latlon, centre=centre, height=height, width=width, depth=depth
         )
-        self.latlon, self.latitude = latlon, checked_latitude(latitude)
-
-    def add_to(self, elements: Elements, time: float) -> None:
-        """Raise the sea floor."""
-        depth = elements.environment.depth
-        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
@@ -618,7 +624,7 @@ class Seamount(Formula):
         return f"seamount at {self.centre}: summit {self.plain - self.height:g} m deep, plain {self.plain:g} m"
 
 
-class Slope(Formula):
+class Slope(SeaFloor):
     """A sea floor that deepens steadily in one direction.
 
     Parameters
@@ -639,15 +645,10 @@ class Slope(Formula):
         self, point: Pair, towards: float, gradient: float, depth: float, between: Pair = (1.0, 5000.0), *,
         latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
+        super().__init__(latlon=latlon, latitude=latitude)
         self.point, self.towards, self.gradient, self.middle, self.between = checked(
             SlopePart, latlon, point=point, towards=towards, gradient=gradient, depth=depth, between=between
         )
-        self.latlon, self.latitude = latlon, checked_latitude(latitude)
-
-    def add_to(self, elements: Elements, time: float) -> None:
-        """Raise the sea floor."""
-        depth = elements.environment.depth
-        depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""

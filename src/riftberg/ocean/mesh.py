@@ -19,6 +19,7 @@ from riftberg.errors import ForcingError
 from riftberg.kernels import kernel
 from riftberg.ocean.geometry import inverse_bilinear
 from riftberg.products.axes import goes_round
+from riftberg.products.cells import goes_round_in_x, unit_vectors
 from riftberg.products.stencil import brackets
 from riftberg.state import Floats, Ints
 
@@ -186,7 +187,8 @@ class CurvilinearMesh:
     def __init__(self, lon: Floats, lat: Floats) -> None:
         known = np.isfinite(lon) & np.isfinite(lat)
         lon, lat = (np.ascontiguousarray(np.where(known, q, np.nan)) for q in (lon, lat))
-        self.points = Points(lon, lat, 0)
+        around = lon.shape[1] if goes_round_in_x(unit_vectors(lon, lat)) else 0
+        self.points = Points(lon, lat, around)
         self._known = np.flatnonzero(known)
 
     @cached_property
@@ -199,7 +201,8 @@ class CurvilinearMesh:
         row, column = np.divmod(nearest, self.points.lon.shape[1])
         xi, eta = np.empty(lon.size), np.empty(lon.size)
         find_quadrilaterals(lon, lat, self.points, row, column, xi, eta)
-        return Places(row, column, row + 1, column + 1, xi, eta)
+        following = (column + 1) % self.points.columns if self.points.columns else column + 1
+        return Places(row, column, row + 1, following, xi, eta)
 
 
 class NodeMesh:
@@ -215,14 +218,14 @@ class NodeMesh:
         from scipy.spatial import cKDTree
 
         self.points = Points(lon[None, :], lat[None, :], 0)
-        self._tree = cKDTree(_on_sphere(lon, lat))
+        self._tree = cKDTree(unit_vectors(lon, lat))
         some = np.linspace(0, lon.size - 1, min(lon.size, 500)).astype(int)
-        apart = self._tree.query(_on_sphere(lon[some], lat[some]), k=min(2, lon.size))[0]
+        apart = self._tree.query(unit_vectors(lon[some], lat[some]), k=min(2, lon.size))[0]
         self._usual = float(np.median(apart[:, -1])) if lon.size > 1 else np.inf
 
     def nearest(self, lon: Floats, lat: Floats) -> tuple[Floats, Ints]:
         """Return distance (in radii of the Earth) and number of the node nearest to each position."""
-        distance, number = self._tree.query(_on_sphere(lon, lat))
+        distance, number = self._tree.query(unit_vectors(lon, lat))
         return np.asarray(distance, np.float64), np.asarray(number, np.int64)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
@@ -241,7 +244,7 @@ class NodeMesh:
         lon, lat : array
             Positions, degrees.
         """
-        _, near = self._tree.query(_on_sphere(lon, lat), k=min(FOR_PLANE, values.size))
+        _, near = self._tree.query(unit_vectors(lon, lat), k=min(FOR_PLANE, values.size))
         turn = (self.points.lon[0][near] - lon[:, None] + 180.0) % 360.0 - 180.0
         east = EARTH_RADIUS_A68 * np.deg2rad(turn) * np.cos(np.deg2rad(lat[:, None]))
         north = EARTH_RADIUS_A68 * np.deg2rad(self.points.lat[0][near] - lat[:, None])
@@ -249,12 +252,6 @@ class NodeMesh:
         level = values[near] - values[near].mean(axis=1, keepdims=True)
         slope = np.linalg.pinv(sides) @ np.nan_to_num(level)[..., None]
         return slope[:, 0, 0], slope[:, 1, 0]
-
-
-def _on_sphere(lon: Floats, lat: Floats) -> Floats:
-    """Return positions as vectors of length 1, so that seam and poles are places like any other."""
-    x, y = np.deg2rad(lon), np.deg2rad(lat)
-    return np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=-1)
 
 
 @kernel
@@ -283,22 +280,26 @@ def find_quadrilaterals(
     lon, lat : ndarray
         Places, degrees.
     points : Points
-        Corners of the quadrilaterals.
+        Corners of the quadrilaterals; those of the last column and of the first too where the product goes round.
     row, column : ndarray
         Nearest point of each place; becomes the first corner of its quadrilateral, row -1 where there is none.
     xi, eta : ndarray
         Filled.
     """
-    x, y = points.lon, points.lat
+    x, y, around = points.lon, points.lat, points.columns
     rows, columns = x.shape
     for n in range(lon.size):
         near_row, near_column = row[n], column[n]
         row[n], best = -1, BEYOND + 1e-9
+        first = near_column - 2 if around > 0 else max(near_column - 2, 0)
+        behind = near_column + 2 if around > 0 else min(near_column + 2, columns - 1)
         for j in range(max(near_row - 2, 0), min(near_row + 2, rows - 1)):
-            for i in range(max(near_column - 2, 0), min(near_column + 2, columns - 1)):
+            for candidate in range(first, behind):
+                i = candidate % columns
+                right = (i + 1) % columns
                 x1, y1 = beside(x[j, i], y[j, i], lon[n], lat[n])
-                x2, y2 = beside(x[j, i + 1], y[j, i + 1], lon[n], lat[n])
-                x3, y3 = beside(x[j + 1, i + 1], y[j + 1, i + 1], lon[n], lat[n])
+                x2, y2 = beside(x[j, right], y[j, right], lon[n], lat[n])
+                x3, y3 = beside(x[j + 1, right], y[j + 1, right], lon[n], lat[n])
                 x4, y4 = beside(x[j + 1, i], y[j + 1, i], lon[n], lat[n])
                 across = abs(x1 - x3) + abs(y1 - y3)
                 if not (across > 0.0 and across < np.inf):

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.at_elements import SURFACE, Moment
+from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.loading import wind_from_stress
 from riftberg.ocean.turn import Turn
 from riftberg.places import latitude, longitude
@@ -129,7 +129,7 @@ class ProductRecords:
         """Whether there are currents on more than one level."""
         return self._limits.size > 2
 
-    def moment(self, name: str, time: float) -> Moment:
+    def moment(self, name: str, time: float) -> Blend:
         """Return a field at a time.
 
         Raises
@@ -141,7 +141,7 @@ class ProductRecords:
         before = self._record(around.before)[name]
         after = self._record(around.after)[name] if around.weight > 0.0 else before
         limits = self._limits if before.shape[0] > 1 else SURFACE
-        return Moment(before, after, around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
+        return Blend(before, after, around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
 
     def check(self, start: float, end: float) -> None:
         """Read all records from ``start`` to ``end`` (s).

@@ -57,8 +57,8 @@ class Forcing(formulas.Formula):
         **options
             As for `riftberg.DatasetForcing`.
         """
-        given = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        return DatasetForcing.from_xarray(given, start or first_date(given), **options)
+        products = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        return DatasetForcing.from_xarray(products, start or first_date(products), **options)
 
 
 def first_date(datasets: Sequence[xr.Dataset]) -> datetime:

@@ -41,7 +41,7 @@ HALVINGS: Final = 50
 """Halvings of the search for the flux of buoyancy: what is left is round-off."""
 
 
-class Exchange(NamedTuple):
+class ExchangeValues(NamedTuple):
     """How heat and salt pass through the boundary layer.
 
     Attributes
@@ -115,7 +115,7 @@ def _logarithm(friction: float, depth: float) -> tuple[float, float]:
 
 
 @kernel
-def _steady_coefficients(friction: float, depth: float, exchange: Exchange) -> tuple[float, float]:
+def _steady_coefficients(friction: float, depth: float, exchange: ExchangeValues) -> tuple[float, float]:
     """Exchange coefficients of heat and salt without a flux of buoyancy."""
     if exchange.const_gamma:
         return exchange.gamma_t, exchange.gamma_t / 35.0
@@ -144,7 +144,7 @@ def _buoyancy_flux(heat: float, salt: float, gammas: tuple[float, float], densit
 @kernel
 def _interface(
     at_ice: float, salinity: float, temperature: float, pressure: float, friction: float, depth: float, density: float,
-    exchange: Exchange,
+    exchange: ExchangeValues,
 ) -> tuple[float, float]:  # fmt: skip
     """Melt (kg m-2 s-1) where the water at the ice has a salinity, and the salinity that this melt would leave there.
 
@@ -164,7 +164,7 @@ def _interface(
 @kernel
 def _reference_search(
     salinity: float, temperature: float, pressure: float, friction: float, depth: float, density: float,
-    exchange: Exchange,
+    exchange: ExchangeValues,
 ) -> tuple[bool, float]:  # fmt: skip
     """Plain iteration of the reference for the salinity at the ice; whether it did not fail, and the melt (kg m-2 s-1)."""
     at_ice, melt, low, high = salinity, 0.0, math.nan, math.nan
@@ -212,7 +212,7 @@ def _balanced(
 @kernel
 def _own_search(
     salinity: float, temperature: float, pressure: float, friction: float, depth: float, density: float,
-    exchange: Exchange,
+    exchange: ExchangeValues,
 ) -> float:  # fmt: skip
     """Melt (kg m-2 s-1) with salinity at the ice and flux of buoyancy in balance with each other.
 
@@ -237,7 +237,7 @@ def _own_search(
 @kernel
 def basal_melt_rate(
     speed: float, coriolis: float, salinity: float, temperature: float, thickness: float, rho_ice: float,
-    exchange: Exchange,
+    exchange: ExchangeValues,
 ) -> float:  # fmt: skip
     """Melt of the base in m of ice per second; may be negative, where water would freeze on (files, 1.5).
 
@@ -253,7 +253,7 @@ def basal_melt_rate(
         Of the ice, m, for the pressure at its base.
     rho_ice : float
         kg m-3.
-    exchange : Exchange
+    exchange : ExchangeValues
         Law of the boundary layer.
     """
     pressure = ATMOSPHERE + GRAVITY * thickness * rho_ice

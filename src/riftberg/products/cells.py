@@ -45,8 +45,13 @@ def goes_round_in_x(points: Floats) -> bool:
     """Tell whether the last column of points (rows, columns, 3) is a neighbour of the first."""
     if points.shape[1] < 4:
         return False
-    step = np.nanmedian(np.linalg.norm(np.diff(points, axis=1), axis=-1))
-    seam = np.nanmedian(np.linalg.norm(points[:, -1] - points[:, 0], axis=-1))
+    steps, seams = (
+        np.linalg.norm(np.diff(points, axis=1), axis=-1),
+        np.linalg.norm(points[:, -1] - points[:, 0], axis=-1),
+    )
+    if np.isnan(steps).all() or np.isnan(seams).all():
+        return False
+    step, seam = np.nanmedian(steps), np.nanmedian(seams)
     return bool(0.2 * step < seam < 1.5 * step)
 
 

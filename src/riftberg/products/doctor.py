@@ -29,7 +29,7 @@ from riftberg.products.records import (
     usual_interval,
 )
 from riftberg.products.registry import expand, open_named, product_named, recognise
-from riftberg.products.window import cover, longitudes_near, utc, window, window_in_time
+from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -193,7 +193,7 @@ def _examined(
         title=product.title,
         checked_against=product.checked(ds.data_vars),
         notes=[*product.notes, *(str(ds.attrs[key]) for key in ("told", "doubt") if key in ds.attrs)],
-        space=cover(ds),
+        space=extent_text(ds),
         time=_time_cover(ds),
     )
     crs = ds.attrs.get("crs_wkt")

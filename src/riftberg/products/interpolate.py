@@ -24,7 +24,7 @@ from riftberg.products.axes import goes_round, step_of
 from riftberg.products.cells import curvilinear, scattered
 from riftberg.products.records import Gap, check_ends, gap_error, gap_limit
 from riftberg.products.stencil import MISSING, Stencil
-from riftberg.products.window import cover, longitudes_near, utc, window
+from riftberg.products.window import extent_text, longitudes_near, utc, window
 
 Floats = NDArray[np.float64]
 Dates = NDArray[np.datetime64]
@@ -194,7 +194,7 @@ def _raise_outside(ds: xr.Dataset, target: _Target, stencil: Stencil) -> None:
     raise ForcingError(
         f"{int(stencil.outside.sum())} points lie outside the data, "
         f"the first at {target.lon[j, i]:g} E {target.lat[j, i]:g} N; "
-        f"the data cover {cover(ds)}",
+        f"the data cover {extent_text(ds)}",
         where=str(ds.attrs.get("source", "")),
         remedy="Give files that cover the grid, or set outside='mask'",
     )

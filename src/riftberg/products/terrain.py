@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.products.roles import standard_name
-from riftberg.products.vectors import moved, plane_of
+from riftberg.products.vectors import on_points_of, plane_of
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: An
         )  # fmt: skip
     floor, stretch, critical, kind = _terms(ds, axis, where)
     h = place(floor)
-    h = h if plane_of(h) == plane_of(field) and _same_points(h, field) else moved(h, field)
+    h = h if plane_of(h) == plane_of(field) and _same_points(h, field) else on_points_of(h, field)
     depth = _depth_of(s, stretch, critical, kind, np.asarray(h.values, float))
     order = np.argsort(-s)
     targets = np.array([d for d in DEPTHS if d <= np.nanmax(h.values)] or [0], float)

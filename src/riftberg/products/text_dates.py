@@ -33,10 +33,10 @@ def with_text_dates(ds: xr.Dataset) -> xr.Dataset:
         variable = ds.variables[name]
         if variable.dtype.kind not in "OSU" or not 0 < variable.size <= _MOST or not _says_when(ds, name, listed):
             continue
-        found = _texts(variable)
-        if found is None or not found[1]:
+        dims_and_texts = _texts(variable)
+        if dims_and_texts is None or not dims_and_texts[1]:
             continue
-        dims, texts = found
+        dims, texts = dims_and_texts
         seconds = [_seconds(text) for text in texts]
         if None not in seconds:
             values = np.array(seconds, np.float64)

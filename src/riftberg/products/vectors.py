@@ -178,7 +178,7 @@ def plane_of(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
     return ("lat", "lon") if "lat" in field.dims else ("y", "x")
 
 
-def moved(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.DataArray:
+def on_points_of(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.DataArray:
     """Return a field on the points of another one: over the known points around, lazily; NaN where there are none."""
     lon, lat = _positions(like)
     stencil = stencil_between(field, lon, lat)
@@ -245,7 +245,7 @@ def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
                     continue
                 other = parts[partner]
                 try:
-                    across = moved(other[north], ds[east])
+                    across = on_points_of(other[north], ds[east])
                 except ForcingError as error:
                     raise ForcingError(error.what, where=named(ds), remedy=error.remedy) from error
                 source = ", ".join(

@@ -196,13 +196,13 @@ def _not_empty(part: xr.Dataset, whole: xr.Dataset, box: tuple[float, float, flo
         return part
     west, east, south, north = box
     raise ForcingError(
-        f"nothing lies in {west:g}..{east:g} E, {south:g}..{north:g} N: the data cover {cover(whole)}",
+        f"nothing lies in {west:g}..{east:g} E, {south:g}..{north:g} N: the data cover {extent_text(whole)}",
         where=str(whole.attrs.get("source", "")),
         remedy="Give a file that covers the box; check the sign of west longitudes",
     )
 
 
-def cover(ds: xr.Dataset) -> str:
+def extent_text(ds: xr.Dataset) -> str:
     """Return what a canonical dataset covers in space, in words."""
     if "lat" not in ds.coords:
         return "a projected grid without positions"

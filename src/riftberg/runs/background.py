@@ -15,7 +15,7 @@ import xarray as xr
 from riftberg import constants
 from riftberg.errors import RiftbergError, RunError
 from riftberg.netcdf_lock import open_lazily, open_netcdf
-from riftberg.runs.scene import filled_forward, joined, zonal_period
+from riftberg.runs.scene import filled_forward, on_one_branch, zonal_period
 from riftberg.state import Floats
 from riftberg.whole_files import replacing
 
@@ -71,7 +71,7 @@ def append_background(path: str | Path, model: BareModel) -> bool:
         seconds = run["time"].values
         names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
         x, y = (run[name].transpose("time", "trajectory").values.astype(np.float64) for name in names)
-        x = joined(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
+        x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
         axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
         units = {
             "time": run["time"].attrs["units"],

@@ -126,7 +126,7 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
 
 def _check_attributes(run: xr.Dataset, file: Path) -> None:
     parameters_of(run, file)
-    start_of(run, file)
+    stated_start(run, file)
 
 
 def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:
@@ -157,7 +157,7 @@ def read_parameters(text: Any, file: Path) -> Parameters:
         ) from error
 
 
-def start_of(run: xr.Dataset, file: Path) -> datetime:
+def stated_start(run: xr.Dataset, file: Path) -> datetime:
     """Return the start of a run from its attribute."""
     return read_start(run.attrs.get("start"), file)
 

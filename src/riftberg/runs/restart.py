@@ -27,7 +27,7 @@ from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Life, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
-from riftberg.stepping.contacts import Contact, ContactLog
+from riftberg.stepping.contacts import ContactLog, Meeting
 from riftberg.stepping.fragments import Fragment
 from riftberg.version import __version__
 from riftberg.whole_files import replacing
@@ -108,7 +108,7 @@ class RestartState:
 
     def contact_log(self) -> ContactLog:
         """Return the meetings of bergs so far."""
-        rows = [Contact(**row) for row in self.contacts.get("rows", [])]
+        rows = [Meeting(**row) for row in self.contacts.get("rows", [])]
         quiet = {(int(a), int(b)): float(time) for a, b, time in self.contacts.get("quiet", [])}
         return ContactLog(rows, quiet)
 

@@ -53,7 +53,7 @@ def zonal_period(parameters: Parameters) -> float:
     return period if period > 0.0 else 360.0 if parameters.earth.latlon else 0.0
 
 
-def joined(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
+def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
     """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
 
     Parameters
@@ -124,7 +124,7 @@ class Scene:
 
     def _joined(self, x: Floats) -> Floats:
         """Put positions on one branch, so that nothing jumps where the domain comes round."""
-        return joined(x, self.there, zonal_period(self.parameters))
+        return on_one_branch(x, self.there, zonal_period(self.parameters))
 
     @property
     def seconds(self) -> Floats:
@@ -245,10 +245,10 @@ class Scene:
         for sides, packing in kinds:
             rows = self.sides == sides
             if rows.any():
-                found = element_polygons(
+                polygons = element_polygons(
                     x[rows], y[rows], turned[rows], area[rows], packing, latlon=self.latlon, radius=self.radius
                 )
-                corners[rows] = found[:, np.minimum(np.arange(most), sides - 1)]
+                corners[rows] = polygons[:, np.minimum(np.arange(most), sides - 1)]
         return corners
 
     def area_at(self, record: int) -> Floats:

@@ -16,7 +16,7 @@ APART: Final = 6.0 * 3600.0
 
 
 @dataclass(frozen=True)
-class Contact:
+class Meeting:
     """One meeting of two bergs or fragments.
 
     Attributes
@@ -47,12 +47,12 @@ class ContactLog:
 
     Attributes
     ----------
-    rows : list of Contact
+    rows : list of Meeting
         In order of time.
     """
 
-    def __init__(self, rows: list[Contact] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
-        self.rows: list[Contact] = list(rows or [])
+    def __init__(self, rows: list[Meeting] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
+        self.rows: list[Meeting] = list(rows or [])
         self.quiet: dict[tuple[int, int], float] = dict(quiet or {})
         self._latest = {(row.first, row.second): k for k, row in enumerate(self.rows)}
 
@@ -124,13 +124,13 @@ class ContactLog:
 
 def _meeting(
     el: Elements, key: tuple[int, int], i: int, j: int, began: float, ended: float, p: KernelParameters
-) -> Contact:
+) -> Meeting:
     """Return the meeting of two bergs at the elements in rows i and j."""
     place, motion = el.place, el.motion
     speed = float(np.hypot(motion.u[i] - motion.u[j], motion.v[i] - motion.v[j]))
     east = place.lon[i] - place.lon[j]
     if p.period > 0.0:  # half way between both, also across the seam
         east -= p.period * np.round(east / p.period)
-    return Contact(
+    return Meeting(
         *key, began, ended, float(place.lon[i] - 0.5 * east), float(0.5 * (place.lat[i] + place.lat[j])), speed
     )

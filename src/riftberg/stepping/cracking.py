@@ -13,10 +13,11 @@ import numpy as np
 
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
+from riftberg.physics.averaging import principal
 from riftberg.physics.bonds import shear_stress_of, tensile_stress
 from riftberg.physics.damage import damage_rate, grown_damage
 from riftberg.state import Bonds, Floats, Ints
-from riftberg.stepping.lattice_equilibrium import Lattice, deformed
+from riftberg.stepping.lattice_equilibrium import ElasticLattice, deformed
 from riftberg.stepping.wear import limits_left
 
 BISECTIONS = 30
@@ -67,7 +68,7 @@ def overload(normal: float, shear: float, normal_limit: float, shear_limit: floa
 
 
 @kernel
-def _deformation(lattice: Lattice, alive: Ints, bend: Floats) -> Floats:
+def _deformation(lattice: ElasticLattice, alive: Ints, bend: Floats) -> Floats:
     """Extension, slip and bend of the bonds that hold, shape (bonds, 3)."""
     deformation = np.empty((alive.size, 3))
     for k in range(alive.size):
@@ -77,13 +78,13 @@ def _deformation(lattice: Lattice, alive: Ints, bend: Floats) -> Floats:
 
 @kernel
 def first_break(
-    lattice: Lattice, alive: Ints, before: Floats, after: Floats, limits: Limits, p: KernelParameters
+    lattice: ElasticLattice, alive: Ints, before: Floats, after: Floats, limits: Limits, p: KernelParameters
 ) -> tuple[int, float]:
     """Row of the bond that fails first between two equilibria, and the part of the step at which it does (1: none).
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     before, after : array of float, shape (elements, 3)
@@ -92,14 +93,36 @@ def first_break(
     p : KernelParameters
     """
     one, two = _deformation(lattice, alive, before), _deformation(lattice, alive, after)
+    return first_overload(one, two, limits, False, lattice, alive, p)
+
+
+@kernel
+def first_overload(
+    one: Floats, two: Floats, limits: Limits, averaged: bool, lattice: ElasticLattice, alive: Ints, p: KernelParameters
+) -> tuple[int, float]:
+    """Row of the place that is overloaded first, and the part of the step at which it is (1: none), by bisection.
+
+    Parameters
+    ----------
+    one, two : array of float, shape (places, 3)
+        What goes evenly from one end of the step to the other: extension, slip and bend of each bond, or an averaged tensor.
+    limits : Limits
+        Of each place.
+    averaged : bool
+        Whether it is the tensor.
+    lattice : ElasticLattice
+    alive : array of int
+        Bonds that hold, one for each place.
+    p : KernelParameters
+    """
     worst, earliest = -1, 1.0
-    for k in range(alive.size):
+    for k in range(one.shape[0]):
         b, low, high = alive[k], 0.0, earliest
-        if not _fails(lattice, b, one[k], two[k], high, limits.normal[k], limits.shear[k], p):
+        if not _fails(one[k], two[k], high, limits.normal[k], limits.shear[k], averaged, lattice, b, p):
             continue
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            if _fails(lattice, b, one[k], two[k], middle, limits.normal[k], limits.shear[k], p):
+            if _fails(one[k], two[k], middle, limits.normal[k], limits.shear[k], averaged, lattice, b, p):
                 high = middle
             else:
                 low = middle
@@ -109,16 +132,18 @@ def first_break(
 
 @kernel
 def _fails(
-    lattice: Lattice, b: int, one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float,
-    p: KernelParameters,
+    one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float, averaged: bool, lattice: ElasticLattice,
+    b: int, p: KernelParameters,
 ) -> bool:  # fmt: skip
-    """Whether a bond is overloaded at a part of the step."""
-    e = one[0] + share * (two[0] - one[0])
-    s = one[1] + share * (two[1] - one[1])
-    angle = one[2] + share * (two[2] - one[2])
-    rest = lattice.rest[b]
-    normal = tensile_stress(p.youngs_modulus, rest, -0.5 * e, angle, lattice.width[b])
-    shear = shear_stress_of(p.youngs_modulus, p.poisson, rest, abs(s))
+    """Whether a place is overloaded at a part of the step."""
+    x = one[0] + share * (two[0] - one[0])
+    y = one[1] + share * (two[1] - one[1])
+    z = one[2] + share * (two[2] - one[2])
+    if averaged:
+        normal, shear = principal(x, y, z)
+    else:
+        normal = tensile_stress(p.youngs_modulus, lattice.rest[b], -0.5 * x, z, lattice.width[b])
+        shear = shear_stress_of(p.youngs_modulus, p.poisson, lattice.rest[b], abs(y))
     return bool(normal > normal_limit or shear > shear_limit)
 
 
@@ -133,7 +158,7 @@ def wear(bonds: Bonds, alive: Ints, ratios: Floats, dt: float, p: KernelParamete
 
 @kernel
 def store_stresses(
-    bonds: Bonds, lattice: Lattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats, p: KernelParameters
+    bonds: Bonds, lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats, p: KernelParameters
 ) -> None:
     """Write stresses and deformations of the bonds that hold to the state; ``turn`` is the angle of each element's axes."""
     for k in range(alive.size):

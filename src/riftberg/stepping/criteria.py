@@ -6,6 +6,7 @@ place, when within a step the first is reached, and which bond breaks there.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -17,8 +18,30 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_weight, principal
 from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
-from riftberg.stepping.cracking import BISECTIONS, Limits, first_break, most_overloaded, overload
-from riftberg.stepping.lattice_equilibrium import Lattice, bond_stresses, deformed
+from riftberg.stepping.cracking import Limits, first_break, first_overload, most_overloaded, overload
+from riftberg.stepping.lattice_equilibrium import ElasticLattice, bond_stresses, deformed
+
+
+class Equilibrium:
+    """A lattice under its loads, with the stress of its bonds, found when it is first asked for.
+
+    Parameters
+    ----------
+    lattice : ElasticLattice
+    alive : array of int
+        Bonds that hold.
+    bend : array of float, shape (elements, 3)
+        Displacements, m, m and rad.
+    p : KernelParameters
+    """
+
+    def __init__(self, lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> None:
+        self.lattice, self.alive, self.bend, self._p = lattice, alive, bend, p
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
+        return bond_stresses(self.lattice, self.alive, self.bend, self._p)
 
 
 class Criterion(Protocol):
@@ -27,37 +50,37 @@ class Criterion(Protocol):
     def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
         """Row of the place that is overloaded first between two equilibria (-1: none), and the part of the step."""
 
-    def worst(self, alive: Ints, bend: Floats, limits: Limits) -> tuple[int, float]:
+    def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """Row of the most overloaded place and its stress over strength; above 1 it breaks (-1 without bonds)."""
 
-    def bond_at(self, row: int, alive: Ints, bend: Floats, limits: Limits) -> int:
+    def bond_at(self, row: int, now: Equilibrium, limits: Limits) -> int:
         """Row of the bond that breaks where the place ``row`` is overloaded."""
 
-    def ratios(self, alive: Ints, bend: Floats, limits: Limits) -> Floats:
+    def ratios(self, now: Equilibrium, limits: Limits) -> Floats:
         """Stress over strength for the growth of damage, for each bond that holds."""
 
 
 class BondStress:
     """Each bond by its own stress."""
 
-    def __init__(self, lattice: Lattice, p: KernelParameters) -> None:
+    def __init__(self, lattice: ElasticLattice, p: KernelParameters) -> None:
         self._lattice, self._p = lattice, p
 
     def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
         return first_break(self._lattice, alive, before, after, limits, self._p)
 
-    def worst(self, alive: Ints, bend: Floats, limits: Limits) -> tuple[int, float]:
+    def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
-        return most_overloaded(bond_stresses(self._lattice, alive, bend, self._p), limits)
+        return most_overloaded(now.stress, limits)
 
-    def bond_at(self, row: int, alive: Ints, bend: Floats, limits: Limits) -> int:
+    def bond_at(self, row: int, now: Equilibrium, limits: Limits) -> int:
         """See `Criterion`."""
         return row
 
-    def ratios(self, alive: Ints, bend: Floats, limits: Limits) -> Floats:
+    def ratios(self, now: Equilibrium, limits: Limits) -> Floats:
         """See `Criterion`."""
-        return _damage_ratios(bond_stresses(self._lattice, alive, bend, self._p), limits)
+        return _damage_ratios(now.stress, limits)
 
 
 class AveragedStress:
@@ -68,7 +91,7 @@ class AveragedStress:
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     flat : array of float, shape (elements, 2)
@@ -83,7 +106,7 @@ class AveragedStress:
     """
 
     def __init__(
-        self, lattice: Lattice, alive: Ints, flat: Floats, body: Ints, volume: Floats, distance: float,
+        self, lattice: ElasticLattice, alive: Ints, flat: Floats, body: Ints, volume: Floats, distance: float,
         p: KernelParameters,
     ) -> None:  # fmt: skip
         self._lattice, self._p, self._volume = lattice, p, volume
@@ -98,10 +121,10 @@ class AveragedStress:
         far = 4.0 * (float(np.abs(flat).max(initial=0.0)) + self.radius)  # fragments have frames of their own
         tree = cKDTree(np.column_stack([flat, far * body]))
         places = np.column_stack([self._middle[alive], far * self._body[alive]])
-        found = tree.query_ball_point(places, self.radius, return_sorted=True)
+        inside = tree.query_ball_point(places, self.radius, return_sorted=True)
         counts = np.zeros(self._middle.shape[0] + 1, np.int64)
-        counts[alive + 1] = [len(near) for near in found]
-        member = np.concatenate([np.array(near, np.int64) for near in found]) if alive.size else np.zeros(0, np.int64)
+        counts[alive + 1] = [len(near) for near in inside]
+        member = np.concatenate([np.array(near, np.int64) for near in inside]) if alive.size else np.zeros(0, np.int64)
         start = np.cumsum(counts)
         return start, member, _weights(alive, start, member, flat, self._middle, self._volume, self.radius)
 
@@ -111,21 +134,22 @@ class AveragedStress:
 
     def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
-        return _first_overload(self._means(alive, before), self._means(alive, after), limits, self._scale)
+        scaled = Limits(self._scale * limits.normal, self._scale * limits.shear)
+        one, two = self._means(alive, before), self._means(alive, after)
+        return first_overload(one, two, scaled, True, self._lattice, alive, self._p)
 
-    def worst(self, alive: Ints, bend: Floats, limits: Limits) -> tuple[int, float]:
+    def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
-        return most_overloaded(_strongest(self._means(alive, bend)) / self._scale, limits)
+        return most_overloaded(_strongest(self._means(now.alive, now.bend)) / self._scale, limits)
 
-    def bond_at(self, row: int, alive: Ints, bend: Floats, limits: Limits) -> int:
+    def bond_at(self, row: int, now: Equilibrium, limits: Limits) -> int:
         """See `Criterion`."""
-        own = bond_stresses(self._lattice, alive, bend, self._p)
-        here = alive[row]
-        return _most_loaded_near(alive, own, limits, self._middle, self._body, here, self.radius)
+        here = now.alive[row]
+        return _most_loaded_near(now.alive, now.stress, limits, self._middle, self._body, here, self.radius)
 
-    def ratios(self, alive: Ints, bend: Floats, limits: Limits) -> Floats:
+    def ratios(self, now: Equilibrium, limits: Limits) -> Floats:
         """See `Criterion`."""
-        return _damage_ratios(_strongest(self._means(alive, bend)) / self._scale, limits)
+        return _damage_ratios(_strongest(self._means(now.alive, now.bend)) / self._scale, limits)
 
 
 def characteristic_distance(fracture: Fracture) -> float:
@@ -136,7 +160,7 @@ def characteristic_distance(fracture: Fracture) -> float:
 
 
 @kernel
-def element_stresses(lattice: Lattice, alive: Ints, bend: Floats, volume: Floats, p: KernelParameters) -> Floats:
+def element_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, volume: Floats, p: KernelParameters) -> Floats:
     """Mean stress (Pa) in each element, in the axes of its fragment: xx, yy, xy; tension is positive.
 
     ``sigma = (1 / V) sum over bonds of sym(r F)`` with r from the middle of the element to the bond and F the pull of the
@@ -198,37 +222,10 @@ def _averaged(alive: Ints, start: Ints, member: Ints, weight: Floats, stress: Fl
 @kernel
 def _strongest(mean: Floats) -> Floats:
     """Largest tension and shear (Pa) of each tensor, shape (places, 2)."""
-    found = np.empty((mean.shape[0], 2))
+    extremes = np.empty((mean.shape[0], 2))
     for k in range(mean.shape[0]):
-        found[k, 0], found[k, 1] = principal(mean[k, 0], mean[k, 1], mean[k, 2])
-    return found
-
-
-@kernel
-def _first_overload(one: Floats, two: Floats, limits: Limits, scale: float) -> tuple[int, float]:
-    """Row of the place that is overloaded first while the stress goes evenly from one to two, and when (1: none)."""
-    worst, earliest = -1, 1.0
-    for k in range(one.shape[0]):
-        low, high = 0.0, earliest
-        if not _over(one[k], two[k], high, scale * limits.normal[k], scale * limits.shear[k]):
-            continue
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            if _over(one[k], two[k], middle, scale * limits.normal[k], scale * limits.shear[k]):
-                high = middle
-            else:
-                low = middle
-        worst, earliest = k, high
-    return worst, earliest
-
-
-@kernel
-def _over(one: Floats, two: Floats, share: float, normal_limit: float, shear_limit: float) -> bool:
-    """Whether the stress between two tensors is above either strength."""
-    tension, shear = principal(
-        one[0] + share * (two[0] - one[0]), one[1] + share * (two[1] - one[1]), one[2] + share * (two[2] - one[2])
-    )
-    return bool(tension > normal_limit or shear > shear_limit)
+        extremes[k, 0], extremes[k, 1] = principal(mean[k, 0], mean[k, 1], mean[k, 2])
+    return extremes
 
 
 @kernel
@@ -251,7 +248,7 @@ def _most_loaded_near(
 @kernel
 def _damage_ratios(stress: Floats, limits: Limits) -> Floats:
     """Stress over strength as the growth of damage takes it."""
-    found = np.empty(stress.shape[0])
+    ratios = np.empty(stress.shape[0])
     for k in range(stress.shape[0]):
-        found[k] = stress_ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
-    return found
+        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
+    return ratios

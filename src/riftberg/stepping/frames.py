@@ -167,7 +167,7 @@ def _turn_by_rate(q: Floats, along: Floats, rate: Floats, dt: float, radius: flo
 
 
 @kernel
-def moved(pose: Floats, rate: Floats, dt: float, latlon: bool, radius: float) -> Floats:
+def moved_frames(pose: Floats, rate: Floats, dt: float, latlon: bool, radius: float) -> Floats:
     """Frames after ``dt`` s of steady eastward and northward velocity and spin; of second order on a sphere."""
     new = pose.copy()
     for k in range(pose.shape[0]):
@@ -391,7 +391,9 @@ def _take_over_mean(bodies: Bodies, mass: Floats, inertia: Floats, total: Floats
         q[0, 1], q[1, 1] = -q[1, 0], q[0, 0]
 
 
-def gathered(lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float) -> Bodies:
+def free_bodies(
+    lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float
+) -> Bodies:
     """Make bodies of elements that stand free of load: first axis east, second north, at the centre of mass.
 
     Parameters

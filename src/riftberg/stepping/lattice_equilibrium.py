@@ -36,7 +36,7 @@ NO_GIVE = 1e-9
 """A spring that gives less than this (m) carries nothing but round-off: a berg that goes with the water has no loads."""
 
 
-class Lattice(NamedTuple):
+class ElasticLattice(NamedTuple):
     """Bonds as springs between elements; all arrays have one row for each bond of the state, broken ones too.
 
     ``rows`` are the 3 x 6 matrices that give extension, slip and bend of a bond from the displacements of its ends;
@@ -57,7 +57,7 @@ class Lattice(NamedTuple):
     radius: Floats
 
 
-def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> Lattice:
+def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
     """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
 
     Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`).
@@ -65,14 +65,14 @@ def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p:
     rest = sizes.bond_radius[bonds.first] + sizes.bond_radius[bonds.second]
     if not p.rest_length_from_sizes:
         rest = np.where(np.isnan(bonds.rest_length), rest, bonds.rest_length)
-    return Lattice(*_find_lattice(bonds.first, bonds.second, rest, flat, thickness, sizes, p))
+    return ElasticLattice(*_find_lattice(bonds.first, bonds.second, rest, flat, thickness, sizes, p))
 
 
 @kernel
 def _find_lattice(
     first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
 ) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Return the fields of `Lattice`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `ElasticLattice`; see `riftberg.kernels` why no named tuple."""
     count = first.size
     nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
@@ -100,7 +100,7 @@ def _find_lattice(
 
 
 @kernel
-def _entries(lattice: Lattice, alive: Ints, free: Floats, held: Floats) -> tuple[Ints, Ints, Floats]:
+def _entries(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) -> tuple[Ints, Ints, Floats]:
     """Rows, columns and values of the matrix; freedoms that are not free stand alone with the stiffness of their bond."""
     count = free.size
     size = 36 * alive.size + count
@@ -125,7 +125,7 @@ def _entries(lattice: Lattice, alive: Ints, free: Floats, held: Floats) -> tuple
 
 
 @kernel
-def deformed(lattice: Lattice, bend: Floats, b: int) -> tuple[float, float, float]:
+def deformed(lattice: ElasticLattice, bend: Floats, b: int) -> tuple[float, float, float]:
     """Extension, slip (m) and bend (rad) of a bond, with turns of the ends in rad."""
     i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
     ri, rj = lattice.radius[i], lattice.radius[j]
@@ -136,7 +136,7 @@ def deformed(lattice: Lattice, bend: Floats, b: int) -> tuple[float, float, floa
 
 
 @kernel
-def bond_stresses(lattice: Lattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
+def bond_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
     """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
     stress = np.zeros((alive.size, 2))
     for k in range(alive.size):
@@ -280,7 +280,7 @@ class Factors:
 
     Parameters
     ----------
-    lattice : Lattice
+    lattice : ElasticLattice
     alive : array of int
         Bonds that hold.
     holds : Holds
@@ -288,8 +288,8 @@ class Factors:
         Freedoms that springs hold.
     """
 
-    def __init__(self, lattice: Lattice, alive: Ints, holds: Holds, springs: Ints) -> None:
-        self._lattice, self._free, self._springs = lattice, holds.free, springs
+    def __init__(self, lattice: ElasticLattice, alive: Ints, holds: Holds, springs: Ints) -> None:
+        self._lattice, self._free = lattice, holds.free
         self.spring = float(lattice.stiffness[alive, 0].mean()) if alive.size else 1.0
         held = np.where(holds.free > 0.0, 0.0, self.spring)
         held[springs] += self.spring
@@ -297,6 +297,8 @@ class Factors:
         lone = np.ones(holds.free.size // 3, bool)
         lone[lattice.first[alive]] = lone[lattice.second[alive]] = False
         held[np.repeat(lone, 3)] = self.spring
+        # What it carries is rounding, which is all that there is where every element stands alone.
+        self._springs = springs[~lone[springs // 3]]
         row, column, value = _entries(lattice, alive, holds.free, held)
         matrix = csc_matrix((value, (row, column)), shape=(holds.free.size, holds.free.size))
         self._lu: SuperLU = splu(

@@ -60,10 +60,10 @@ class Neighbourhood:
         u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
         touching = max(2.0 * float(radius.max()), c.contact_distance)
         fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        found = self.find(el, MARGIN * (touching + fastest * dt), OTHER_BERG, c)
-        first = np.repeat(np.arange(el.size), np.diff(found.start))
-        once = first < found.partner
-        return will_touch(el, first[once], found.partner[once], radius, dt, c)
+        near = self.find(el, MARGIN * (touching + fastest * dt), OTHER_BERG, c)
+        first = np.repeat(np.arange(el.size), np.diff(near.start))
+        once = first < near.partner
+        return will_touch(el, first[once], near.partner[once], radius, dt, c)
 
     def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""

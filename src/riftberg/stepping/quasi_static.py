@@ -23,14 +23,14 @@ from riftberg.state import Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import limits_of, store_stresses, wear
-from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, characteristic_distance
+from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
 from riftberg.stepping.frames import (
     Bodies,
     element_motion,
     flat_shape,
-    gathered,
+    free_bodies,
     mean_bend,
-    moved,
+    moved_frames,
     place,
     regrouped,
     without_mean,
@@ -38,22 +38,22 @@ from riftberg.stepping.frames import (
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.lattice_equilibrium import (
+    ElasticLattice,
     Factors,
     Holds,
-    Lattice,
     balanced_loads,
-    bond_stresses,
     elastic_energy,
     find_lattice,
 )
 from riftberg.stepping.media import Surroundings, allocate_surroundings
 from riftberg.stepping.partners import MARGIN, will_touch
 from riftberg.stepping.rigid_bodies import (
-    Motion,
+    BodyMotion,
+    each_times,
     element_velocities,
     find_loading,
     inertia_and_floor,
-    keep_applied,
+    keep_body_forces,
     touching_pairs,
 )
 from riftberg.stepping.run_state import RunState
@@ -77,7 +77,7 @@ class Structure:
     """The lattice between two breaks: places of the elements in their fragments, bonds that hold, factors, criterion."""
 
     flat: Floats
-    lattice: Lattice
+    lattice: ElasticLattice
     alive: Ints
     holds: Holds
     factors: Factors
@@ -85,12 +85,12 @@ class Structure:
 
 
 @dataclass
-class Moment:
+class Standing:
     """All that is known at one time: bodies, forces on the elements (N, N, N m) and the balanced loads of the lattice."""
 
     time: float
     bodies: Bodies
-    motion: Motion
+    motion: BodyMotion
     force: Floats
     load: Floats
 
@@ -101,7 +101,7 @@ class QuasiStaticStepper:
     def __init__(self) -> None:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
-        self._now: Moment | None = None
+        self._now: Standing | None = None
         self._around = allocate_surroundings(0)
         self._ice: list[np.ndarray] = []
         self._touched = NOBODY
@@ -176,7 +176,7 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Moment | None,
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
         around: Surroundings,
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
@@ -191,8 +191,7 @@ class LongStep:
         self.now = now or self._moment(bodies, model.time)
         if fresh:
             self._bend()
-        stress = bond_stresses(self.structure.lattice, self.structure.alive, self.now.bodies.bend, self.c)
-        self.bonds.peak_stress[self.structure.alive] = stress[:, 0]
+        self.bonds.peak_stress[self.structure.alive] = self._equilibrium().stress[:, 0]
 
     def run(self) -> None:
         """Go to the end of the long step, over breaks and landings."""
@@ -206,7 +205,7 @@ class LongStep:
             pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
             longest = min(longest, self._go(left / pieces, dt, may_break))
             self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
-        self._store()
+        self._store(self._equilibrium())
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
         """Take one step of at most ``h`` s, up to the first break; returns the longest step that is right from here on."""
@@ -229,21 +228,21 @@ class LongStep:
                     self._advance(short)
                     taken = short
                 self._apply(before, taken / dt)
-                self._crack(int(s.alive[s.criterion.bond_at(place, s.alive, self.now.bodies.bend, limits)]))
+                self._crack(int(s.alive[s.criterion.bond_at(place, self._equilibrium(), limits)]))
                 return dt
         self._apply(before, taken / dt)
         return dt
 
-    def _apply(self, before: Moment, part: float) -> None:
+    def _apply(self, before: Standing, part: float) -> None:
         """Keep the forces of a step: the mean of both ends, by its part of the long step."""
         for moment in (before, self.now):
             u, v, _ = element_velocities(moment.bodies.body, moment.motion.elements, moment.bodies.rate)
-            keep_applied(moment.motion.load, u, v, 0.5 * part, self.applied)
+            keep_body_forces(moment.motion.load, u, v, 0.5 * part, self.applied)
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
 
-    def _back(self, before: Moment, kept: list[np.ndarray]) -> None:
+    def _back(self, before: Standing, kept: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
         for name, values in zip(PLACE, kept[:-1], strict=True):
             getattr(self.el, name)[:] = values
@@ -254,7 +253,7 @@ class LongStep:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
         el, c, now = self.el, self.c, self.now
         rate = now.motion.opened(now.bodies.rate, 0.5 * h)
-        pose = moved(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
+        pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
         bodies = now.bodies._replace(pose=pose, rate=rate)
         el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
         bodies = self._place(bodies)
@@ -265,8 +264,9 @@ class LongStep:
         self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
         if self.model.parameters.damage.enabled:
-            s, mean = self.structure, 0.5 * (before + self.now.bodies.bend)
-            wear(self.bonds, s.alive, s.criterion.ratios(s.alive, mean, limits_of(self.bonds, s.alive, c)), h, c)
+            s = self.structure
+            middle = Equilibrium(s.lattice, s.alive, 0.5 * (before + self.now.bodies.bend), c)
+            wear(self.bonds, s.alive, s.criterion.ratios(middle, limits_of(self.bonds, s.alive, c)), h, c)
 
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
@@ -280,18 +280,18 @@ class LongStep:
             shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
             if not shift.any():
                 break
-            bodies = bodies._replace(pose=moved(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
+            bodies = bodies._replace(pose=moved_frames(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         return bodies
 
-    def _motion(self, bodies: Bodies) -> Motion:
+    def _motion(self, bodies: Bodies) -> BodyMotion:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
         motion = element_motion(bodies, c.latlon, c.earth_radius)
         load = find_loading(el, self.sizes, self.around, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
-        return Motion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
+        return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
 
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
@@ -317,10 +317,10 @@ class LongStep:
         held = np.unique(bodies.body[(self.el.static >= 0.5) | (self.el.free_y < 0.5)])
         return [(int(b), np.flatnonzero(bodies.body == b)) for b in held]
 
-    def _moment(self, bodies: Bodies, time: float) -> Moment:
+    def _moment(self, bodies: Bodies, time: float) -> Standing:
         return self._loaded(bodies, self._motion(bodies), time)
 
-    def _loaded(self, bodies: Bodies, motion: Motion, time: float) -> Moment:
+    def _loaded(self, bodies: Bodies, motion: BodyMotion, time: float) -> Standing:
         """Forces and loads at the velocities of the bodies, which all elements take on."""
         el, load, s = self.el, motion.load, self.structure
         u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
@@ -332,14 +332,14 @@ class LongStep:
         force[:, 0] -= load.mass * load.floor * u
         force[:, 1] -= load.mass * load.floor * v
         force[:, 2] -= load.inertia * load.floor_spin * w
-        held = _times(motion.floor, bodies.rate)
-        el.spin_rate[:] = _times(motion.mobility, total - held)[bodies.body, 2]
+        held = each_times(motion.floor, bodies.rate)
+        el.spin_rate[:] = each_times(motion.mobility, total - held)[bodies.body, 2]
         turn = motion.elements[:, 9:11]
         balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
         for _, inside in self._supported(bodies):
             z = s.holds.modes(inside, s.flat)
             balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
-        return Moment(time, bodies, motion, force, balanced)
+        return Standing(time, bodies, motion, force, balanced)
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
@@ -353,7 +353,7 @@ class LongStep:
             mean[b] = 0.0
         without_mean(now.bodies, bend, mean, load.mass, c.latlon, c.earth_radius)
         self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Moment(now.time, now.bodies._replace(bend=bend), now.motion, now.force, now.load)
+        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.force, now.load)
 
     def _contact_limit(self, left: float) -> float:
         """Longest step (s) that resolves the springs of contact between fragments."""
@@ -388,17 +388,18 @@ class LongStep:
         u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
         fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
         reach = MARGIN * (max(2.0 * float(radius.max()), c.contact_distance) + fastest * left)
-        found = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-        first = np.repeat(np.arange(el.size), np.diff(found.start))
-        once = first < found.partner
-        return will_touch(el, first[once], found.partner[once], radius, left, c)
+        pairs = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        first = np.repeat(np.arange(el.size), np.diff(pairs.start))
+        once = first < pairs.partner
+        return will_touch(el, first[once], pairs.partner[once], radius, left, c)
 
     # Breaking
 
     def _crack(self, first: int) -> None:
         """Break bonds until none is overloaded; ``first`` breaks in any case (-1: only if it is overloaded)."""
-        self._store()
-        overloaded = self._overloaded()
+        now = self._equilibrium()
+        self._store(now)
+        overloaded = self._overloaded(now)
         bond = overloaded if overloaded >= 0 else first
         if bond < 0:
             return
@@ -407,18 +408,23 @@ class LongStep:
         starter = bond
         while bond >= 0:
             self._break(bond)
-            bond = self._overloaded()
+            now = self._equilibrium()
+            bond = self._overloaded(now)
             if bond >= 0:
-                self._store()
+                self._store(now)
         self._released(starter, whole - elastic_energy(self.now.bodies.bend, self.now.load))
         self._settle_fragments()
 
-    def _overloaded(self) -> int:
+    def _equilibrium(self) -> Equilibrium:
+        """Return the present equilibrium, whose stresses are found once for all that ask."""
+        s = self.structure
+        return Equilibrium(s.lattice, s.alive, self.now.bodies.bend, self.c)
+
+    def _overloaded(self, now: Equilibrium) -> int:
         """Row in the state of the bond that breaks next, or -1 where none is overloaded."""
-        s, bend = self.structure, self.now.bodies.bend
-        limits = limits_of(self.bonds, s.alive, self.c)
-        row, ratio = s.criterion.worst(s.alive, bend, limits)
-        return int(s.alive[s.criterion.bond_at(row, s.alive, bend, limits)]) if ratio > 1.0 else -1
+        criterion, limits = self.structure.criterion, limits_of(self.bonds, now.alive, self.c)
+        row, ratio = criterion.worst(now, limits)
+        return int(now.alive[criterion.bond_at(row, now, limits)]) if ratio > 1.0 else -1
 
     def _released(self, bond: int, energy: float) -> None:
         """Note the energy (J) that a crack has released with the bond that began it."""
@@ -464,14 +470,14 @@ class LongStep:
         """Make bodies of the elements as they stand, free of load, with the rigid motion nearest to their velocities."""
         el, bonds, c = self.el, self.bonds, self.c
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
-        bodies = gathered(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
+        bodies = free_bodies(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
         self.structure = self._build(bodies)
         motion = self._motion(bodies)
         m, load = motion.elements, motion.load
         momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return bodies._replace(rate=_times(motion.mobility, sums))
+        return bodies._replace(rate=each_times(motion.mobility, sums))
 
     def _build(self, bodies: Bodies) -> Structure:
         """Describe and factor the lattice of the bonds that hold."""
@@ -483,7 +489,7 @@ class LongStep:
         factors = Factors(lattice, alive, holds, holds.springs(bodies.body, flat))
         return Structure(flat, lattice, alive, holds, factors, self._criterion(lattice, alive, flat, bodies.body))
 
-    def _criterion(self, lattice: Lattice, alive: Ints, flat: Floats, body: Ints) -> Criterion:
+    def _criterion(self, lattice: ElasticLattice, alive: Ints, flat: Floats, body: Ints) -> Criterion:
         """What decides that bonds of this lattice break."""
         fracture, el = self.model.parameters.fracture, self.el
         if fracture.criterion == "bond":
@@ -491,15 +497,10 @@ class LongStep:
         volume = el.length * el.width * el.thickness
         return AveragedStress(lattice, alive, flat, body, volume, characteristic_distance(fracture), self.c)
 
-    def _store(self) -> None:
+    def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        s, now = self.structure, self.now
-        stress = bond_stresses(s.lattice, s.alive, now.bodies.bend, self.c)
-        store_stresses(self.bonds, s.lattice, s.alive, now.bodies.bend, stress, now.motion.elements[:, 9:11], self.c)
-
-
-def _times(matrices: Floats, vectors: Floats) -> Floats:
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+        turn = self.now.motion.elements[:, 9:11]
+        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn, self.c)
 
 
 def _supported_loads(

@@ -212,7 +212,7 @@ def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, 
 
 
 @kernel
-def keep_applied(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
+def keep_body_forces(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
     """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities."""
     for e in range(u.size):
         for m in range(load.media.shape[1]):
@@ -320,7 +320,7 @@ def contact_slope(body: Ints, motion: Floats, touching: Touching, row: Ints, siz
     return matrix
 
 
-class Motion(NamedTuple):
+class BodyMotion(NamedTuple):
     """What one place and time give for the motion of all fragments, before velocities are known.
 
     ``elements`` are the columns of `riftberg.stepping.frames.element_motion`; ``mobility`` is the inverse inertia,
@@ -351,7 +351,7 @@ class Motion(NamedTuple):
         """Velocities in the middle of the step, from those at its start."""
         w, p = self._floor_factors(half)
         _, total, _ = self.forces(rate)
-        ahead = rate + half * _times(p, total)
+        ahead = rate + half * each_times(p, total)
         return np.asarray(np.linalg.solve(w, ahead[:, :, None])[:, :, 0])
 
     def closed(self, rate: Floats, half: float) -> Floats:
@@ -367,7 +367,7 @@ class Motion(NamedTuple):
         new = rate.copy()
         for _ in range(MOST_PASSES):
             _, total, slope = self.forces(new)
-            miss = rate + half * _times(p, total) - _times(w, new)
+            miss = rate + half * each_times(p, total) - each_times(w, new)
             step: Floats = np.asarray(np.linalg.solve(w + half * (p @ slope), miss[:, :, None])[:, :, 0], np.float64)
             for members in islands:
                 step[members] = self._together(members, w, p, slope, miss, half)
@@ -399,7 +399,7 @@ class Motion(NamedTuple):
         return np.asarray(np.linalg.solve(matrix, miss[members].ravel()).reshape(size, 3))
 
 
-def _times(matrices: Floats, vectors: Floats) -> Floats:
+def each_times(matrices: Floats, vectors: Floats) -> Floats:
     """Product of each matrix with its vector."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 

@@ -20,7 +20,7 @@ from riftberg.state import Floats, Ints
 from riftberg.viz import colours, style
 from riftberg.viz.moments import moment_text
 from riftberg.viz.panels import Panel, Water, arrow_key, fragment_colours, fragment_name, speed_bar, speed_top, widened
-from riftberg.viz.plots import heading
+from riftberg.viz.plots import figure_title
 from riftberg.viz.style import new_figure
 from riftberg.whole_files import replacing
 
@@ -158,7 +158,7 @@ class _Film:
         self.box = widened(scene.grown(scene.box(), 0.06), scene, 1.45)
         self.figure = new_figure(9.6, 7.2, dpi)
         self.ax = self.figure.add_axes((0.075, 0.155, 0.905, 0.745))
-        style.put_title(self.figure, heading(scene.run, "drift and break-up"), size=11.0, left=0.72)
+        style.put_title(self.figure, figure_title(scene.run, "drift and break-up"), size=11.0, left=0.72)
         self.colours = fragment_colours(scene)
         self._legend()
         some = range(0, len(scene.times), max(1, len(scene.times) // 12))

@@ -85,7 +85,7 @@ def _distance(ax: Axes, meeting: Approach) -> None:
     ax.plot(hours, meeting.apart / 1e3, color="black", lw=1.8, label="nearest elements")
     ax.set_ylabel("distance of centres (km)", fontsize=9)
     ax.set_ylim(bottom=0.0)
-    _plain(ax)
+    _over_hours(ax)
 
 
 def _closing(ax: Axes, meeting: Approach) -> None:
@@ -95,13 +95,10 @@ def _closing(ax: Axes, meeting: Approach) -> None:
     ax.axhline(0.0, color=colours.STRENGTH, lw=0.8)
     ax.plot(hours, meeting.closing, color="black", lw=1.8, label="closing speed of the centroids")
     ax.set_ylabel("closing speed (m s$^{-1}$)", fontsize=9)
-    _plain(ax)
+    _over_hours(ax)
 
 
-def _plain(ax: Axes) -> None:
+def _over_hours(ax: Axes) -> None:
     ax.set_xlabel("hours since the start", fontsize=9)
-    ax.grid(color=colours.GRID, lw=0.6)
-    ax.set_axisbelow(True)
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
+    style.plain_axes(ax)
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)

@@ -80,7 +80,7 @@ def _deflection(ax: Axes, beam: BentBeam) -> None:
     ax.set_xlabel(f"x from the first column ({_name(beam.case.length)})", fontsize=9)
     ax.set_ylabel(f"deflection ({_name(beam.expected)})", fontsize=9)
     ax.set_title(f"{100.0 * beam.error:+.1f} % from theory", fontsize=9, loc="right")
-    _plain(ax)
+    _with_legend(ax)
 
 
 def _history(ax: Axes, beam: BentBeam) -> None:
@@ -92,14 +92,11 @@ def _history(ax: Axes, beam: BentBeam) -> None:
     ax.set_xlabel(f"time since the load ({name})", fontsize=9)
     where = "middle" if beam.case.held == "supported" else "end"
     ax.set_ylabel(f"deflection of the {where} ({_name(beam.expected)})", fontsize=9)
-    _plain(ax)
+    _with_legend(ax)
 
 
-def _plain(ax: Axes) -> None:
-    ax.grid(color=colours.GRID, lw=0.6)
-    ax.set_axisbelow(True)
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
+def _with_legend(ax: Axes) -> None:
+    style.plain_axes(ax)
     ax.legend(fontsize=8, loc="best", frameon=False)
 
 

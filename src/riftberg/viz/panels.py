@@ -262,8 +262,8 @@ def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:
 
     A current of one speed everywhere stands in the middle of its scale, so that it is not all dark under arrows and ice.
     """
-    found = [panel.speeds(record) for panel, record in zip(panels, records, strict=True)]
-    least, most = min(low for low, _ in found), max(high for _, high in found)
+    speeds = [panel.speeds(record) for panel, record in zip(panels, records, strict=True)]
+    least, most = min(low for low, _ in speeds), max(high for _, high in speeds)
     return max(0.05, 2.0 * most if least > 0.9 * most else most)
 
 

@@ -43,7 +43,7 @@ IMPACT = 0.02
 """A break came by an impact where no bond had this part of the strength at the record before."""
 
 
-def heading(run: xr.Dataset, what: str) -> str:
+def figure_title(run: xr.Dataset, what: str) -> str:
     """Return the title of a figure; its second line says what the forcing is."""
     name = str(run.attrs.get("experiment") or "Iceberg")
     note = str(run.attrs.get("forcing_title", "")).strip()
@@ -114,7 +114,7 @@ def draw_dates(
     flowing = top if any(p.fastest(record) for p, record in zip(panels, records, strict=True)) else 0.0
     below = _legend(figure, scene, bool(shown), flowing, next((a for a in arrows if a is not None), None))
     height = figure.get_figheight()
-    title = heading(run, "model" + (" and observed outlines" if shown else ""))
+    title = figure_title(run, "model" + (" and observed outlines" if shown else ""))
     left, right = (0.62 + named) / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figwidth()
     above = 0.4 + style.put_title(figure, title)
     figure.subplots_adjust(
@@ -205,7 +205,7 @@ def draw_stress(
     strength = fracture.normal_strength / unit
     beyond = fracture.enabled and top >= strength
     text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
-    title = heading(run, "stress in the bonds")
+    title = figure_title(run, "stress in the bonds")
     figure = _bond_maps(
         scene, tension, colours.stress_map(), root_scale(strength if beyond else top),
         f"largest tensile stress of a bond ({name}){text}; dotted: broken", title, water=water or water_of(run),
@@ -240,7 +240,7 @@ def draw_damage(
     top = max(0.01, *(float(np.nanmax(values, initial=0.0)) for values in shown.values()))
     figure = _bond_maps(
         scene, shown, colours.damage_map(), root_scale(top), "damage of a bond; dotted: broken",
-        heading(run, "damage of the bonds"), water=water or water_of(run), dpi=dpi,
+        figure_title(run, "damage of the bonds"), water=water or water_of(run), dpi=dpi,
     )  # fmt: skip
     style.save_figure(figure, path)
     return Path(path)
@@ -352,10 +352,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         lower.yaxis.get_major_locator().set_params(integer=True)
         lower.set_ylim(0.0, 1.15 * float(ground.max()))
     for k, ax in enumerate(axes):
-        ax.grid(color=colours.GRID, lw=0.6)
-        ax.set_axisbelow(True)
-        ax.tick_params(labelsize=8)
-        ax.spines[["top", "right"]].set_visible(False)
+        style.plain_axes(ax)
         ax.text(0.0, 1.02, f"({'abc'[k]})", transform=ax.transAxes, fontsize=10, fontweight="bold", va="bottom")
     if is_short(scene.times):
         lower.set_xlabel(
@@ -365,7 +362,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         date_axis(lower)
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
-    above = style.put_title(figure, heading(run, "fragments"), left=0.08 * 11.0)
+    above = style.put_title(figure, figure_title(run, "fragments"), left=0.08 * 11.0)
     bottom = 0.55 if is_short(scene.times) else 0.48
     figure.subplots_adjust(left=0.08, right=0.97, top=1.0 - (above + 0.45) / 7.4, bottom=bottom / 7.4, hspace=0.2)
     style.save_figure(figure, path)

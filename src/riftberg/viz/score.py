@@ -16,7 +16,7 @@ from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
 from riftberg.viz.colours import GRID, MODEL, OBSERVED, PAIRING
 from riftberg.viz.moments import day_text
-from riftberg.viz.style import date_axis, new_figure
+from riftberg.viz.style import date_axis, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,10 +52,8 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
         axes.append(figure.add_subplot(grid[k, 1], sharex=axes[0] if axes else None))
         draw(axes[k], times, matches)
         axes[k].set_ylabel(label, fontsize=9)
-        axes[k].grid(color=GRID, lw=0.6)
-        axes[k].set_axisbelow(True)
-        axes[k].tick_params(labelsize=8, labelbottom=k == len(_CURVES) - 1)
-        axes[k].spines[["top", "right"]].set_visible(False)
+        plain_axes(axes[k])
+        axes[k].tick_params(labelbottom=k == len(_CURVES) - 1)
     date_axis(axes[-1])
     for k, ax in enumerate((tracks, *axes)):
         style.letter(ax, k)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from riftberg.errors import InputError
+from riftberg.viz import colours
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
@@ -107,6 +108,14 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
         ax.set_xlabel(f"x ({unit})", fontsize=8, labelpad=2)
         ax.set_ylabel(f"y ({unit})", fontsize=8, labelpad=2)
     ax.tick_params(labelsize=8, length=3)
+
+
+def plain_axes(ax: Axes) -> None:
+    """Give the axes of a curve a faint grid below it, small numbers and no frame above and on the right."""
+    ax.grid(color=colours.GRID, lw=0.6)
+    ax.set_axisbelow(True)
+    ax.tick_params(labelsize=8)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def metres_factor(ax: Axes) -> float:

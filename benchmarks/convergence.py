@@ -1,0 +1,157 @@
+"""Stress in the bonds against the long step, for the explicit and the quasi-static scheme: to what does it converge.
+
+python benchmarks/convergence.py             print the table
+python benchmarks/convergence.py --write     also put it into docs/explanation/numerics.md, and draw its figure
+
+The built-in A68a without its shoal and without breaks, while the current loads the finger (19 to 21 December). All runs
+are compared, hour by hour and bond by bond, with the quasi-static scheme at its shortest long step.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from story import put, table
+
+from riftberg.experiments import Options
+from riftberg.experiments.a68a import story_model
+from riftberg.state import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE, FIGURE = DOCS / "explanation" / "numerics.md", DOCS / "figures" / "stress-and-long-step.png"
+HOURS = range(248, 285)
+"""Hours since the start at which stresses are compared; the finger is loaded from 255 on."""
+
+SUBSTEP = 20.0
+"""Sub-step of the explicit scheme, s: that of the publication."""
+
+EXPLICIT, QUASI_STATIC = "mts", "quasi_static"
+STEPS = {EXPLICIT: (1800.0, 900.0, 450.0, 300.0, 150.0), QUASI_STATIC: (3600.0, 1800.0, 900.0, 450.0)}
+"""Long steps that are compared, s."""
+
+TRUTH = 225.0
+"""Long step (s) of the quasi-static run that all are compared with."""
+
+NAMES = {EXPLICIT: "explicit (`mts`)", QUASI_STATIC: "`quasi_static`"}
+
+
+@dataclass(frozen=True)
+class Load:
+    """Stresses of a run, Pa: ``stress[hour, bond]``, and ``peak[hour]`` the largest of any bond in the last long step."""
+
+    stress: Floats
+    peak: Floats
+
+    @property
+    def largest(self) -> Floats:
+        """Largest tensile stress of any bond by hour, Pa."""
+        return self.stress.max(axis=1)
+
+
+def loaded(scheme: str, step: float) -> Load:
+    """Run the berg and take the stresses of all bonds at each of the hours."""
+    stepping: dict[str, Any] = {"scheme": scheme, "time_step": step}
+    if scheme == EXPLICIT:
+        stepping["substeps"] = round(step / SUBSTEP) or 1
+    options = Options({"stepping": stepping, "fracture": {"enabled": False}}, without=("shoal",))
+    model = story_model(options)
+    stress, peak = [], []
+    for hour in HOURS:
+        model.advance(steps=round((hour * 3600.0 - model.time) / step))
+        stress.append(model.bonds.normal_stress.copy())
+        peak.append(model.bonds.peak_stress.max())
+    return Load(np.array(stress), np.array(peak))
+
+
+def difference(run: Load, truth: Load) -> float:
+    """Root mean square of the differences over bonds and hours, as a part of the largest stress."""
+    return float(np.sqrt(((run.stress - truth.stress) ** 2).mean()) / truth.largest.max())
+
+
+def row(scheme: str, step: float, run: Load, truth: Load) -> list[str]:
+    """Words of one run."""
+    when = truth.largest.argmax()
+    correlation = np.corrcoef(run.stress.ravel(), truth.stress.ravel())[0, 1]
+    kilopascals = (1e-3 * run.largest[when], 1e-3 * run.peak[when])
+    return [
+        NAMES[scheme], f"{step:.0f} s", f"{100.0 * difference(run, truth):.2g} %", f"{correlation:.4f}",
+        *(f"{value:.1f}" for value in kilopascals),
+    ]  # fmt: skip
+
+
+def rows(runs: dict[tuple[str, float], Load], truth: Load) -> Iterator[list[str]]:
+    """Rows of the table, and last the run that all are compared with."""
+    for (scheme, step), run in runs.items():
+        yield row(scheme, step, run, truth)
+    when = truth.largest.argmax()
+    largest, peak = 1e-3 * truth.largest[when], 1e-3 * truth.peak[when]
+    yield [NAMES[QUASI_STATIC], f"{TRUTH:.0f} s", "0", "1", f"{largest:.1f}", f"{peak:.1f}"]
+
+
+def draw(runs: dict[tuple[str, float], Load], truth: Load) -> None:
+    """Draw the largest stress by hour, and the difference against the long step."""
+    from riftberg.viz.style import new_figure, save_figure
+
+    figure = new_figure(11.0, 4.2, 110)
+    figure.set_layout_engine("constrained")
+    left, right = figure.subplots(1, 2)
+    _draw_hours(left, runs, truth)
+    _draw_convergence(right, runs, truth)
+    for axes, letter in ((left, "a"), (right, "b")):
+        axes.set_title(letter, loc="left", fontweight="bold")
+        axes.spines[["top", "right"]].set_visible(False)
+    save_figure(figure, FIGURE)
+
+
+def _draw_hours(axes: Axes, runs: dict[tuple[str, float], Load], truth: Load) -> None:
+    days = np.array(HOURS) / 24.0
+    long = runs[EXPLICIT, 1800.0]
+    axes.plot(days, 1e-3 * truth.largest, color="black", lw=2.5, label="equilibrium")
+    axes.plot(days, 1e-3 * long.peak, color="#D55E00", ls="--", label="explicit, 1800 s: between records")
+    axes.plot(days, 1e-3 * long.largest, color="#D55E00", label="explicit, 1800 s: at records")
+    axes.plot(days, 1e-3 * runs[EXPLICIT, 150.0].largest, color="#56B4E9", lw=1.2, label="explicit, 150 s")
+    axes.plot(
+        days, 1e-3 * runs[QUASI_STATIC, 1800.0].largest, color="#009E73", ls=":", lw=2.5, label="quasi-static, 1800 s"
+    )
+    axes.set(xlabel="days since the start", ylabel="largest tensile stress of any bond (kPa)", ylim=(0.0, None))
+    axes.legend(frameon=False, fontsize="small", loc="upper left")
+
+
+def _draw_convergence(axes: Axes, runs: dict[tuple[str, float], Load], truth: Load) -> None:
+    for scheme, colour, name in ((EXPLICIT, "#D55E00", "explicit"), (QUASI_STATIC, "#009E73", "quasi-static")):
+        steps = STEPS[scheme]
+        apart = [100.0 * difference(runs[scheme, step], truth) for step in steps]
+        axes.loglog(steps, apart, "o-", color=colour, label=name)
+    axes.set(xlabel="long step (s)", ylabel="difference from equilibrium\n(% of the largest stress)")
+    ticks = sorted({step for some in STEPS.values() for step in some})
+    axes.set_xticks(ticks, [f"{step:.0f}" for step in ticks])
+    axes.minorticks_off()
+    axes.legend(frameon=False)
+
+
+def main() -> None:
+    """Run all, print the table, write it where that is asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name} and draw its figure")
+    asked = parser.parse_args()
+    truth = loaded(QUASI_STATIC, TRUTH)
+    runs = {(scheme, step): loaded(scheme, step) for scheme, steps in STEPS.items() for step in steps}
+    head = ["scheme", "long step", "difference, all bonds and hours", "correlation",
+            "largest stress at the height of the load, at records (kPa)", "within the step (kPa)"]  # fmt: skip
+    text = table(head, list(rows(runs, truth)))
+    print(text)
+    if asked.write:
+        PAGE.write_text(put(PAGE.read_text("utf-8"), "convergence", text), "utf-8")
+        draw(runs, truth)
+
+
+if __name__ == "__main__":
+    main()
