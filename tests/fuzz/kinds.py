@@ -597,7 +597,7 @@ def restart_variables_of_own() -> Iterator[Kind]:
             looked_up = what == "NaN" and any(part in name for part in around)
             possible = (
                 looked_up
-                or (name == "bond_break_time" and what == "NaN")
+                or (name in ("bond_break_time", "bond_rest_length") and what == "NaN")
                 or (name in ("time", "step_number") and what == "scalar")
             )
             yield Kind(

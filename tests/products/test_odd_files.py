@@ -729,6 +729,7 @@ def test_python_holds_the_ends_and_bridges_gaps_where_it_is_told() -> None:
     DatasetForcing.from_xarray(far, START, max_gap="10 d").check(elements(), 0.0, 86400.0)
     with pytest.raises(ForcingError, match="hold"):
         DatasetForcing.from_xarray(one, START, hold="soon")
+    DatasetForcing.from_xarray(far, START, max_gap=1e60, hold=1e60).check(elements(), 0.0, 86400.0)
 
 
 def test_one_component_alone_is_refused_in_python_too() -> None:

@@ -80,10 +80,10 @@ def own_interval(ds: xr.Dataset) -> float:
 
 
 def seconds_of(period: Period, default: float) -> float:
-    """Return a length of time in seconds."""
+    """Return a length of time in seconds, three hundred years at most: longer ones are beyond what dates can hold."""
     if period is None:
-        return default
-    return float(period / np.timedelta64(1, "s")) if isinstance(period, np.timedelta64) else float(period)
+        return min(default, 1e10)
+    return min(float(period / np.timedelta64(1, "s")) if isinstance(period, np.timedelta64) else float(period), 1e10)
 
 
 def gap_limit(ds: xr.Dataset, period: Period = None) -> float:
