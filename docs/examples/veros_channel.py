@@ -1,10 +1,11 @@
 """A68a and small bergs in a channel of the ocean model Veros: they drift and melt, and their fresh water drifts with them.
 
-    python docs/examples/veros_channel.py               30 days: figures on the screen, the fresh pool in veros-channel.png
-    python docs/examples/veros_channel.py --days 2
+    python docs/examples/veros_channel.py               3 days: figures on the screen, the fresh pool in veros-channel.png
+    python docs/examples/veros_channel.py --days 1
 
 Needs `pip install riftberg[veros]`, and no data: front, wind and floor are formulas. The channel is a piece of the Southern
-Ocean, 30 degrees long and joined at its ends, without any source of heat or water but the bergs.
+Ocean, 30 degrees long and joined at its ends, without any source of heat or water but the bergs. Its current becomes
+unsteady after some four days, with and without bergs: it is an example of coupling, not of the ocean.
 """
 
 from __future__ import annotations
@@ -181,7 +182,7 @@ def draw(channel: Channel, life: VerosBergs, path: Path, track: np.ndarray, days
 def main() -> None:
     """Run, print and draw."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--days", type=float, default=30.0)
+    parser.add_argument("--days", type=float, default=3.0)
     parser.add_argument("--picture", type=Path, default=Path("veros-channel.png"))
     options = parser.parse_args()
     channel, life = coupled()

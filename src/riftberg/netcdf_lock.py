@@ -1,8 +1,8 @@
 """One lock for everything that touches NetCDF and HDF5, whose C libraries must be called by one thread at a time.
 
 All files are opened here: `open_netcdf` for blocks of reading and writing, `open_lazily` for datasets of xarray, whose
-later reads take the same lock. It includes xarray's own lock, so that datasets that a program opened itself stay apart
-from ours too.
+later reads take the same lock, `write_dataset` for a dataset of xarray that becomes a file. The lock includes xarray's own,
+so that datasets that a program opened itself stay apart from ours too.
 
 Nothing that waits for other threads may stand in a locked block, such as the computation of dask arrays: the threads
 that it waits for want the lock.
@@ -23,6 +23,8 @@ import netCDF4
 import xarray as xr
 from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 from xarray.backends.plugins import guess_engine
+
+from riftberg.whole_files import replacing
 
 _LOG = logging.getLogger(__name__)
 
@@ -131,6 +133,23 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
     with NETCDF:
         return xr.open_dataset(source, engine=engine, **{"lock": NETCDF, **options})
+
+
+def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None:
+    """Write a dataset of xarray as a NetCDF file, which is there as a whole or not at all.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    path : path
+        The file.
+    **options
+        Further arguments of `xarray.Dataset.to_netcdf`.
+    """
+    _LOG.debug("writing %s", path)
+    with replacing(Path(path)) as part:
+        # xarray takes its own lock, which is part of ours and cannot be taken twice.
+        dataset.to_netcdf(part, engine="netcdf4", **options)
 
 
 def _is_netcdf(source: Any) -> bool:

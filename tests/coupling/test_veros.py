@@ -101,9 +101,9 @@ def test_the_large_berg_drifts_with_the_wind_and_the_front(after_hours) -> None:
 
 
 @pytest.mark.slow
-def test_thirty_days_close(example) -> None:
+def test_three_days_close(example) -> None:
     channel, bergs = example.coupled()
-    example.run(channel, bergs, 30.0)
+    example.run(channel, bergs, 3.0)
     closure = bergs.closure()
     assert closure.water > 1e12
     assert abs(closure.water_error) < 1e-13

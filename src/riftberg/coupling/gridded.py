@@ -24,12 +24,12 @@ from riftberg.life.ledger import PROCESSES, water_by_process
 from riftberg.life.process import LifeModel
 from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
+from riftberg.netcdf_lock import write_dataset
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats, Ints
 from riftberg.values import number
 from riftberg.version import __version__
-from riftberg.whole_files import replacing
 
 MASS: Final = len(PROCESSES)
 HEAT: Final = MASS + 1
@@ -174,8 +174,7 @@ class GridRecorder:
         for name, dataset in zip(self.names(), (self.monthly(), self.moments()), strict=True):
             if dataset.sizes["time"]:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
-                with replacing(self.path.with_name(name)) as part:
-                    dataset.to_netcdf(part)
+                write_dataset(dataset, self.path.with_name(name))
 
     def monthly(self) -> xr.Dataset:
         """Return means by month; the first and the last are of what the run had of them, as their bounds say."""

@@ -14,11 +14,10 @@ from riftberg.ensembles.member import FRAGMENT, Outcome
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, is_folder, reading
-from riftberg.netcdf_lock import open_lazily
+from riftberg.netcdf_lock import open_lazily, write_dataset
 from riftberg.state import Floats
 from riftberg.values import required
 from riftberg.version import __version__
-from riftberg.whole_files import replacing
 
 STATUS: Final = {"done": 0, "failed": 1, "waiting": 2}
 """Values of the variable ``status``."""
@@ -219,9 +218,7 @@ def write_sweep(ds: xr.Dataset, path: str | Path) -> Path:
     for name, variable in ds.data_vars.items():
         if variable.dtype.kind == "f":
             encoding[str(name)] = {"zlib": variable.ndim > 1, "complevel": 1, "_FillValue": np.nan}
-    # xarray takes its own lock, which is part of ours and cannot be taken twice.
-    with replacing(path) as part:
-        ds.to_netcdf(part, engine="netcdf4", encoding=encoding)
+    write_dataset(ds, path, encoding=encoding)
     return path
 
 
