@@ -237,3 +237,52 @@ def test_a_file_that_vanished_is_named(tmp_path: Path) -> None:
     model.step()
     with pytest.raises(RunError, match=r"cannot write .*run.nc"):
         writer.finish(model)
+
+
+def two_meetings(ds: xr.Dataset) -> xr.Dataset:
+    """Put two meetings into the dataset of a run that has none."""
+    kept = ds.drop_vars([name for name in ds.variables if "contact" in ds[name].dims])
+    dated = ("contact", [0.0, 3600.0], {"units": ds["time"].attrs["units"]})
+    numbers = {"contact_first": ("contact", [1.0, 1.0]), "contact_second": ("contact", [2.0, 2.0])}
+    return kept.assign(
+        {**numbers, "contact_time": dated, "contact_end": dated, "contact_speed": ("contact", [0.1, 0.2])}
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value", "said"),
+    [
+        ("fragment_number", 0, np.nan, "numbers of fragments are whole"),
+        ("fragment_number", 0, 1.5, "numbers of fragments are whole"),
+        ("sides", 3, 5.0, "an element of 5 sides"),
+        ("sides", 3, np.inf, "an element of inf sides"),
+        ("contact_first", 1, np.nan, "numbers of fragments are whole"),
+        ("contact_second", 1, 0.0, "numbers of fragments are whole"),
+        ("contact_time", 1, np.nan, "a meeting without a time"),
+        ("contact_speed", 1, -1.0, "a speed below 0"),
+    ],
+)
+def test_a_number_that_names_nothing_is_refused(
+    run: tuple[FakeModel, Path], tmp_path: Path, name: str, index: int, value: float, said: str
+) -> None:
+    """Bug once: NaN is neither below 1 nor double, and was drawn into a traceback."""
+    ds = two_meetings(xr.load_dataset(run[1], decode_times=False).drop_encoding())
+    ds[name] = ds[name].astype(np.float64)
+    ds.to_netcdf(tmp_path / "good.nc")
+    open_run(tmp_path / "good.nc").close()
+    ds[name].values[index] = value
+    ds.to_netcdf(tmp_path / "bad.nc")
+    with pytest.raises(InputError, match=said) as error:
+        open_run(tmp_path / "bad.nc")
+    assert name in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["sides", "damage", "contact_first"])
+def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], tmp_path: Path, name: str) -> None:
+    """Bug once: variables that only some readers use were not looked at before they were used."""
+    ds = xr.load_dataset(run[1], decode_times=False).drop_encoding()
+    dims = {"sides": ("trajectory",), "damage": ("bond", "time"), "contact_first": ("contact",)}[name]
+    letters = np.full([ds.sizes[dim] for dim in dims], b"x", dtype="S1")
+    ds.drop_vars(name, errors="ignore").assign({name: (dims, letters)}).to_netcdf(tmp_path / "bad.nc")
+    with pytest.raises(InputError, match="numbers are needed"):
+        open_run(tmp_path / "bad.nc")

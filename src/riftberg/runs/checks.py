@@ -40,13 +40,13 @@ NEEDED: Final[Mapping[str, tuple[str, ...]]] = {
 """Variables of a run file that every reader may use, and their dimensions; positions are asked for by name besides."""
 
 OPTIONAL: Final[Mapping[str, tuple[str, ...]]] = {
-    "peak_stress": ("bond", "time"), "damage": ("bond", "time"), "fragment_name": ("fragment",),
+    "sides": ("trajectory",), "peak_stress": ("bond", "time"), "damage": ("bond", "time"), "fragment_name": ("fragment",),
     **{f"contact_{name}": ("contact",) for name in ("first", "second", "time", "end", "speed")},
     **{name: ("trajectory", "time") for name in ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "ice_thickness")},
 }  # fmt: skip
 """Variables that older files may lack; where they are there, they have these dimensions."""
 
-_SHAPE: Final = ("length", "width", "mass")
+_SHAPE: Final = ("length", "width", "mass", "sides")
 """Variables that change with time only in runs whose elements wear or grow."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
@@ -210,7 +210,9 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
         raise _error("numbers of fragments begin with 1", file, "variable berg")
     check_bond_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
     check_status(run["status"].values, file, "variable status")
+    _check_sides(run, file)
     _check_fragments(run, file)
+    _check_meetings(run, file)
 
 
 def _check_finite(run: xr.Dataset, name: str, file: Path, most: float, *, positive: bool = False) -> None:
@@ -267,12 +269,38 @@ def check_status(status: Any, file: Path, place: str) -> None:
         raise _error(f"bond {k + 1} has status {status[k]:g}; it is 0, 1 or 2", file, place)
 
 
+def _check_sides(run: xr.Dataset, file: Path) -> None:
+    """Refuse elements that are neither squares nor hexagons; 0 is for those of which nothing is known."""
+    if "sides" not in run.variables:
+        return
+    values = run["sides"].values
+    known = np.isin(values, (0, 4, 6)) | np.isnan(values.astype(np.float64))
+    if not known.all():
+        raise _error(f"an element of {values[~known][0]:g} sides; it has 4 or 6", file, "variable sides")
+
+
+def _numbers_from_1(values: Any) -> bool:
+    """Whether all are whole numbers from 1 on; NaN is none."""
+    return bool(((values >= 1) & (values == np.floor(values))).all())
+
+
+def _check_meetings(run: xr.Dataset, file: Path) -> None:
+    """Refuse meetings of what is no fragment, without a time, or at a speed below 0."""
+    for name in ("contact_first", "contact_second"):
+        if name in run.variables and not _numbers_from_1(run[name].values):
+            raise _error("numbers of fragments are whole, from 1", file, f"variable {name}")
+    if "contact_time" in run.variables and np.isnat(run["contact_time"].values).any():
+        raise _error("a meeting without a time", file, "variable contact_time")
+    if "contact_speed" in run.variables and (run["contact_speed"].values < 0.0).any():
+        raise _error("a speed below 0", file, "variable contact_speed")
+
+
 def _check_fragments(run: xr.Dataset, file: Path) -> None:
     if run.sizes["fragment"] == 0:
         return
     number, parent = run["fragment_number"].values, run["fragment_parent"].values
     place = "variable fragment_number, fragment_parent"
-    if (number < 1).any() or len(np.unique(number)) < len(number):
+    if not _numbers_from_1(number) or len(np.unique(number)) < len(number):
         raise _error("numbers of fragments are whole, from 1, and each stands once", file, place)
     known = np.isin(parent, (0, *number)) & (parent != number)
     if not known.all():
