@@ -281,6 +281,22 @@ def test_the_command_that_is_printed_goes_on_with_all_options(
     assert_goes_on(tmp_path / "whole/run.nc", folder / "run.nc", first=1800.0 * stop)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "fake", "-o", ""], "Nothing stands after '-o'"),
+        (["plot", "", "--kind", "map"], "Nothing stands after 'plot'"),
+        (["score", "run.nc", "seen.csv", "--output", ""], "Nothing stands after '--output'"),
+        ([""], "An empty word"),
+    ],
+)
+def test_an_empty_word_is_no_folder(words: list[str], said: str) -> None:
+    """Bug once: results went into the folder at hand where a script had not set its variable."""
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 2
+    assert said in result.stderr
+
+
 def test_help_appears_at_once() -> None:
     code = (
         "import sys, riftberg.cli.main; "

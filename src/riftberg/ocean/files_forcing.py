@@ -193,14 +193,15 @@ class ModelGrid(NamedTuple):
 def _check_size(settings: FileForcing, run: Run) -> None:
     """Refuse a model grid of more cells or dates than anybody means, before any of them is made."""
     assert settings.spacing is not None
+    files = ", ".join(entry.file for entry in settings.entries)
     spans = [high - low for low, high in (_box(settings.longitude), settings.latitude)]
     refuse_large(
         math.prod(span / settings.spacing for span in spans), MOST_CELLS, "cells of a model grid", size=BYTES_PER_CELL,
-        where="forcing.spacing", remedy="Give a wider spacing or a smaller box", kind=ForcingError,
+        where=f"forcing.spacing, for {files}", remedy="Give a wider spacing or a smaller box", kind=ForcingError,
     )  # fmt: skip
     refuse_large(
         (run.end - run.start) / timedelta(hours=1) / settings.every_hours, MOST_MOMENTS, "dates on a model grid",
-        where="forcing.every_hours", remedy="Give a longer interval or a shorter run", kind=ForcingError,
+        where=f"forcing.every_hours, for {files}", remedy="Give a longer interval or a shorter run", kind=ForcingError,
     )  # fmt: skip
 
 
