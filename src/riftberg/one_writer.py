@@ -27,9 +27,11 @@ class OneWriter:
     """
 
     def __init__(self, path: str | Path) -> None:
+        self._handle: int | None = None  # first, for it is asked for when this object goes, however far it came
         self.path = Path(path)
+        if not self.path.name:
+            raise InputError(f"{str(path)!r} has no name", where="output", remedy="Name a file, for example run.nc")
         self.mark = self.path.with_name(f".{self.path.name}.lock")
-        self._handle: int | None = None
 
     def take(self) -> None:
         """Take the file.

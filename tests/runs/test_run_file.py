@@ -286,3 +286,11 @@ def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], t
     ds.drop_vars(name, errors="ignore").assign({name: (dims, letters)}).to_netcdf(tmp_path / "bad.nc")
     with pytest.raises(InputError, match="numbers are needed"):
         open_run(tmp_path / "bad.nc")
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("path", ["", ".", "/"])
+def test_an_output_without_a_name_is_refused(path: str) -> None:
+    """Bug once: an error of Python's, and another one when the writer went."""
+    with pytest.raises(InputError, match="has no name"):
+        RunWriter(path)
