@@ -22,3 +22,10 @@ def loaded(path: str) -> ModuleType:
         sys.path.append(str(file.parent))  # scripts find each other, as when Python runs one of them
     spec.loader.exec_module(module)
     return module
+
+
+def table_rows(page: Path, name: str) -> list[tuple[str, ...]]:
+    """Return the rows, below the head, of the table between two marks of a page."""
+    block = page.read_text("utf-8").partition(f"<!-- {name}: begin -->")[2].partition(f"<!-- {name}: end -->")[0]
+    lines = [line for line in block.splitlines() if line.startswith("|")]
+    return [tuple(cell.strip() for cell in line[1:-1].split("|")) for line in lines[2:]]

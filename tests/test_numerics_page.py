@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import pytest
 
-from scripts import loaded
+from scripts import loaded, table_rows
 
 SCRIPT = loaded("benchmarks/convergence.py")
 
 
-def rows() -> list[list[str]]:
+def rows() -> list[tuple[str, ...]]:
     """Return the rows of the page below the head."""
-    block = (
-        SCRIPT.PAGE.read_text("utf-8").partition("<!-- convergence: begin -->")[2].partition("<!-- convergence: end")[0]
-    )
-    lines = [line for line in block.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line[1:-1].split("|")] for line in lines[2:]]
+    return table_rows(SCRIPT.PAGE, "convergence")
 
 
 def test_the_page_has_all_runs_and_the_figure() -> None:
     runs = [(SCRIPT.NAMES[scheme], f"{step:.0f} s") for scheme, steps in SCRIPT.STEPS.items() for step in steps]
     truth = (SCRIPT.NAMES[SCRIPT.QUASI_STATIC], f"{SCRIPT.TRUTH:.0f} s")
-    assert [tuple(row[:2]) for row in rows()] == [*runs, truth]
+    assert [row[:2] for row in rows()] == [*runs, truth]
     assert SCRIPT.FIGURE.is_file()
 
 
 def test_both_schemes_tend_to_the_same_stress_as_their_long_step_gets_shorter() -> None:
-    apart = {tuple(row[:2]): float(row[2].removesuffix(" %")) for row in rows()}
+    apart = {row[:2]: float(row[2].removesuffix(" %")) for row in rows()}
     for scheme, steps in SCRIPT.STEPS.items():
         values = [apart[SCRIPT.NAMES[scheme], f"{step:.0f} s"] for step in steps]
         assert values == sorted(values, reverse=True)
@@ -37,4 +33,4 @@ def test_both_schemes_tend_to_the_same_stress_as_their_long_step_gets_shorter() 
 @pytest.mark.parametrize(("scheme", "step"), [("quasi_static", 3600.0), ("mts", 1800.0)])
 def test_a_row_is_what_comes_now(scheme: str, step: float) -> None:
     truth = SCRIPT.loaded(SCRIPT.QUASI_STATIC, SCRIPT.TRUTH)
-    assert SCRIPT.row(scheme, step, SCRIPT.loaded(scheme, step), truth) in rows()
+    assert tuple(SCRIPT.row(scheme, step, SCRIPT.loaded(scheme, step), truth)) in rows()

@@ -13,7 +13,7 @@ from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polyg
 from riftberg.experiments.a68a_observed import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.plane import ConformalPlane
-from scripts import loaded
+from scripts import loaded, table_rows
 
 AGAIN = "run: python benchmarks/story.py --write"
 
@@ -23,9 +23,7 @@ SCRIPT = loaded("benchmarks/story.py")
 
 def rows(name: str) -> list[tuple[str, ...]]:
     """Return the rows below the head of a table of the page."""
-    block = SCRIPT.PAGE.read_text("utf-8").partition(f"<!-- {name}: begin -->")[2].partition(f"<!-- {name}: end -->")[0]
-    lines = [line for line in block.splitlines() if line.startswith("|")]
-    return [tuple(cell.strip() for cell in line[1:-1].split("|")) for line in lines[2:]]
+    return table_rows(SCRIPT.PAGE, name)
 
 
 def test_the_page_has_all_rows_in_their_order() -> None:
