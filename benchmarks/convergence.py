@@ -21,6 +21,7 @@ from story import put, table
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from riftberg.state import Floats
+from riftberg.viz import colours, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +37,12 @@ SUBSTEP = 20.0
 EXPLICIT, QUASI_STATIC = "mts", "quasi_static"
 STEPS = {EXPLICIT: (1800.0, 900.0, 450.0, 300.0, 150.0), QUASI_STATIC: (3600.0, 1800.0, 900.0, 450.0)}
 """Long steps that are compared, s."""
+
+EXPLICIT_COLOUR, QUASI_STATIC_COLOUR, SHORT_COLOUR = (
+    colours.FRAGMENTS[3],
+    colours.FRAGMENTS[1],
+    colours.OBSERVED_DAYS[3],
+)
 
 TRUTH = 225.0
 """Long step (s) of the quasi-static run that all are compared with."""
@@ -98,35 +105,41 @@ def rows(runs: dict[tuple[str, float], Load], truth: Load) -> Iterator[list[str]
 
 def draw(runs: dict[tuple[str, float], Load], truth: Load) -> None:
     """Draw the largest stress by hour, and the difference against the long step."""
-    from riftberg.viz.style import new_figure, save_figure
-
-    figure = new_figure(11.0, 4.2, 110)
+    figure = style.new_figure(11.0, 4.2, 110)
     figure.set_layout_engine("constrained")
-    left, right = figure.subplots(1, 2)
-    _draw_hours(left, runs, truth)
-    _draw_convergence(right, runs, truth)
-    for axes, letter in ((left, "a"), (right, "b")):
-        axes.set_title(letter, loc="left", fontweight="bold")
-        axes.spines[["top", "right"]].set_visible(False)
-    save_figure(figure, FIGURE)
+    for number, (axes, draw_into) in enumerate(
+        zip(figure.subplots(1, 2), (_draw_hours, _draw_convergence), strict=True)
+    ):
+        draw_into(axes, runs, truth)
+        style.plain_axes(axes)
+        style.letter(axes, number)
+    style.save_figure(figure, FIGURE)
 
 
 def _draw_hours(axes: Axes, runs: dict[tuple[str, float], Load], truth: Load) -> None:
     days = np.array(HOURS) / 24.0
     long = runs[EXPLICIT, 1800.0]
-    axes.plot(days, 1e-3 * truth.largest, color="black", lw=2.5, label="equilibrium")
-    axes.plot(days, 1e-3 * long.peak, color="#D55E00", ls="--", label="explicit, 1800 s: between records")
-    axes.plot(days, 1e-3 * long.largest, color="#D55E00", label="explicit, 1800 s: at records")
-    axes.plot(days, 1e-3 * runs[EXPLICIT, 150.0].largest, color="#56B4E9", lw=1.2, label="explicit, 150 s")
+    axes.plot(days, 1e-3 * truth.largest, color=colours.OBSERVED, lw=2.5, label="equilibrium")
+    axes.plot(days, 1e-3 * long.peak, color=EXPLICIT_COLOUR, ls="--", label="explicit, 1800 s: between records")
+    axes.plot(days, 1e-3 * long.largest, color=EXPLICIT_COLOUR, label="explicit, 1800 s: at records")
+    axes.plot(days, 1e-3 * runs[EXPLICIT, 150.0].largest, color=SHORT_COLOUR, lw=1.2, label="explicit, 150 s")
     axes.plot(
-        days, 1e-3 * runs[QUASI_STATIC, 1800.0].largest, color="#009E73", ls=":", lw=2.5, label="quasi-static, 1800 s"
+        days,
+        1e-3 * runs[QUASI_STATIC, 1800.0].largest,
+        color=QUASI_STATIC_COLOUR,
+        ls=":",
+        lw=2.5,
+        label="quasi-static, 1800 s",
     )
     axes.set(xlabel="days since the start", ylabel="largest tensile stress of any bond (kPa)", ylim=(0.0, None))
     axes.legend(frameon=False, fontsize="small", loc="upper left")
 
 
 def _draw_convergence(axes: Axes, runs: dict[tuple[str, float], Load], truth: Load) -> None:
-    for scheme, colour, name in ((EXPLICIT, "#D55E00", "explicit"), (QUASI_STATIC, "#009E73", "quasi-static")):
+    for scheme, colour, name in (
+        (EXPLICIT, EXPLICIT_COLOUR, "explicit"),
+        (QUASI_STATIC, QUASI_STATIC_COLOUR, "quasi-static"),
+    ):
         steps = STEPS[scheme]
         apart = [100.0 * difference(runs[scheme, step], truth) for step in steps]
         axes.loglog(steps, apart, "o-", color=colour, label=name)
