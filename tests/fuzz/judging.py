@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import random
 import re
@@ -168,6 +169,35 @@ def judge(kind: Kind, folder: Path) -> Verdict:
         return Verdict(kind, REFUSED, result.text.strip()[-300:], spent)
     finally:
         os.chdir(here)
+
+
+def judge_apart(kind: Kind, folder: Path) -> Verdict:
+    """As `judge`, in a process of its own: a library that dies of damaged bytes, or never comes back, is a verdict too."""
+    folder.mkdir(parents=True)
+    answer, said = folder.parent / f"{folder.name}.verdict", folder.parent / f"{folder.name}.txt"
+    began = time.monotonic()
+    child = os.fork()
+    if child == 0:
+        with open(said, "wb") as file:
+            os.dup2(file.fileno(), 1)
+            os.dup2(file.fileno(), 2)
+        verdict = judge(kind, folder / "in")
+        answer.write_text(json.dumps([verdict.what, verdict.message]))
+        os._exit(0)
+    while os.waitpid(child, os.WNOHANG)[0] == 0:
+        if time.monotonic() - began > SECONDS + 30.0:
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.005)
+    spent = time.monotonic() - began
+    text = said.read_text(errors="replace")
+    told = json.loads(answer.read_text()) if answer.exists() else None
+    said.unlink()
+    answer.unlink(missing_ok=True)
+    if told:
+        return Verdict(kind, told[0], told[1], spent)
+    if "has not opened within" in text:
+        return Verdict(kind, REFUSED, text[-300:], spent)
+    return Verdict(kind, HANG if spent > SECONDS else TRACEBACK, f"the process died: {text[-600:]}", spent)
 
 
 def _listing(folder: Path) -> set[str]:
