@@ -18,7 +18,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from riftberg.cli.failures import EXIT_ERROR
 from riftberg.cli.main import app
+from riftberg.stuck import STUCK_AFTER
 
 REFUSED, ACCEPTED, HARMLESS, TRACEBACK, HANG, VAGUE, REMAINS = (
     "refused well", "accepted though impossible", "accepted, harmless", "traceback", "hang or memory", "vague",
@@ -184,7 +186,7 @@ def judge_apart(kind: Kind, folder: Path) -> Verdict:
         verdict = judge(kind, folder / "in")
         answer.write_text(json.dumps([verdict.what, verdict.message]))
         os._exit(0)
-    while os.waitpid(child, os.WNOHANG)[0] == 0:
+    while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
         if time.monotonic() - began > SECONDS + 30.0:
             os.kill(child, signal.SIGKILL)
         time.sleep(0.005)
@@ -195,8 +197,8 @@ def judge_apart(kind: Kind, folder: Path) -> Verdict:
     answer.unlink(missing_ok=True)
     if told:
         return Verdict(kind, told[0], told[1], spent)
-    if "has not opened within" in text:
-        return Verdict(kind, REFUSED, text[-300:], spent)
+    if os.waitstatus_to_exitcode(ended[1]) == EXIT_ERROR and spent > STUCK_AFTER:
+        return Verdict(kind, REFUSED, "has not opened", spent)  # what it said went where `call` caught it
     return Verdict(kind, HANG if spent > SECONDS else TRACEBACK, f"the process died: {text[-600:]}", spent)
 
 
