@@ -34,7 +34,7 @@ from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.substep_choice import assign_substeps, coarse_sizes
-from riftberg.values import moment, native, number
+from riftberg.values import moment, native, number, required
 
 _LOG = logging.getLogger(__name__)
 
@@ -341,6 +341,7 @@ class BareModel(RunState):
         have a method ``interrupted(model)``, which is called then.
         """
         count = self._number_of_steps(days, steps)
+        check_recorders(recorders)
         check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
         dt = self.parameters.stepping.time_step
         if self.forcing.grid is not None and self.step_number == 0:
@@ -472,12 +473,31 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
     """
     good = {
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
-        "forcing": (callable(getattr(forcing, "sample", None)), "a forcing, for example Steady(current=(0.2, 0.0))"),
+        "forcing": (
+            callable(getattr(forcing, "sample", None)) and not isinstance(forcing, type),
+            "a forcing, for example Steady(current=(0.2, 0.0))",
+        ),
         "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
     }
     for (name, (fits, wanted)), value in zip(good.items(), (berg, forcing, parameters), strict=True):
         if not fits:
             raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {wanted}")
+
+
+def check_recorders(recorders: object) -> None:
+    """Refuse what is no list of recorders before the first step.
+
+    Raises
+    ------
+    InputError
+    """
+    wanted = "recorders in a list, such as [RunWriter('run.nc')]"
+    required(recorders, (list, tuple), wanted, where="Model.run, recorders")
+    for recorder in recorders if isinstance(recorders, list | tuple) else ():
+        if not all(callable(getattr(recorder, name, None)) for name in ("start", "record", "finish")):
+            raise InputError(
+                f"{value_shown(recorder)} is no recorder", where="Model.run, recorders", remedy=f"Give {wanted}"
+            )
 
 
 def start_of(forcing: Forcing, given: datetime | None) -> datetime:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from riftberg import constants, values
+from riftberg.errors import InputError
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
@@ -47,6 +48,12 @@ class Group(BaseModel):
             super().__init__(**plain)
         except ValidationError as error:
             raise values.explained(error, section) from error
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise InputError(
+            "parameters are not changed in place", where=f"{type(self).__name__}.{name}",
+            remedy="Make new ones, such as parameters.changed(fracture={'normal_strength': '20 kPa'})",
+        )  # fmt: skip
 
     def describe(self) -> str:
         """Return one line per parameter: name, value, unit and meaning."""
