@@ -377,6 +377,9 @@ def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
         riftberg.draw_map(xr.Dataset())
     with pytest.raises(InputError, match="vary: None cannot be used here"):
         riftberg.sweep("a68a", None)  # type: ignore[arg-type]
+    for workers in (-1, "two", 1.5):
+        with pytest.raises(InputError, match="workers: .* processes. Give a whole number, 0 or more"):
+            riftberg.sweep("collision", {"fracture.normal_strength": [1e3]}, days="1 h", workers=workers)  # type: ignore[arg-type]
     for wrong in (None, np.ones((3, 3))):
         with pytest.raises(BergError, match="Give a file, a DataArray, a Dataset or a Raster"):
             Iceberg.from_mask(wrong)

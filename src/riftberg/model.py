@@ -9,7 +9,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from datetime import date, datetime
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -154,6 +154,21 @@ class BareModel(RunState):
         if self._visited:
             # The same values as in the file, unless the run failed because its forcing was at fault.
             self._stepper.surround(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
+        state = dict(self.__dict__)
+        stepper = state.pop("_stepper")
+        return {**state, "_memory": stepper.memory(), "_applied": stepper.applied}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take up a state with a stepper of its own, which goes on bit for bit."""
+        memory, applied = state.pop("_memory"), state.pop("_applied")
+        self.__dict__.update(state)
+        self._stepper = make_stepper(self)
+        self._stepper.recall(memory)
+        if self._stepper.applied.shape == applied.shape:
+            self._stepper.applied[...] = applied
 
     @property
     def substeps(self) -> int:

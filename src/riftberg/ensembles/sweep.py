@@ -24,7 +24,7 @@ from riftberg.input_files import check_file, is_folder, reading, value_shown
 from riftberg.interrupts import Hold, held
 from riftberg.limits import large_allowed
 from riftberg.runs.progress import SweepBar
-from riftberg.values import check_names, number
+from riftberg.values import check_names, native, number
 from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
@@ -377,6 +377,9 @@ def run_sweep(
     bar : SweepBar, optional
         Shows how many members are done.
     """
+    workers = native(workers)
+    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
+        raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")
     numbers = store.waiting()
     jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))

@@ -78,7 +78,7 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
 
 
 def _texts(vary: Any) -> list[str]:
-    required(vary, (str, list, tuple), "a dict of names and lists of values", where="vary")
+    required(vary, Iterable, "a dict of names and lists of values", where="vary")
     texts = [vary] if isinstance(vary, str) else list(vary)
     for text in texts:
         if not isinstance(text, str):
