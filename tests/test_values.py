@@ -378,7 +378,7 @@ def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="vary: None cannot be used here"):
         riftberg.sweep("a68a", None)  # type: ignore[arg-type]
     for workers in (-1, "two", 1.5):
-        with pytest.raises(InputError, match="workers: .* processes. Give a whole number, 0 or more"):
+        with pytest.raises(InputError, match=r"workers: .* processes. Give a whole number, 0 or more"):
             riftberg.sweep("collision", {"fracture.normal_strength": [1e3]}, days="1 h", workers=workers)  # type: ignore[arg-type]
     for wrong in (None, np.ones((3, 3))):
         with pytest.raises(BergError, match="Give a file, a DataArray, a Dataset or a Raster"):
