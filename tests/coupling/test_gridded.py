@@ -95,6 +95,47 @@ def test_bergs_that_only_drift_have_mass_and_no_melt(tmp_path) -> None:
     assert float(monthly["ibmass"].max()) > 0.0
 
 
+def test_a_resumed_run_goes_on_with_month_and_moment_bit_for_bit(tmp_path) -> None:
+    whole, full = run(tmp_path, days=3.0)
+    first, _ = run(tmp_path, days=0.7)  # in the middle of both; the month ends at 0.75 days
+    first.save(tmp_path / "stopped.nc")
+    for steps in (1, 7):  # stopped again right after, and once more across the end of the month
+        model = Model.resume(tmp_path / "stopped.nc", Steady(**SEA))
+        model.advance(steps=steps, recorders=[GridRecorder(tmp_path / "part", 1.0, every_hours=12.0)])
+        model.save(tmp_path / "stopped.nc")
+    model = Model.resume(tmp_path / "stopped.nc", Steady(**SEA))
+    rest = GridRecorder(tmp_path / "rest", 1.0, every_hours=12.0)
+    model.advance(steps=whole.step_number - model.step_number, recorders=[rest])
+    for here, there in ((rest._months, full._months), (rest._moments, full._moments)):
+        assert 1 <= len(here) < len(there)
+        for one, other in zip(here, there[-len(here) :], strict=True):
+            assert (one.since, one.end) == (other.since, other.end)
+            for a, b in ((one.sums, other.sums), (one.state, other.state)):
+                np.testing.assert_array_equal(a.cells, b.cells)
+                np.testing.assert_array_equal(a.rows, b.rows)
+    xr.testing.assert_identical(rest.moments().isel(time=-1), _like(full.moments(), rest.moments()))
+
+
+def _like(full: xr.Dataset, part: xr.Dataset) -> xr.Dataset:
+    """Return the last time of a dataset on the cells of another."""
+    j, i = (
+        int(np.argmin(np.abs(full[name].isel({other: 0}).values - float(part[name][0, 0]))))
+        for name, other in (("lat", "i"), ("lon", "j"))
+    )
+    return full.isel(time=-1, j=slice(j, j + part.sizes["j"]), i=slice(i, i + part.sizes["i"]))
+
+
+def test_other_cells_or_another_moment_begin_anew(tmp_path) -> None:
+    first, _ = run(tmp_path, days=0.5)
+    first.save(tmp_path / "stopped.nc")
+    for cells, hours in ((2.0, 12.0), (1.0, 6.0)):
+        model = Model.resume(tmp_path / "stopped.nc", Steady(**SEA))
+        began = model.date
+        recorder = GridRecorder(tmp_path / "other", cells, every_hours=hours)
+        model.advance(steps=2, recorders=[recorder])
+        assert recorder._months[0].since == began
+
+
 def test_a_berg_beyond_the_cells_and_cells_that_do_not_close_are_refused(tmp_path) -> None:
     lon, lat = np.meshgrid(np.linspace(50.0, 70.0, 21), np.linspace(-60.0, -50.0, 11))
     with pytest.raises(InputError, match=r"element 1 at .* is outside the cells"):
@@ -120,6 +161,14 @@ def test_the_command_line_writes_both_files(tmp_path) -> None:
     assert done.exit_code == 0, done.output
     with xr.open_dataset(tmp_path / "out" / "bergs-monthly.nc") as monthly:
         assert float(monthly["ibmass"].max()) > 0.0
+    assert "bergs-monthly.nc" in done.output
+    assert "bergs-instantaneous.nc" not in done.output  # the run is shorter than a day
+    (tmp_path / "e.yaml").write_text((tmp_path / "e.yaml").read_text() + "output_cells: 2\n")
+    for more, width in (([], 2.0), (["--cells", "0.5"], 0.5)):
+        done = CliRunner().invoke(app, [*words, *more])
+        assert "bergs-monthly.nc" in done.output
+        with xr.open_dataset(tmp_path / "out" / "bergs-monthly.nc") as monthly:
+            assert float(np.diff(monthly["lon"][0])[0]) == pytest.approx(width)
     refused = CliRunner().invoke(app, [*words, "--cells", "0.7"])
     assert refused.exit_code == 2
     assert "divides 360" in refused.output

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
@@ -48,8 +48,8 @@ NumericsName = Annotated[
         "[default: own; reference for a68a-paper]",
     ),
 ]
-RESULTS: Final = ("run.nc", "summary.json", "map.png")
-"""Files that a run writes into its folder."""
+RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
+"""Files that a run may write into its folder."""
 
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
@@ -122,6 +122,11 @@ class Wishes(NamedTuple):
     quiet: bool
     cells: float | None = None
 
+    def added_to(self, info: Info) -> Info:
+        """Return an experiment with the files that were asked for on the command line."""
+        cells = info.output_cells if self.cells is None else self.cells
+        return replace(info, output_forces=info.output_forces or self.forces, output_cells=cells)
+
     def hours(self, info: Info) -> float:
         """Return the hours between records of an experiment."""
         return info.output_every_hours if self.every is None else self.every
@@ -151,11 +156,11 @@ def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None,
         _run_both(experiment, options, wishes)
         return
     model, info = _built(experiment, options, resume)
-    info = replace(info, output_forces=info.output_forces or wishes.forces)
+    info = wishes.added_to(info)
     _tell(info)
     command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
     folder = output_folder(wishes.output, info.name)
-    session = Session(model, info, folder, command, wishes.output is not None, wishes.shown(), wishes.cells)
+    session = Session(model, info, folder, command, wishes.output is not None, wishes.shown())
     days = options.days if options.days is not None else info.days
     session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
 
@@ -170,13 +175,13 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
-        info = replace(info, output_forces=info.output_forces or wishes.forces)
+        info = wishes.added_to(info)
         if not folders:
             _tell(info)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
-        session = Session(model, info, folders[-1], command, True, wishes.shown(), wishes.cells)
+        session = Session(model, info, folders[-1], command, True, wishes.shown())
         days = options.days if options.days is not None else info.days
         session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
     assert folder is not None
@@ -297,8 +302,6 @@ class Session:
         The folder was given.
     shown : str
         Options of what is shown, as given.
-    cells : float, optional
-        Width (degrees) of the cells of the gridded output.
     """
 
     model: Model
@@ -307,7 +310,7 @@ class Session:
     experiment: str
     placed: bool = False
     shown: str = ""
-    cells: float | None = None
+    gridded: list[Path] = field(default_factory=list)
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
 
@@ -354,10 +357,8 @@ class Session:
             self.stopwatch,
             ProgressRecorder(remaining, quiet=quiet),
         ]
-        if self.cells is not None:
-            from riftberg.coupling.gridded import GridRecorder
-
-            recorders.append(GridRecorder(self.folder / "bergs", self.cells, every_hours=max(24.0, every_hours)))
+        if self.info.output_cells is not None:
+            recorders.append(self._on_cells(self.info.output_cells, every_hours))
         before = self.model.step_number
         if not quiet:
             say(berg_line(self.model))
@@ -379,6 +380,14 @@ class Session:
                 raise
             say(f"The run failed at {self._date()}. {self._saved('failed')}")
             raise
+
+    def _on_cells(self, width: float, every_hours: float) -> Recorder:
+        """Return the recorder of fresh water, heat and mass on cells."""
+        from riftberg.coupling.gridded import GridRecorder
+
+        recorder = GridRecorder(self.folder / "bergs", width, every_hours=max(24.0, every_hours))
+        self.gridded = [recorder.path.with_name(name) for name in recorder.names()]
+        return recorder
 
     def _advance(self, days: float, recorders: list[Recorder]) -> None:
         try:
@@ -405,7 +414,7 @@ class Session:
         summary = summarize(self.model, experiment=self.info.name, track=rows, stopwatch=self.stopwatch)
         story = self._own_story(summary)
         write_summary(summary, self.folder / "summary.json")
-        files = ["run.nc", "summary.json"]
+        files = ["run.nc", "summary.json", *(path.name for path in self.gridded if path.exists())]
         if draw:
             self._draw()
             files.append("map.png")

@@ -8,10 +8,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.bergs.bonding import Metric
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.names import GIVEN, TAKEN, taken
+from riftberg.coupling.settling import Settling, refuse_meeting
 from riftberg.coupling.shares import Shares, shares_of
+from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.ledger import PROCESSES, water_by_process
@@ -22,8 +25,9 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.ocean.loading import Staggering, at_corners, wind_from_stress
 from riftberg.physics.floating import draft_of
-from riftberg.state import Floats
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.media import FORCES
+from riftberg.values import number
 
 STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""
@@ -101,6 +105,9 @@ class Exchange:
         The same for wind or stress; A by default.
     calving : bool, optional
         Whether bergs calve from the flux of land ice that is handed over.
+    settling_time : float, optional
+        Time (s) in which the mass on cells passes from that of a shelf to that of the berg that calved from it, see
+        `calve_shelf`.
 
     Examples
     --------
@@ -120,7 +127,7 @@ class Exchange:
 
     def __init__(
         self, model: BareModel, ocean_step: float | None = None, *, staggering: Staggering = "B",
-        wind_staggering: Staggering = "A", calving: bool = True,
+        wind_staggering: Staggering = "A", calving: bool = True, settling_time: float = 86400.0,
     ) -> None:  # fmt: skip
         if not isinstance(model.forcing, OceanForcing):
             raise InputError(
@@ -134,6 +141,8 @@ class Exchange:
         self.staggering: Staggering = staggering
         self.wind_staggering: Staggering = wind_staggering
         self.calving = FluxCalving(p, self.grid, _kept_stores(model)) if calving else None
+        self._settling = Settling(number(settling_time, "s", where="settling_time"), self.grid)
+        self._settling.take_up(model.remembered.get(STORES + "settling"))
         self._seen: _Seen | None = None
         if model.life is not None:
             model.life.look_around = self._look
@@ -202,6 +211,7 @@ class Exchange:
             if self._seen is None:
                 self._look(self.model)
             self._add(fluxes, by_process)
+        self._settling.settle(self.ocean_step)
         self._count(fluxes, flux, heat)
         return self._returned({**fluxes, **self._state()}, by_process)
 
@@ -231,8 +241,8 @@ class Exchange:
         if not melt.enabled or melt.zero_rates:
             return
         salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
-        for field, number, needed in (("sst", melt.temperature, True), ("sss", melt.salinity, salty)):
-            if needed and number is None and field not in arrays:
+        for field, said, needed in (("sst", melt.temperature, True), ("sss", melt.salinity, salty)):
+            if needed and said is None and field not in arrays:
                 name = next(name for name, q in TAKEN.items() if q.field == field)
                 raise ForcingError(
                     f"no {name}, but bergs melt",
@@ -275,11 +285,90 @@ class Exchange:
         fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
         births = self.calving.bear(*date_of_birth(_next_step(self.model)), self.ocean_step)
         if births.ids.size:
-            self.model.append(births.elements)
-            if self.model.life is not None:
-                each = scaled_mass(births.elements.life, births.elements.body.mass)
-                lacks = each * (births.elements.life.heat_density - LATENT_HEAT)
-                self.model.life.enter(self.model, "calved", float(each.sum()), float(lacks.sum()))
+            self._bear(births.elements)
+
+    def _bear(self, elements: Elements, bonds: Bonds | None = None) -> tuple[Ints, float, float]:
+        """Add newborn elements to the model and its ledger; return identifiers, mass (kg) and heat (J)."""
+        ids = self.model.append(elements, bonds)
+        each = scaled_mass(elements.life, elements.body.mass)
+        mass, heat = float(each.sum()), float((each * (elements.life.heat_density - LATENT_HEAT)).sum())
+        if self.model.life is not None:
+            self.model.life.enter(self.model, "calved", mass, heat)
+        return ids, mass, heat
+
+    # -------------------------------------------------------------------------------------------- calving of a shelf
+
+    def calve_shelf(
+        self, mask: Any, thickness: Any, *, radius: float = 1500.0, velocity: tuple[float, float] = (0.0, 0.0)
+    ) -> Ints:
+        """Let a bonded berg calve from an ice shelf, between two steps.
+
+        The berg has the mass of the shelf. On each cell the ocean meets no jump of pressure: at this moment the mass on the
+        water (`mass_on_water`) is that of the shelf, and from there it goes over into that of the berg within
+        ``settling_time``. The shelf is the ocean's or the land ice's own: take ice away there at the same moment.
+
+        Parameters
+        ----------
+        mask : array, shape (nj, ni)
+            Part of each cell that calves, 0 to 1; these cells must be ocean.
+        thickness : float or array, shape (nj, ni)
+            Of the shelf, m, as ice of the density of the run.
+        radius : float, optional
+            Half the width of an element, m.
+        velocity : tuple of float, optional
+            m s-1.
+
+        Returns
+        -------
+        array of int
+            Identifiers of the elements.
+
+        Raises
+        ------
+        InputError
+            If mask or thickness cannot be, or bergs lie there already; nothing has calved then.
+        """
+        model, p = self.model, self.model.parameters
+        shelf = IceShelf.of(self.grid, mask, thickness, p.ice.density)
+        dry = (shelf.part > 0.0) & (self.grid.arrays.mask[self.grid.domain] < 0.5)
+        if dry.any():
+            j, i = np.argwhere(dry)[0]
+            raise InputError(
+                f"cell ({i + 1}, {j + 1}) of the ice shelf is land for the ocean ({int(dry.sum())} such cells)",
+                where="ice shelf, mask", remedy="Calve ice that floats on cells of water",
+            )  # fmt: skip
+        berg = shelf.berg(radius=radius, packing=p.bonds.packing, velocity=velocity)
+        new = berg.elements
+        self.grid.locate(new)
+        refuse_meeting(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
+        new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
+        year, day = date_of_birth(_next_step(model))
+        new.life.start_year[:], new.life.start_day[:] = year, day
+        before = self._borne()[0] + self._settling.rest
+        ids, mass, heat = self._bear(new, berg.bonds)
+        self._settling.rest = before + shelf.mass - self._borne()[0]
+        self._totals[0], self._totals[2] = self._totals[0] + mass, self._totals[2] + heat
+        self._keep()
+        return ids
+
+    def mass_on_water(self) -> Floats:
+        """Return the mass on the water of each cell now, kg m-2, shape (nj, ni)."""
+        borne, grounded = self._borne()
+        return np.asarray(self._settling.settled(borne - grounded) / self.grid.arrays.area[self.grid.domain])
+
+    def _borne(self) -> tuple[Floats, Floats]:
+        """Return the mass of bergs on cells now, and what of it the floor bears, kg."""
+        m = self.model
+        elements = m.elements.copy()
+        self.grid.locate(elements)
+        shares = shares_of(elements, m.bonds, self.grid, m.parameters)
+        return shares.sum(scaled_mass(elements.life, elements.body.mass)), shares.sum(self._on_floor(elements))
+
+    def _on_floor(self, el: Elements) -> Floats:
+        """Return the mass of each element that the sea floor bears, kg."""
+        afloat = np.minimum(1.0, el.environment.depth / draft_of(el.body.thickness, self.model.parameters.ice.density))
+        borne = el.body.mass * el.life.mass_scaling
+        return np.asarray(borne - borne * np.maximum(afloat, 0.0))
 
     def _look(self, model: LifeModel) -> None:
         """Note where the elements are and what forces have acted, before the melt."""
@@ -311,15 +400,13 @@ class Exchange:
         rows = order[np.searchsorted(self._seen.ids, el.body.id, sorter=order)]
         shares, scaling = self._seen.shares.taken(rows), el.life.mass_scaling
         mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
-        afloat = np.minimum(1.0, el.environment.depth / draft_of(el.body.thickness, p.ice.density))
-        borne = el.body.mass * scaling * np.maximum(afloat, 0.0)
-        on_floor = el.body.mass * scaling - borne
+        on_floor = self._on_floor(el)
         speed = np.hypot(el.motion.u - el.environment.uo, el.motion.v - el.environment.vo)
         friction = np.maximum(p.melt.least_friction, np.sqrt(p.melt.friction_drag * (speed**2 + p.melt.tide**2)))
         covered = shares.sum(plan)
         ustar = np.divide(shares.sum(plan * friction), covered, out=np.zeros_like(covered), where=covered > 0.0)
         return {
-            "mass": shares.per_area(mass - on_floor),
+            "mass": self._settling.settled(shares.sum(mass - on_floor)) / self.grid.arrays.area[self.grid.domain],
             "grounded": shares.per_area(on_floor),
             "area": np.minimum(shares.per_area(plan), 1.0),
             "ustar": ustar,
@@ -352,6 +439,7 @@ class Exchange:
         kept = self.model.remembered
         kept[STORES + "totals"], kept[STORES + "start"] = self._totals.copy(), self._start.copy()
         kept[STORES + "held"] = self._held.copy()
+        kept[STORES + "settling"] = self._settling.rest.copy()
         if self.calving is not None:
             s = self.calving.stores
             kept[STORES + "ice"], kept[STORES + "heat"] = s.ice.copy(), s.heat.copy()

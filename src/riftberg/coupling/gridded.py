@@ -7,6 +7,7 @@ Names are those of CMIP and of the exchange (`riftberg.coupling.names.GIVEN`): `
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -95,6 +96,9 @@ def _nothing(rows: int) -> _Sums:
 class GridRecorder:
     """Recorder of a run: gathers on cells what the bergs give, and writes it at the end.
 
+    A restart keeps the sums of the month and of the time since the last moment, so that a resumed run goes on with both: its
+    files hold the months and moments that end in it, as the run that never stopped has them.
+
     Parameters
     ----------
     path : path
@@ -126,6 +130,7 @@ class GridRecorder:
         self._moments: list[_Span] = []
         self._seen: tuple[Shares, Elements] | None = None
         self._before: Callable[[LifeModel], None] | None = None
+        self._times = self._sums = ""
 
     def names(self) -> tuple[str, str]:
         """Return the names of the two files."""
@@ -139,6 +144,7 @@ class GridRecorder:
                 remedy="Give a grid in the coordinates of the run: riftberg.coupling.exchange.ocean_grid(..., latlon=...)",
             )  # fmt: skip
         self._month_began = self._passed_began = model.date
+        self._take_up(model)
         life = model.life
         if life is None:
             return
@@ -164,6 +170,34 @@ class GridRecorder:
         if model.date - self._passed_began >= self.every - timedelta(milliseconds=1):
             self._moments.append(_Span(self._passed_began, model.date, self._passed, self._state(model)))
             self._passed, self._passed_began = _nothing(ROWS), model.date
+        self._remember(model)
+
+    def _key(self, name: str) -> str:
+        """Name under which a restart keeps sums on these cells."""
+        corners = self.grid.arrays.lon.tobytes() + self.grid.arrays.lat.tobytes()
+        return f"gridded_{zlib.crc32(corners)}_every_{self.every.total_seconds():g}_s_{name}"
+
+    def _remember(self, model: BareModel) -> None:
+        """Leave with the model what a run that goes on from here must know of the month and of the time to the next moment."""
+        kept = model.remembered
+        began = [(moment - model.start).total_seconds() for moment in (self._month_began, self._passed_began)]
+        kept[self._times] = np.array([model.time, *began])
+        for name, sums in (("month", self._month), ("passed", self._passed)):
+            kept[f"{self._sums}_{name}_cells"] = sums.cells.astype(float)
+            kept[f"{self._sums}_{name}_rows"] = sums.rows
+
+    def _take_up(self, model: BareModel) -> None:
+        """Go on with the month and the time to the next moment of the run that stopped here."""
+        self._times, self._sums = self._key("times"), self._key("sums")
+        kept = model.remembered
+        now, month, passed = kept.get(self._times, np.full(3, np.nan)).tolist()
+        if now != model.time:
+            return
+        self._month_began, self._passed_began = (model.start + timedelta(seconds=s) for s in (month, passed))
+        self._month, self._passed = (
+            _Sums(kept[f"{self._sums}_{name}_cells"].astype(np.int64), kept[f"{self._sums}_{name}_rows"])
+            for name in ("month", "passed")
+        )
 
     def finish(self, model: BareModel) -> None:
         """Write both files; nothing where no step was taken."""

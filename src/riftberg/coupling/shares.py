@@ -45,6 +45,11 @@ class Shares:
         """Return the amount over the area of each cell."""
         return np.asarray(self.sum(amount) / self.grid.arrays.area[self.grid.domain])
 
+    def mean(self, values: Floats) -> Floats:
+        """Return the mean of values of the cells, shape (nj, ni), over each element."""
+        flat = self.grid.extended(values, outside="zero").ravel()[self.cells]
+        return np.asarray(np.add.reduceat(flat * self.shares, self.first[:-1]))
+
     def taken(self, rows: Ints) -> Shares:
         """Return the shares of some elements, in that order."""
         counts = np.diff(self.first)[rows]

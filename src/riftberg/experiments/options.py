@@ -102,6 +102,8 @@ class Info:
         What should be known before the run, in a line each.
     output_forces : bool
         Whether the run file holds the mean force of each medium between records.
+    output_cells : float or None
+        Width (degrees) of the cells of the gridded output; None for none.
     story : Story or None
         What a test case tells and draws instead of break-ups and a map.
     """
@@ -114,6 +116,7 @@ class Info:
     observed: Mapping[str, Any] = field(default_factory=dict, repr=False)
     notices: tuple[str, ...] = ()
     output_forces: bool = False
+    output_cells: float | None = None
     story: Story | None = None
 
 

@@ -10,13 +10,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from riftberg.bergs.keys import BergKeys, LatticeRows, Rectangle
+from riftberg.bergs.keys import BergKeys, FieldOfBergs, LatticeRows, Rectangle
 from riftberg.experiments.formula_schema import FormulaForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.sections import Pair, Section, key
 
-SHAPES = ("outline", "mask", "rectangle", "lattice", "field")
+SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""
 
 
@@ -39,6 +39,18 @@ class Mask(Section):
     variable: str | None = key(None, "", "variable of the file; of a GeoTIFF the number or description of a band")
     threshold: float | None = key(None, "", "value above which a point is ice")
     date: str | None = key(None, "", "time of the file")
+
+
+class Shelf(Section):
+    """Ice shelf that calves: the berg has its mass, and its thickness."""
+
+    file: str = key(..., "", "map of thickness (m) on longitude and latitude or in a map projection; NetCDF or GeoTIFF")
+    variable: str | None = key(None, "", "variable of the thickness")
+    mask: str | None = key(
+        None, "", "variable of the same file: the part of each cell that calves; by default all cells with ice"
+    )
+    date: str | None = key(None, "", "time of the file")
+    crs: str | None = key(None, "", "coordinate system of x and y in m, such as EPSG:3031")
 
 
 class Rift(Section):
@@ -89,23 +101,13 @@ class Strength(Section):
         return self
 
 
-class FieldOfBergs(Section):
-    """Many bergs of one element each, at random places that do not overlap."""
-
-    number: int = key(..., "", "number of bergs", ge=1)
-    area: tuple[float, float, float, float] = key(..., "", "west, east, south and north, degrees (m in metres)")
-    sizes: Literal["gladstone", "tournadre"] = key("gladstone", "", "distribution of the sizes")
-    between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
-    gap: float = key(0.0, "m", "least distance between bergs", ge=0)
-    seed: int = key(1, "", "the same seed gives the same field", ge=0)
-
-
 class Berg(BergKeys):
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
     name: str | None = key(None, "", "name of the berg, which its fragments bear too", min_length=1, max_length=60)
     outline: OutlineFile | None = None
     mask: Mask | None = None
+    shelf: Shelf | None = None
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
     field: FieldOfBergs | None = None
@@ -123,6 +125,11 @@ class Berg(BergKeys):
         extra = sorted(self.model_fields_set - {"field", "thickness", "velocity"})
         if shapes[0] == "field" and extra:
             raise ValueError(f"a field of bergs has no {extra[0]}; beside field it may have thickness and velocity")
+        placed = sorted(self.model_fields_set & {"thickness", "placement", "rotation", "shift"})
+        if shapes[0] == "shelf" and placed:
+            raise ValueError(
+                f"a berg from a shelf has no {placed[0]}: it is as thick as the shelf, and lies where that is"
+            )
         return self
 
 
@@ -150,6 +157,9 @@ class Experiment(Section):
     days: float = key(..., "day", "length of the run", gt=0)
     output_every_hours: float = key(1.0, "h", "interval of the records, at least the long step", gt=0)
     output_forces: bool = key(False, "", "write the mean force of each medium on each element between records")
+    output_cells: float | None = key(
+        None, "degree", "write fresh water, heat and mass on cells this wide, by month and by day", ge=0.01, le=10
+    )
     berg: Berg | None = None
     bergs: list[Berg] = key([], "", "several bergs instead of one, a list of sections as berg has them")
     forcing: Forcing

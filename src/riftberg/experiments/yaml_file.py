@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from riftberg.bergs.keys import FieldOfBergs
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
@@ -23,8 +24,8 @@ from riftberg.experiments.schema import (
     Berg,
     Experiment,
     ExperimentForcing,
-    FieldOfBergs,
     Rift,
+    Shelf,
     Strength,
 )
 from riftberg.input_files import value_shown
@@ -316,6 +317,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
         experiment.output_every_hours,
         notices=notices,
         output_forces=experiment.output_forces,
+        output_cells=experiment.output_cells,
     )
     return Model(berg, forcing, parameters, experiment.start), info
 
@@ -399,6 +401,8 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
             folder / mask.file, variable=mask.variable, threshold=mask.threshold, date=mask.date,
             placement=berg.placement, shift=berg.shift, **common,
         )  # fmt: skip
+    if berg.shelf is not None:
+        return _from_shelf(berg, berg.shelf, parameters, folder)
     assert berg.placement is not None
     common |= {"placement": (berg.placement[0] + berg.shift[0], berg.placement[1] + berg.shift[1])}
     common |= {"latlon": parameters.earth.latlon}
@@ -406,6 +410,19 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
         return Iceberg.rectangle(berg.rectangle.length, berg.rectangle.width, **common)
     assert berg.lattice is not None
     return Iceberg.from_table(berg.lattice.rows, table_radius=berg.lattice.cell_radius, **common)
+
+
+def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) -> Iceberg:
+    from riftberg.coupling.shelf import IceShelf
+
+    path = folder / shelf.file
+    ice = IceShelf.from_raster(
+        path, None if shelf.mask is None else path, variable=shelf.variable, mask_variable=shelf.mask, date=shelf.date,
+        crs=shelf.crs, density=parameters.ice.density, earth_radius=parameters.earth.radius,
+    )  # fmt: skip
+    made = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
+    made.elements.motion.spin[:] = berg.spin
+    return made
 
 
 def _field_of_bergs(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> Iceberg:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def degree_label(value: float, positive: str, negative: str, decimals: int) -> s
     """Return a geographic label such as ``38.5°W``; longitudes may be given from 0 to 360."""
     value = (value + 180.0) % 360.0 - 180.0
     text = f"{abs(value):.{decimals}f}°"
-    if float(f"{abs(value):.{decimals}f}") == 0.0:
+    if float(f"{abs(value):.{decimals}f}") in (0.0, 180.0):
         return text
     return text + (positive if value > 0.0 else negative)
 
@@ -130,13 +130,41 @@ def round_length(most: float) -> float:
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most)
 
 
-def date_axis(ax: Axes) -> None:
-    """Label the axis of time with dates, as short as can be."""
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+def date_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
+    """Label the axis of time with dates as in all other places of a picture, and the year, or years, once.
 
-    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    The year stands at the end of a horizontal axis, and in the name of a vertical one.
+    """
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, num2date
+
+    axis, limits = (ax.xaxis, ax.get_xlim) if which == "x" else (ax.yaxis, ax.get_ylim)
+
+    def years() -> str:
+        first, last = sorted(num2date(place).year for place in limits())  # type: ignore[no-untyped-call]
+        return f"{first}" if first == last else f"{first} to {last}"
+
+    class Dates(ConciseDateFormatter):
+        """Dates such as 9 Dec."""
+
+        def format_ticks(self, values: Any) -> list[str]:
+            texts = super().format_ticks(values)  # type: ignore[no-untyped-call]
+            return [text[1:] if text[:1] == "0" and " " in text else text for text in texts]
+
+        def get_offset(self) -> str:
+            return years() if which == "x" else ""
+
+    locator = AutoDateLocator(maxticks=None if which == "x" else 6)  # type: ignore[no-untyped-call]
+    axis.set_major_locator(locator)
+    axis.set_major_formatter(
+        Dates(  # type: ignore[no-untyped-call]
+            locator,
+            formats=["%Y", "%b", "%d %b", "%H:%M", "%H:%M", "%S.%f"],
+            zero_formats=["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"],
+            offset_formats=["", "", "%Y", "%Y", "%Y", "%Y"],
+        )
+    )
+    if which == "y":
+        ax.set_ylabel(f"date, {years()}", fontsize=9)
 
 
 def scale_bar(ax: Axes, *, km: float, units_per_km: float, place: tuple[float, float] | None = None) -> None:
