@@ -108,6 +108,7 @@ def main() -> None:
     make = yaml_file.build_forcing
 
     def built(*given: Any) -> Any:
+        make(*given)  # imports what is imported at its first use, which is no step on the way
         sys.setprofile(walks["file to forcing"])
         try:
             return make(*given)

@@ -125,8 +125,8 @@ _NOISE = re.compile(
 def vague(text: str, words: tuple[str, ...]) -> str:
     """Return what is wrong with a message, empty where it is clear."""
     lines = [line for line in text.splitlines() if "Error" in line or "rror:" in line]
-    if "Usage:" in text and ("│" in text or "Try" in text):
-        return ""
+    if ("Usage:" in text and "Try" in text) or "╭─ Error" in text:
+        return ""  # typer's own words for a call that it does not understand
     if not lines:
         return "no line says Error"
     message = lines[-1]

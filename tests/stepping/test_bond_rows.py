@@ -98,7 +98,7 @@ def test_rows_go_back_to_the_bonds_that_did_not_break() -> None:
 LOOPS: dict[str, tuple[int, tuple[Any, ...]]] = {
     "bonds_in_metres": (150, (True, 6.37e6, 360.0)),
     "sines": (150, (False,)),
-    "sections": (100, ()),
+    "find_sections": (100, ()),
     "slips": (40, (10.0, True)),
     "forces": (40, (1e7, 0.3, True, False)),
     "stresses": (60, (1e7, 0.3, False)),

@@ -72,7 +72,7 @@ def sines(block, linear_bending):
 
 
 @kernel
-def sections(block):
+def find_sections(block):
     """Find length, direction, overlap, width and thickness of the bonds."""
     for k in range(row.LANES):
         rx, ry = block[row.RX + k], block[row.RY + k]
@@ -186,7 +186,7 @@ def apply_bond_law(rows, count, el, dt, p):
         gather_ends(block, first, second, x, y, u, v, spin, rotation)
         bonds_in_metres(block, p.latlon, p.earth_radius, p.period)
         sines(block, p.linear_bending)
-        sections(block)
+        find_sections(block)
         slips(block, dt, p.objective_damping)
         forces(block, p.youngs_modulus, p.poisson, p.objective_damping, p.no_shear)
         stresses(block, p.youngs_modulus, p.poisson, p.no_shear)
