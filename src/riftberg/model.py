@@ -146,6 +146,8 @@ class BareModel(RunState):
         check_strengths(self.bonds, parameters)
         check_water(forcing, parameters)
         complete_state(self)
+        # A number that is given may be larger than an array can hold.
+        check_work(1, self.parameters.stepping.substeps or 1, self.elements.size, where="stepping.substeps")
         assign_substeps(self, self.elements.body.substeps == 0)
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
         self._look()

@@ -105,6 +105,16 @@ def test_a_geotiff_in_degrees_is_the_grid_that_it_holds(tmp_path):
     assert berg.centroid == pytest.approx((-39.0, -55.0), abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("west", "north", "named"), [(-40.0, -154.5, "latitude -15"), (1000.0, -54.5, "longitude 100")]
+)
+def test_a_mask_beyond_the_globe_is_refused(tmp_path, west, north, named):
+    """An area below zero met the square root in the advice on a smaller radius."""
+    path = write(tmp_path / "mask.tif", np.ones((50, 100)), west, north, 0.02, crs="EPSG:4326")
+    with pytest.raises(RiftbergError, match=rf"mask\.tif.*{named}.* is beyond the globe"):
+        Iceberg.from_mask(path, thickness=200.0)
+
+
 def test_bands_are_chosen_by_number_or_description(tmp_path):
     bands = np.stack([np.full((4, 5), 1.0), np.full((4, 5), 2.0)])
     path = write(tmp_path / "two.tif", bands, -40.0, -54.5, 0.1, crs="EPSG:4326", names=("mask", "height"))

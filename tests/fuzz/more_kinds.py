@@ -308,7 +308,9 @@ def calls() -> Iterator[Kind]:
             (folder / "seen.csv").write_text(TRACK)
             return arguments
 
-        fine = arguments in (["bench"], ["compare", "whole"]) or (arguments[:1] == ["doctor"] and arguments[-1] == "good.yaml")
+        fine = arguments in (["bench"], ["compare", "whole"]) or (
+            arguments[:1] == ["doctor"] and arguments[-1] == "good.yaml"
+        )
         yield Kind("call", " ".join(arguments) or "empty word", make, (), not fine)
 
 

@@ -36,7 +36,7 @@ from riftberg.bergs.placement import (
     turned,
 )
 from riftberg.bergs.portrait import card, portrait
-from riftberg.bergs.raster import Raster, read_raster, unbroken
+from riftberg.bergs.raster import Raster, check_on_globe, read_raster, unbroken
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
 from riftberg.errors import BergError, placed_in
@@ -191,6 +191,7 @@ class Iceberg(BondedBerg):
         material, layout = sorted_options(options, ShapeOptions, 0.0 if thickness is None else thickness)
         threshold = None if threshold is None else number(threshold, "1", where="threshold", kind=BergError)
         mask = source if isinstance(source, Raster) else read_raster(source, variable, date=date)
+        check_on_globe(mask)
         threshold = (0.0 if thickness is None else 0.5) if threshold is None else threshold
         if rules == "makeberg":
             lattice, plane = makeberg_lattice(

@@ -255,6 +255,23 @@ def _raster(array: xr.DataArray, where: str, date: str | None) -> Raster:
     return Raster(*axes, values, where)
 
 
+def check_on_globe(raster: Raster) -> None:
+    """Refuse positions that the globe does not have, where a raster is one of longitudes and latitudes.
+
+    Half a cell beyond a pole is the edge of a grid that ends there, and passes.
+    """
+    if raster.crs is not None:
+        return
+    cell = float(np.diff(raster.lat).max())
+    for name, axis, most in (("latitude", raster.lat, 90.0 + 0.5 * min(cell, 2.0)), ("longitude", raster.lon, 540.0)):
+        worst = axis[np.argmax(np.abs(axis))]
+        if abs(worst) > most + 1e-6:
+            raise BergError(
+                f"{name} {worst:g} is beyond the globe", where=raster.name,
+                remedy="Give degrees; coordinates in metres need their coordinate system",
+            )  # fmt: skip
+
+
 def _check_grid(lon: Floats, lat: Floats, values: Floats, where: str) -> None:
     """Refuse coordinates that are no axes, and fill values that the file does not declare."""
     for name, axis in (("longitude", lon), ("latitude", lat)):
