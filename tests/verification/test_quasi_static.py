@@ -312,7 +312,7 @@ class Step(Steady):
     def sample(self, elements, time) -> None:
         """Fill the environment."""
         super().sample(elements, time)
-        elements.depth[:] = np.where(elements.lon + 0.5 * elements.lat > 13_100.0, 100.0, 1000.0)
+        elements.depth[:] = np.where(elements.lon + 0.5 * elements.lat > 12_100.0, 100.0, 1000.0)
 
 
 def landed(scheme: str, dt: float, youngs: float, parts: int = 8) -> tuple[float, float]:
