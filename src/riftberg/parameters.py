@@ -70,10 +70,6 @@ FROM_ELEMENTS: Final = -1.0
 CONTACT_PHASE: Final = 0.5
 """Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
 
-CONTACT_TIME: Final = 60.0
-"""With the quasi-static scheme contact of the ice is no stiffer than a minute resolves: rigid bodies have no waves that
-would limit the blow, and springs of 9 GPa would ask for steps of a third of a second."""
-
 
 class KernelParameters(NamedTuple):
     """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
@@ -303,7 +299,8 @@ class Parameters(Group):
             ground_torque=p.grounding.torque,
             modulus=p.bonds.youngs_modulus / p.ice.density,
             contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
-            contact_stiffest=_stiffest_contact(p.stepping, fast_contact),
+            # What a long step can resolve, where contact between bergs acts in it.
+            contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
             contact_distance=p.contact.distance,
             contact_on_substeps=fast_contact,
             critical_damping=p.contact.critical_damping,
@@ -356,13 +353,6 @@ class Parameters(Group):
             rest_length_from_sizes=c.rest_length_from_sizes,
             plain_kid_branch=c.plain_kid_branch,
         )
-
-
-def _stiffest_contact(stepping: Stepping, fast: bool) -> float:
-    """Stiffness (s-2) that contact of the ice has at most: what its steps resolve; sub-steps resolve all that bonds have."""
-    if stepping.scheme == "quasi_static":
-        return (CONTACT_PHASE / CONTACT_TIME) ** 2
-    return math.inf if fast else (CONTACT_PHASE / stepping.time_step) ** 2
 
 
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:

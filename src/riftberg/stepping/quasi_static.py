@@ -421,7 +421,7 @@ class LongStep:
         c, radius = self.c, self.sizes.radius
         if c.contact_spring >= 0.0:
             return np.full(first.size, c.contact_spring)
-        return np.asarray(np.minimum(c.modulus / (radius[first] + radius[second]) ** 2, c.contact_stiffest))
+        return np.asarray(c.modulus / (radius[first] + radius[second]) ** 2)
 
     def _coming(self, left: float) -> tuple[Ints, Ints]:
         """Pairs of different fragments that their speeds would bring together within ``left`` s; each once."""
