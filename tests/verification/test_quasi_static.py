@@ -338,21 +338,6 @@ def test_the_load_of_a_landing_depends_on_neither_its_parts_nor_the_stiffness(ag
         agrees(f"quasi-static: speed after a landing, {parts} parts, {youngs:g} Pa (m s-1)", speed, after, rel=0.05)
 
 
-def test_the_load_of_a_landing_is_the_drag_at_the_moment_of_touching(agrees) -> None:
-    """The peak of a step holds what its parts met, not only what is left at its end."""
-    stress, _ = landed("quasi_static", 1800.0, 9e9)
-    short, _ = landed("quasi_static", 5.0, 9e9, 1)
-    agrees("quasi-static: largest stress of a landing, steps of 5 s (Pa)", short, stress, rel=0.03)
-
-
-def test_a_landing_goes_as_with_the_explicit_scheme_and_stiff_ice(agrees) -> None:
-    """Ice of 1 GPa in sub-steps of a second: the berg is slowed alike; waves of the blow add up to as much again."""
-    stress, speed = landed("quasi_static", 1800.0, 1e9)
-    explicit, after = landed("mts", 10.0, 1e9)
-    agrees("quasi-static: speed after a landing, from the explicit scheme (m s-1)", after, speed, rel=0.05)
-    assert 1.0 < explicit / stress < 2.2
-
-
 # A68a
 
 

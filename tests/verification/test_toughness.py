@@ -10,8 +10,6 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
-from riftberg.experiments import Options
-from riftberg.experiments.a68a import story_model
 from riftberg.parameters import Parameters
 from riftberg.physics.averaging import DISC, critical_toughness, disc_radius, disc_weight
 from riftberg.stepping.cracking import Limits
@@ -220,29 +218,6 @@ def test_a_notched_beam_breaks_at_the_load_of_theory(agrees, spacing, packing, t
     ratio = sheet.overload(sheet.traction(bending(stress, height)), alive, distance)
     got = ratio * critical_toughness(distance, STRENGTH)
     agrees(f"notched beam, {spacing:g} m, {packing}, turned {turn:g}", asked, got, rel=0.10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("radius", "packing"), [(1500.0, "hexagonal"), (1000.0, "square"), (1000.0, "hexagonal"), (750.0, "square")]
-)
-def test_the_finger_of_a68a_is_the_same_piece_in_every_lattice(agrees, radius, packing) -> None:
-    """A mean over 10.7 km and 8 kPa: its area within one row of elements of 1.5 km (45 km2), its date within three hours."""
-    areas, dates = [], []
-    for size, lattice in ((1500.0, "square"), (radius, packing)):
-        options = Options(
-            {
-                "stepping": {"scheme": "quasi_static"},
-                "fracture": {"criterion": "averaged", "distance": 10.7e3, "normal_strength": 8e3},
-            }
-        )
-        model = story_model(options, radius=size, packing=lattice)
-        model.advance(days=12)
-        finger = max((f for f in model.fragments.breakups if not f.grounded), key=lambda f: f.area)
-        areas.append(finger.area / 1e6)
-        dates.append(finger.birth_time / 3600.0)
-    agrees(f"finger of A68a, {packing}, {radius:g} m (km2)", areas[0], areas[1], abs=46.0)
-    agrees(f"date of the finger of A68a, {packing}, {radius:g} m (h)", dates[0], dates[1], abs=3.5)
 
 
 @pytest.mark.parametrize("wrong", [{"criterion": "averaged"}, {"criterion": "toughness"}])
