@@ -20,6 +20,8 @@ track : list, one entry per day at the hour of the start: time, lon, lat, azimut
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
     turnover the ledgers of mass and heat do not close; null where nothing melts
+motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
+    work of each force; energy in bonds, dissipated, and released by cracks; null where bonds do not vibrate
 wall_seconds : wall time of the whole run, s
 seconds_per_day : wall time per simulated day without the first step (which may compile), s; null in runs of one step
 steps : long steps taken
@@ -129,6 +131,7 @@ def summarize(
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,
         "ledger": ledger_of(model),
+        "motion": motion_of(model),
         "wall_seconds": None if stopwatch is None else stopwatch.wall_seconds,
         "seconds_per_day": None if math.isnan(speed) else speed,
         "steps": model.step_number,
@@ -145,6 +148,14 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
     assert model.life is not None
     balance = model.life.balance(model)
     return {**balance._asdict(), "error": balance.error, "heat_error": balance.heat_error, "lines": balance.lines()}
+
+
+def motion_of(model: BareModel) -> dict[str, Any] | None:
+    """Return the ledger of momentum and mechanical energy as the summary holds it."""
+    if getattr(model, "motion", None) is None:
+        return None
+    balance = model.motion.balance(model, model.remembered)
+    return {**balance.as_dict(), "lines": balance.lines()}
 
 
 def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
