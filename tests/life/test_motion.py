@@ -62,6 +62,16 @@ def test_work_of_the_forces_is_the_kinetic_energy_of_single_elements_to_round_of
     assert abs(b.work["coriolis"]) < 0.2 * scale
 
 
+def test_bonds_and_contacts_make_no_energy_of_drag() -> None:
+    """Sides in the current are pushed more than the middle, and bonds share it: that loses energy and never gains any."""
+    model = adrift("mts", depth=5000.0, grounding={"coefficient": 0.0}, bonds={"damping": 1.0})
+    for _ in range(6):
+        model.step()
+    b = balance(model)
+    assert b.work["elements"] < 0.0
+    assert b.dissipated > 0.0
+
+
 @pytest.mark.parametrize("damping", [0.0, 1.0])
 def test_what_dampers_take_is_what_motion_and_bonds_lose(damping: float) -> None:
     """Against the energy of the tests of the lattice, which is written down anew there."""

@@ -19,7 +19,8 @@ track : list, one entry per day at the hour of the start: time, lon, lat, azimut
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
-    turnover the ledgers of mass and heat do not close; null where nothing melts
+    turnover the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment; null where
+    nothing melts
 motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
     work of each force; energy in bonds, dissipated, and released by cracks; null where bonds do not vibrate
 wall_seconds : wall time of the whole run, s
@@ -38,11 +39,13 @@ import time as clock
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from riftberg import constants
+from riftberg.life.by_fragment import melt_of
+from riftberg.life.ledger import PROCESSES
 from riftberg.runs.provenance import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.track import Position, track_table
@@ -51,6 +54,10 @@ from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
+
+
+MOST_FRAGMENTS: Final = 100
+"""Fragments of which the ledger of a summary tells, those that lost most; the run file has all."""
 
 
 class Stopwatch:
@@ -147,7 +154,22 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
         return None
     assert model.life is not None
     balance = model.life.balance(model)
-    return {**balance._asdict(), "error": balance.error, "heat_error": balance.heat_error, "lines": balance.lines()}
+    rows = fragment_rows(model)
+    water = melt_of(model.remembered, np.array([int(row["number"]) for row in rows], np.int64))
+    order = np.argsort(-water.sum(axis=1), kind="stable")[:MOST_FRAGMENTS].tolist()
+    by_fragment = [
+        {
+            "fragment": int(rows[k]["number"]),
+            "name": called(rows[k]),
+            **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
+        }
+        for k in order
+        if water[k].any()
+    ]
+    return {
+        **balance._asdict(), "error": balance.error, "heat_error": balance.heat_error, "by_fragment": by_fragment,
+        "lines": balance.lines(),
+    }  # fmt: skip
 
 
 def motion_of(model: BareModel) -> dict[str, Any] | None:

@@ -3,8 +3,9 @@
 Momentum is that of the elements, with what the last explicit accelerations still have to give: forces change it to round-off.
 What is left over in a step is what elements did to each other; by Newton's third law that is nothing, but where land stops one.
 
-Work of a force is its momentum times the mean of the velocities before and after the step; together they make the change of
-kinetic energy exactly. What is left over is the work of bonds and contacts: energy that goes into bonds, or is dissipated there.
+Work of a force is its momentum times the mean of the velocities before and after it has acted; together they make the change of
+kinetic energy of a single element exactly. What is left over is the work of bonds and contacts: energy that goes into bonds, or
+is dissipated there.
 Sums over spheres are of eastward and northward parts, as the schemes step them.
 """
 
@@ -16,11 +17,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.lattice import Booleans
 from riftberg.kernels import kernel, plain
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.media import FORCES
+from riftberg.stepping.media import FORCES, SEA_FLOOR
 from riftberg.stepping.sizes import interaction_sizes
 
 if TYPE_CHECKING:
@@ -154,13 +156,24 @@ def _gliding(
 
 @kernel
 def _add_given(
-    mass: Floats, scaling: Floats, u: Floats, v: Floats, u_before: Floats, v_before: Floats, applied: Floats, dt: float,
-    given: Floats,
+    mass: Floats, scaling: Floats, u: Floats, v: Floats, u_before: Floats, v_before: Floats, applied: Floats,
+    kicks: Booleans, dt: float, given: Floats,
 ) -> None:  # fmt: skip
-    """Add momentum east and north, and work, of each force: work at the mean of the velocities before and after the step."""
+    """Add momentum east and north, and work, of each force.
+
+    Work is at the mean of the velocities before and after a force has acted: of those that kick at the start of a step, which
+    ``kicks`` marks, between the first velocity and that after the kicks; of others from there to the end of the step.
+    """
     for e in range(mass.size):
-        m, um, vm = mass[e] * scaling[e] * dt, 0.5 * (u_before[e] + u[e]), 0.5 * (v_before[e] + v[e])
+        u_kicked, v_kicked = u_before[e], v_before[e]
         for k in range(applied.shape[1]):
+            if kicks[k]:
+                u_kicked += dt * applied[e, k, 0]
+                v_kicked += dt * applied[e, k, 1]
+        m = mass[e] * scaling[e] * dt
+        for k in range(applied.shape[1]):
+            um = 0.5 * (u_kicked + (u_before[e] if kicks[k] else u[e]))
+            vm = 0.5 * (v_kicked + (v_before[e] if kicks[k] else v[e]))
             x, y = m * applied[e, k, 0], m * applied[e, k, 1]
             given[k, 0] += x
             given[k, 1] += y
@@ -217,14 +230,20 @@ class MotionLedger:
         _enter(kept, "other", was)
         given = np.zeros((len(FORCES), 3))
         _add_given(
-            now.body.mass, now.life.mass_scaling, *_velocity(now, p), *_velocity(before, p), applied, p.stepping.time_step,
-            given,
+            now.body.mass, now.life.mass_scaling, *_velocity(now, p), *_velocity(before, p), applied,
+            self._kicks(run), p.stepping.time_step, given,
         )  # fmt: skip
         kept[: len(FORCES)] += given
         kept[GIVERS.index("elements")] += stands - was - given.sum(axis=0)
         kept[NOW] = stands
         self._cracks(kept, before, bonds_before, run)
         remembered[KEPT] = kept
+
+    def _kicks(self, run: RunState) -> Booleans:
+        """Return which forces act as kicks at the start of a step: with multiple time steps all but a floor in the sub-steps."""
+        kicks = np.full(len(FORCES), self.parameters.stepping.scheme == "mts")
+        kicks[SEA_FLOOR] &= not run.constants.ground_on_substeps
+        return kicks
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
         """Enter what another process has done, under one of `GIVERS`."""

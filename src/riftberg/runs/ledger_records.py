@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import netCDF4
 import numpy as np
 
+from riftberg.life.by_fragment import melt_of
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.life.motion import GIVERS
 from riftberg.runs.texts import define_texts, texts
@@ -44,6 +45,9 @@ MOTION: Final = {
     "cracks_energy": ("J", "elastic energy that broken bonds have released since the start", "total"),
 }
 """Variables over forces, or none, and times."""
+
+FRAGMENT_MELT: Final = "fragment_melt_water"
+"""Variable over fragments and processes."""
 
 Row = dict[str, Floats]
 
@@ -96,6 +100,17 @@ def define_ledger(file: netCDF4.Dataset, model: BareModel) -> None:
         for name, (units, meaning) in table.items():
             variable = file.createVariable(name, "f8", (dim, "time"), fill_value=False)
             variable.setncatts({"units": units, "long_name": meaning})
+    by_fragment = file.createVariable(FRAGMENT_MELT, "f8", ("fragment", "process"), fill_value=np.nan)
+    by_fragment.setncatts(
+        {"units": "kg", "long_name": "melt water of elements while they belonged to the fragment, by process"}
+    )
+
+
+def write_fragment_melt(file: netCDF4.Dataset, model: BareModel) -> None:
+    """Write the melt water of all fragments so far, where something melts."""
+    if getattr(model, "life", None) is not None and len(model.fragments.rows):
+        numbers = np.array([row.number for row in model.fragments.rows], np.int64)
+        file[FRAGMENT_MELT][: numbers.size] = melt_of(model.remembered, numbers)
 
 
 def _define_motion(file: netCDF4.Dataset) -> None:
