@@ -103,7 +103,8 @@ def parameters_page() -> str:
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
     from riftberg.experiments.formula_schema import formula_parts
-    from riftberg.experiments.schema import PRESETS, FieldOfBergs, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
+    from riftberg.bergs.keys import FieldOfBergs
+    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
     from riftberg.experiments.yaml_file import sections
 
     text = [

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
+import pytest
 from importlinter.cli import lint_imports
 
 from scripts import loaded
@@ -11,6 +13,17 @@ from scripts import loaded
 ROOT = Path(__file__).resolve().parents[1]
 
 
+@pytest.fixture
+def loggers_kept():
+    """Keep the loggers as they are: import-linter configures logging and disables all that it does not know."""
+    known = [logger for logger in logging.root.manager.loggerDict.values() if isinstance(logger, logging.Logger)]
+    before = [(logger, logger.disabled) for logger in known]
+    yield
+    for logger, disabled in before:
+        logger.disabled = disabled
+
+
+@pytest.mark.usefixtures("loggers_kept")
 def test_no_import_runs_upwards_and_none_in_circles(capsys):
     broken = lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
     assert not broken, capsys.readouterr().out

@@ -193,3 +193,50 @@ def test_verbose_logs_to_the_error_stream_and_leaves_nothing_behind() -> None:
     with listening(2):
         assert logger.isEnabledFor(logging.DEBUG)
     assert (list(logger.handlers), logger.level) == before
+
+
+def test_the_tab_key_lists_parameters_and_not_what_they_are_made_with() -> None:
+    """Forty names of pydantic stood between the six groups of a letter."""
+
+    def public(thing: object) -> set[str]:
+        return {name for name in dir(thing) if not name.startswith("_")}
+
+    p = Parameters()
+    assert public(p.fracture) == {*type(p.fracture).model_fields, "describe"}
+    assert set(Parameters.model_fields) < public(p)
+    assert len(public(p)) <= len(Parameters.model_fields) + 6
+    assert p.model_copy() == p  # what is not listed is there
+
+
+def test_a_parameter_that_is_misspelt_is_named_with_the_nearest() -> None:
+    with pytest.raises(
+        AttributeError, match=r"Fracture has no parameter 'normal_strenght'. Did you mean 'normal_strength'\?"
+    ):
+        Parameters().fracture.normal_strenght  # noqa: B018
+    with pytest.raises(AttributeError, match=r"Parameters has no group 'fractur'. Did you mean 'fracture'\?"):
+        Parameters().fractur  # noqa: B018
+    assert not hasattr(Parameters(), "_nothing")
+
+
+@pytest.mark.parametrize("stage", ["fresh", "run"])
+def test_models_bergs_and_forcing_can_be_copied_and_pickled_and_go_on_alike(stage: str) -> None:
+    import copy
+    import pickle
+
+    import numpy as np
+
+    from riftberg import Forcing
+
+    ocean = Forcing.uniform(current=(0.2, 0.1)) + Forcing.tide(0.1)
+    berg = Iceberg.rectangle(9e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
+    model = Model(berg, ocean)
+    if stage == "run":
+        model.advance(steps=2)
+    twins = [copy.deepcopy(model), pickle.loads(pickle.dumps(model))]
+    for one in (model, *twins):
+        one.advance(steps=2)
+    for twin in twins:
+        np.testing.assert_array_equal(twin.elements.lon, model.elements.lon)
+        assert twin.elements.lon is not model.elements.lon
+    assert pickle.loads(pickle.dumps(berg)).report == berg.report
+    assert pickle.loads(pickle.dumps(ocean)).describe() == ocean.describe()

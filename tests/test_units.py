@@ -31,6 +31,16 @@ from riftberg.units import parse_unit, to_unit
         ("12 deg", "degree", 12.0),
         ("1 kn", "m s-1", 1852.0 / 3600.0),
         ("1e4 kg m-2 s-1", "kg m-2 s-1", 1e4),
+        ("150 kPa m1/2", "Pa m1/2", 1.5e5),
+        ("0.15 MPa m^0.5", "Pa m1/2", 1.5e5),
+        ("0.15 MPa m^(1/2)", "Pa m1/2", 1.5e5),
+        ("0.15 MPa sqrt(m)", "Pa m1/2", 1.5e5),
+        ("0.85 g/cm3", "kg m-3", 850.0),
+        ("10 hPa", "Pa", 1000.0),
+        ("2 hrs", "s", 7200.0),
+        ("1.5 kilometres", "m", 1500.0),
+        ("3 °C", "degC", 3.0),
+        ("15 deg/h", "degree h-1", 15.0),
     ],
 )
 def test_quantities(text: str, unit: str, value: float) -> None:
@@ -51,6 +61,37 @@ def test_quantities(text: str, unit: str, value: float) -> None:
 def test_wrong_units_are_refused(text: str, unit: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         to_unit(text, unit)
+
+
+@pytest.mark.parametrize(("text", "unit", "value"), [("36 km/h", "m s-1", 10.0), ("0.85 g/cm3", "kg m-3", 850.0),
+                                                     ("1.1 km", "m", 1100.0), ("0.1 Gt", "kg", 1e11)])  # fmt: skip
+def test_a_quantity_is_the_nearest_number_to_what_is_written(text: str, unit: str, value: float) -> None:
+    """Not 10.000000000000002: factors are exact, and the number is read as it is written."""
+    assert to_unit(text, unit) == value
+
+
+def test_every_unit_of_a_parameter_or_a_key_can_be_written_behind_its_value() -> None:
+    """That of the toughness, Pa m1/2, could not: its slash was taken for that of m/s."""
+    from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
+    from riftberg.experiments.formula_schema import formula_parts
+    from riftberg.experiments.yaml_file import sections
+    from riftberg.parameters import Parameters
+    from riftberg.values import unit_of
+
+    groups = [type(getattr(Parameters(), name)).model_fields for name in Parameters.model_fields]
+    shapes = [kind.model_fields for kind in (FieldOfBergs, LatticeRows, Rectangle)]
+    keys = [fields for _, fields in sections()] + [part.model_fields for _, part in formula_parts()]
+    units = {unit_of(field) for fields in (*groups, *shapes, *keys) for field in fields.values()} - {""}
+    assert "Pa m1/2" in units
+    for unit in sorted(units):
+        for one in unit.split(" or "):
+            assert to_unit(f"2.5 {one}", unit) == 2.5
+
+
+@pytest.mark.parametrize(("unit", "meant"), [("dys", "days"), ("kilometrs", "kilometres"), ("kPA", "kPa")])
+def test_the_nearest_unit_is_offered(unit: str, meant: str) -> None:
+    with pytest.raises(ValueError, match=f"did you mean '{meant}'"):
+        to_unit(f"3 {unit}", "m")
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

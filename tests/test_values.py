@@ -13,7 +13,8 @@ import pytest
 import xarray as xr
 
 import riftberg
-from riftberg import A68A_2022, DatasetForcing, GriddedForcing, Iceberg, Model, Parameters, Steady
+from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, Steady
+from riftberg.ensembles.sweep import planned
 from riftberg.errors import BergError, ForcingError, InputError
 from riftberg.experiments.options import Options
 from riftberg.experiments.yaml_file import build_file
@@ -243,7 +244,7 @@ def test_what_is_native_stays() -> None:
         (lambda: block(thickness=None), "thickness: None is not possible"),
         (lambda: block(thickness=True), "thickness: true is no number"),
         (lambda: block(thickness="200 kPa"), "thickness: '200 kPa' is in kPa"),
-        (lambda: block(conformal="no"), "conformal: 'no' is neither true nor false"),
+        (lambda: block(conformal="perhaps"), "conformal: 'perhaps' is neither true nor false"),
         (
             lambda: Iceberg.from_points([0, 3e3], [0, 0], thickness=200, latlon=False, bond_length="x"),
             "bond_length: 'x'",
@@ -268,3 +269,126 @@ def test_arguments_of_the_wrong_kind_are_refused_in_words(make: Callable[[], obj
     with pytest.raises(InputError, match=message) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "place", [("37.5 W", "56 S"), ("37.5°W", "56.0°S"), "37.5 W, 56 S", ("-37.5 deg", -56)], ids=str
+)
+def test_a_place_may_be_written_as_a_map_has_it(place: Any) -> None:
+    lon, lat = block(placement=place).centroid
+    assert (lon, lat) == pytest.approx((-37.5, -56.0), abs=1e-3)
+    assert Forcing.eddy(place, "30 km", 0.5).centre == (-37.5, -56.0)
+
+
+def test_letters_tell_a_place_with_its_numbers_swapped() -> None:
+    with pytest.raises(BergError, match="'56 S' is a latitude where a longitude belongs"):
+        block(placement=("56 S", "37 W"))
+    with pytest.raises(ForcingError, match="'56 W' is a longitude where a latitude belongs"):
+        Steady.balanced((0.1, 0.0), latitude="56 W")
+    assert Parameters(earth={"reference_latitude": "56 S"}).earth.reference_latitude == -56.0
+
+
+@pytest.mark.parametrize("step", [pd.Timedelta("10min"), timedelta(minutes=10), np.timedelta64(600, "s"), "10 minutes"])
+def test_a_length_of_time_is_one_wherever_seconds_are(step: Any) -> None:
+    assert Parameters(stepping={"time_step": step}).stepping.time_step == 600.0
+    assert Forcing.tide(0.1, period=step).period == 600.0
+    with pytest.raises(InputError, match="this is measured in m"):
+        Parameters(contact={"distance": step})
+
+
+@pytest.mark.parametrize(("given", "held"), [("no", False), ("false", False), (np.False_, False), ("yes", True)])
+def test_flags_are_words_too(given: Any, held: bool) -> None:
+    """Of a formula, latlon="no" was taken for true: a text is."""
+    assert Iceberg.rectangle(6e3, 6e3, thickness=200.0, latlon=given).latlon is held
+    assert Forcing.uniform(latlon=given, latitude=-60.0).latlon is held
+    assert Forcing.turning_wind(5.0, latlon=given).latlon is held
+    with pytest.raises(ForcingError, match="'perhaps' is neither true nor false"):
+        Forcing.seamount((0.0, 0.0), 300.0, 1e4, 500.0, latlon="perhaps")
+
+
+def test_parts_with_units_of_their_own_take_them() -> None:
+    assert Forcing.uniform(depth=None).depth(np.zeros(1), np.zeros(1)) == np.inf
+    assert Forcing.uniform(sea_ice=("10 cm/s", 0, "50 cm")).sea_ice == (0.1, 0.0, 0.5)
+    assert Forcing.turning_wind("20 kn", turning="360 deg/day").turning == pytest.approx(15.0)
+    assert Forcing.front((-37, -56), 90, "20 cm", "15 km", temperature=("-1 °C", 2)).temperature == (-1.0, 2.0)
+    sea = Steady(temperature="2 degC", salinity=np.float32(34.0), ice_fraction="50 %")
+    assert sea._water == (2.0, 34.0, 0.5)
+
+
+@pytest.mark.parametrize("name", ["current", "wind"])
+def test_a_formula_knows_what_no_water_and_no_air_does(name: str) -> None:
+    """Steady refused a current of 200 m/s, the formula took it."""
+    for make in (Steady, Forcing.uniform):
+        with pytest.raises(ForcingError, match="is not possible; the most is"):
+            make(**{name: (200.0, 0.0)})
+    with pytest.raises(ForcingError, match=r"velocity = .* is not possible"):
+        Forcing.eddy((-37.0, -56.0), 3e4, 0.5, velocity=(200.0, 0.0))
+
+
+def test_a_field_of_bergs_takes_units_and_refuses_in_words() -> None:
+    box = ("40 W", "39 W", "58 S", "57.5 S")
+    field = Iceberg.field(3, box, sizes=["1 km2", 2e6], gap="2 km", seed=np.int64(1))
+    assert set(np.round(field.elements.length * field.elements.width)) <= {1e6, 2e6}
+    for wrong, message in (
+        ({"n": 2.5}, "2.5 is not possible"), ({"n": -1}, "-1 is not possible"), ({"area": (-40, -38)}, "area:"),
+        ({"area": (-40, -38, -98, -57)}, "latitude -98"), ({"sizes": ["1 km"]}, "measured in m2"),
+        ({"gap": "far"}, "'far' is not a number"), ({"seed": "a"}, "'a' is not a number"),
+    ):  # fmt: skip
+        with pytest.raises(BergError, match=message):
+            Iceberg.field(**{"n": 3, "area": box, **wrong})
+
+
+def test_parameters_are_not_changed_in_place() -> None:
+    """The words of pydantic, with an address, said what went wrong."""
+    for group, name in ((Parameters().fracture, "normal_strength"), (Parameters(), "fracture")):
+        with pytest.raises(InputError, match=r"not changed in place. Make new ones, such as parameters.changed\("):
+            setattr(group, name, 3.0)
+    assert Parameters().model_copy() == Parameters()
+
+
+@pytest.mark.parametrize("thing", [3, None, "file.nc", xr.DataArray([1.0]), [xr.Dataset(), 3], []], ids=str)
+def test_what_is_no_dataset_is_refused_in_words(thing: Any) -> None:
+    with pytest.raises(ForcingError, match="Give a dataset of xarray, or a list of them"):
+        Forcing.from_xarray(thing)
+
+
+def test_forcing_is_summed_by_sum() -> None:
+    parts = [Forcing.uniform(current=(0.1, 0.0)), Forcing.tide(0.1)]
+    assert sum(parts).describe() == (parts[0] + parts[1]).describe()
+
+
+def test_bergs_are_joined_by_name_and_compared_and_hashed_without_an_error() -> None:
+    bergs = {"A": block(), "B": block(placement=(-36.0, -56.0))}
+    assert Iceberg.join(bergs).names == ("A", "B")
+    assert bergs["A"] != block()  # the arrays of two bergs were compared, which has no truth
+    assert len({bergs["A"], bergs["A"], bergs["B"]}) == 2
+
+
+def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no forcing. Give a forcing"):
+        Model(block(), Forcing)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="Give the path of a restart file"):
+        Model(block(), Steady()).save(3)  # type: ignore[arg-type]
+    for wrong in (3, [3]):
+        with pytest.raises(InputError, match="Give recorders in a list"):
+            Model(block(), Steady()).run(steps=1, recorders=wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="Give the path of a run file"):
+        Model(block(), Steady()).run(steps=1, output=3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="this dataset is no run of Riftberg"):
+        riftberg.draw_map(xr.Dataset())
+    with pytest.raises(InputError, match="vary: None cannot be used here"):
+        riftberg.sweep("a68a", None)  # type: ignore[arg-type]
+    plan = planned("collision", {"fracture.normal_strength": [1e3]}, Options(days=1 / 24), None)
+    assert plan.every == 3600.0  # by default as long as a run that is shorter than 6 h
+    for workers in (-1, "two", 1.5):
+        with pytest.raises(InputError, match=r"workers: .* processes. Give a whole number, 0 or more"):
+            riftberg.sweep("collision", {"fracture.normal_strength": [1e3]}, days="1 h", workers=workers)  # type: ignore[arg-type]
+    for wrong in (None, np.ones((3, 3))):
+        with pytest.raises(BergError, match="Give a file, a DataArray, a Dataset or a Raster"):
+            Iceberg.from_mask(wrong)
+    for make in (
+        lambda: block(placement=None),
+        lambda: Iceberg.from_table([(0, 0, 2)], thickness=200.0, placement=None),
+    ):
+        with pytest.raises(BergError, match="placement: no place"):
+            make()

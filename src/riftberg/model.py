@@ -9,7 +9,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from datetime import date, datetime
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.substep_choice import assign_substeps, coarse_sizes
-from riftberg.values import moment, native, number
+from riftberg.values import moment, native, number, required
 
 _LOG = logging.getLogger(__name__)
 
@@ -158,6 +158,21 @@ class BareModel(RunState):
         if self._visited:
             # The same values as in the file, unless the run failed because its forcing was at fault.
             self._stepper.surround(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
+        state = dict(self.__dict__)
+        stepper = state.pop("_stepper")
+        return {**state, "_memory": stepper.memory(), "_applied": stepper.applied}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take up a state with a stepper of its own, which goes on bit for bit."""
+        memory, applied = state.pop("_memory"), state.pop("_applied")
+        self.__dict__.update(state)
+        self._stepper = make_stepper(self)
+        self._stepper.recall(memory)
+        if self._stepper.applied.shape == applied.shape:
+            self._stepper.applied[...] = applied
 
     @property
     def substeps(self) -> int:
@@ -348,6 +363,7 @@ class BareModel(RunState):
         have a method ``interrupted(model)``, which is called then.
         """
         count = self._number_of_steps(days, steps)
+        check_recorders(recorders)
         check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
         dt = self.parameters.stepping.time_step
         if self.forcing.grid is not None and self.step_number == 0:
@@ -479,12 +495,31 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
     """
     good = {
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
-        "forcing": (callable(getattr(forcing, "sample", None)), "a forcing, for example Steady(current=(0.2, 0.0))"),
+        "forcing": (
+            callable(getattr(forcing, "sample", None)) and not isinstance(forcing, type),
+            "a forcing, for example Steady(current=(0.2, 0.0))",
+        ),
         "parameters": (isinstance(parameters, Parameters), "Parameters(...), or A68A_2022.changed(...)"),
     }
     for (name, (fits, wanted)), value in zip(good.items(), (berg, forcing, parameters), strict=True):
         if not fits:
             raise InputError(f"{value_shown(value)} is no {name}", where=f"Model, {name}", remedy=f"Give {wanted}")
+
+
+def check_recorders(recorders: object) -> None:
+    """Refuse what is no list of recorders before the first step.
+
+    Raises
+    ------
+    InputError
+    """
+    wanted = "recorders in a list, such as [RunWriter('run.nc')]"
+    required(recorders, (list, tuple), wanted, where="Model.run, recorders")
+    for recorder in recorders if isinstance(recorders, list | tuple) else ():
+        if not all(callable(getattr(recorder, name, None)) for name in ("start", "record", "finish")):
+            raise InputError(
+                f"{value_shown(recorder)} is no recorder", where="Model.run, recorders", remedy=f"Give {wanted}"
+            )
 
 
 def start_of(forcing: Forcing, given: datetime | None) -> datetime:

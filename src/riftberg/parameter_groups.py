@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from riftberg import constants, values
+from riftberg.errors import InputError, nearest
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
@@ -47,6 +48,27 @@ class Group(BaseModel):
             super().__init__(**plain)
         except ValidationError as error:
             raise values.explained(error, section) from error
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise InputError(
+            "parameters are not changed in place", where=f"{type(self).__name__}.{name}",
+            remedy="Make new ones, such as parameters.changed(fracture={'normal_strength': '20 kPa'})",
+        )  # fmt: skip
+
+    def __getattr__(self, name: str) -> Any:
+        """Name what there is, with the nearest, for a parameter that is not known."""
+        if name.startswith("_"):
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        known = type(self).model_fields
+        what = "group" if type(self).__name__ == "Parameters" else "parameter"
+        raise AttributeError(
+            f"{type(self).__name__} has no {what} {name!r}. {nearest(name, known)}It has {', '.join(known)}"
+        )
+
+    def __dir__(self) -> list[str]:
+        """List what is of this package for the tab key, not the dozens of names of pydantic; these can be used all the same."""
+        foreign = set(dir(BaseModel))
+        return sorted(name for name in super().__dir__() if name.startswith("__") or name not in foreign)
 
     def describe(self) -> str:
         """Return one line per parameter: name, value, unit and meaning."""

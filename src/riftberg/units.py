@@ -6,18 +6,20 @@ parameter has; a plain number is taken in that unit.
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import Final, NamedTuple
 
-Powers = dict[str, int]
+Powers = dict[str, Fraction]
 
 
 class Unit(NamedTuple):
-    """A unit: size in base units and powers of these (m, kg, s, K, degree)."""
+    """A unit: size in base units and powers of these (m, kg, s, K, degC, degree)."""
 
     factor: float
-    powers: Powers
+    powers: Mapping[str, int | Fraction]
 
 
 _UNITS: Final[Mapping[str, Unit]] = {
@@ -28,6 +30,7 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "nmi": Unit(1852.0, {"m": 1}),
     "kg": Unit(1.0, {"kg": 1}),
     "t": Unit(1e3, {"kg": 1}),
+    "g": Unit(1e-3, {"kg": 1}),
     "Gt": Unit(1e12, {"kg": 1}),
     "s": Unit(1.0, {"s": 1}),
     "min": Unit(60.0, {"s": 1}),
@@ -38,6 +41,7 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "day": Unit(86400.0, {"s": 1}),
     "days": Unit(86400.0, {"s": 1}),
     "Pa": Unit(1.0, {"kg": 1, "m": -1, "s": -2}),
+    "hPa": Unit(1e2, {"kg": 1, "m": -1, "s": -2}),
     "kPa": Unit(1e3, {"kg": 1, "m": -1, "s": -2}),
     "MPa": Unit(1e6, {"kg": 1, "m": -1, "s": -2}),
     "GPa": Unit(1e9, {"kg": 1, "m": -1, "s": -2}),
@@ -50,12 +54,29 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "degrees": Unit(1.0, {"degree": 1}),
     "°": Unit(1.0, {"degree": 1}),
     "K": Unit(1.0, {"K": 1}),
+    "degC": Unit(1.0, {"degC": 1}),
     "1": Unit(1.0, {}),
+    "1e-3": Unit(1e-3, {}),
     "%": Unit(1e-2, {}),
 }
 
+_NO_DECIMAL: Final[Mapping[str, Fraction]] = {"kn": Fraction(1852, 3600)}
+"""Sizes that no decimal number is."""
+
+_WORDS: Final[Mapping[str, str]] = {
+    "metre": "m", "metres": "m", "meter": "m", "meters": "m",
+    "kilometre": "km", "kilometres": "km", "kilometer": "km", "kilometers": "km",
+    "second": "s", "seconds": "s", "sec": "s", "minute": "min", "minutes": "min", "hr": "h", "hrs": "h",
+    "tonne": "t", "tonnes": "t", "knot": "kn", "knots": "kn", "°C": "degC", "degree_Celsius": "degC",
+    "percent": "%", "psu": "1e-3",
+}  # fmt: skip
+"""Other words for units."""
+
 _NUMBER: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
-_FACTOR: Final = re.compile(r"([A-Za-z°%]+|1)(?:\^|\*\*)?([+-]?\d+)?$")
+_FACTOR: Final = re.compile(r"([A-Za-z_°%]+|1e-3|1)\^?([+-]?\d+(?:[.:]\d+)?)?$")
+_ROOT: Final = re.compile(r"sqrt\(([A-Za-z]+)\)")
+_PART: Final = re.compile(r"(?<=[A-Za-z])\^?\(?([+-]?\d+)/(\d+)\)?")
+"""A power that is a fraction, such as that of m1/2, which the slash of m/s must not be taken for."""
 
 
 def _brief(text: str) -> str:
@@ -70,24 +91,44 @@ def parse_unit(text: str) -> Unit:
     ValueError
         If a part of it is not known.
     """
-    factor, powers, sign = 1.0, dict[str, int](), 1
-    for piece in re.findall(r"/|[^\s/*·]+", text.replace("**", "^")):
+    factor, powers = _exact(text)
+    return Unit(float(factor), powers)
+
+
+def _exact(text: str) -> tuple[float | Fraction, Powers]:
+    """Return the size of a unit, as a fraction unless a root is in it, and its powers."""
+    factor: float | Fraction = Fraction(1)
+    powers, sign = Powers(), 1
+    plain = _PART.sub(r"^\1:\2", _ROOT.sub(r"\1^1:2", text.replace("**", "^")))
+    for piece in re.findall(r"/|[^\s/*·]+", plain):
         if piece == "/":
             sign = -1
             continue
         match = _FACTOR.match(piece)
-        if match is None or match[1] not in _UNITS:
-            raise ValueError(f"{_brief(piece)} is not a unit that Riftberg knows; it knows {', '.join(_UNITS)}")
-        if len(match[2] or "") > 3:
-            raise ValueError(f"{piece[:40]!r} is no power of a unit")
-        power = sign * int(match[2] or 1)
-        unit = _UNITS[match[1]]
-        if abs(power) > 9:
-            raise ValueError(f"{piece[:40]!r} is no power of a unit")
-        factor *= unit.factor**power
+        name = "" if match is None else _WORDS.get(match[1], match[1])
+        if match is None or name not in _UNITS:
+            raise ValueError(_unknown(piece if match is None else match[1]))
+        power = sign * _power(match[2] or "1", piece)
+        unit = _UNITS[name]
+        size = _NO_DECIMAL.get(name) or Fraction(str(unit.factor))
+        factor *= size ** int(power) if power.denominator == 1 else float(size) ** float(power)
         for base, exponent in unit.powers.items():
-            powers[base] = powers.get(base, 0) + exponent * power
-    return Unit(factor, {base: power for base, power in powers.items() if power})
+            powers[base] = powers.get(base, Fraction(0)) + exponent * power
+    return factor, {base: power for base, power in powers.items() if power}
+
+
+def _unknown(piece: str) -> str:
+    close = difflib.get_close_matches(piece, [*_UNITS, *_WORDS], n=1)
+    meant = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{_brief(piece)} is not a unit that Riftberg knows{meant}; it knows {', '.join(_UNITS)}"
+
+
+def _power(text: str, piece: str) -> Fraction:
+    """Read a power of a unit: ``2``, ``-1``, ``0.5``, or ``1:2`` for a half."""
+    over, _, under = text.partition(":")
+    if len(text) > 6 or (under and int(under) == 0) or abs(power := Fraction(over) / int(under or 1)) > 9:
+        raise ValueError(f"{piece[:40]!r} is no power of a unit")
+    return power
 
 
 def to_unit(text: str, unit: str) -> float:
@@ -98,7 +139,7 @@ def to_unit(text: str, unit: str) -> float:
     text : str
         A number, with or without a unit.
     unit : str
-        Unit of the parameter; empty or ``"1"`` where it has none.
+        Unit of the parameter; empty or ``"1"`` where it has none; ``"degree or m"`` where it has one or the other.
 
     Raises
     ------
@@ -116,12 +157,14 @@ def to_unit(text: str, unit: str) -> float:
     number = float(match[1])
     if not match[2]:
         return number
-    pair, wanted = parse_unit(match[2]), parse_unit(unit or "1")
-    if pair.powers != wanted.powers:
+    size, powers = _exact(match[2])
+    fits = [wanted for wanted, asked in map(_exact, (unit or "1").split(" or ")) if powers == asked]
+    if not fits:
         raise ValueError(f"{_brief(text)} is in {match[2][:40]}, but this is measured in {unit or 'no unit'}")
-    # Divide where the factor is below one: 5 mm is 5/1000 m exactly as a reader would write it.
-    factor = pair.factor / wanted.factor
-    return number * factor if factor >= 1.0 else number / (wanted.factor / pair.factor)
+    factor = size / fits[0]
+    if isinstance(factor, Fraction) and 1e-100 < abs(number) < 1e100:
+        return float(Fraction(match[1]) * factor)  # 5 mm is 0.005 m, exactly as a reader would write it
+    return number * float(factor)
 
 
 def looks_like_quantity(text: str) -> bool:

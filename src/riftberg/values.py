@@ -90,7 +90,7 @@ def native(value: Any) -> Any:
 
 
 def plain_value(value: Any, field: FieldInfo) -> Any:
-    """Turn a text into what the field holds: quantities into numbers in its unit, words into flags and lists.
+    """Turn a text or a length of time into what the field holds: numbers in its unit, flags, lists.
 
     Raises
     ------
@@ -100,7 +100,13 @@ def plain_value(value: Any, field: FieldInfo) -> Any:
     if isinstance(value, list | tuple):
         if any(get_origin(kind) is list for kind in kinds_of(field.annotation)):
             return value  # names of files or of parts, and rows of whole numbers, carry no units
-        return [_number_of_field(item, field) if isinstance(item, str) else item for item in value]
+        letters = _COMPASS.get(len(value), ("",) * len(value)) if unit_of(field) == "degree" else ("",) * len(value)
+        return [
+            _number_of_field(item, field, axis) if isinstance(item, str) else item
+            for item, axis in zip(value, letters, strict=True)
+        ]
+    if isinstance(value, timedelta):
+        return to_unit(f"{value.total_seconds()!r} s", unit_of(field))
     if not isinstance(value, str):
         return value
     kinds = kinds_of(field.annotation)
@@ -110,9 +116,9 @@ def plain_value(value: Any, field: FieldInfo) -> Any:
     if bool in kinds:
         return _flag(value)
     if any(get_origin(kind) is tuple for kind in kinds):
-        return [_number_of_field(part, field) for part in value.strip("()[] ").split(",")]
+        return plain_value(value.strip("()[] ").split(","), field)
     if float in kinds or int in kinds:
-        return _number_of_field(value, field)
+        return _number_of_field(value, field, "NS" if "latitude" in (field.description or "") else "")
     return value
 
 
@@ -123,7 +129,39 @@ def _flag(text: str) -> bool:
     return words[text.lower()]
 
 
-def _number_of_field(text: str, field: FieldInfo) -> float | int:
+def flag(value: Any, *, where: str, kind: type[InputError] = InputError) -> bool:
+    """Return true or false, also from the words that a file may have for it.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    plain = native(value)
+    try:
+        if isinstance(plain, str):
+            return _flag(plain)
+    except ValueError as error:
+        raise kind(str(error), where=where, remedy="Allowed: true or false") from error
+    if not isinstance(plain, bool):
+        raise kind(f"{value_shown(plain)} is neither true nor false", where=where, remedy="Allowed: true or false")
+    return plain
+
+
+_COMPASS: Final = {2: ("EW", "NS"), 4: ("EW", "EW", "NS", "NS")}
+"""Letters behind longitudes and latitudes: of a place, and of west, east, south and north."""
+
+_LETTERED: Final = re.compile(r"\s*(\d+\.?\d*)\s*(?:°|deg|degrees?)?\s*([NSEW])\s*$")
+
+
+def _number_of_field(text: str, field: FieldInfo, letters: str = "") -> float | int:
+    """Return the number that a text means; ``letters`` may stand behind it for its sign, as in 56 S."""
+    lettered = _LETTERED.match(text) if letters else None
+    if lettered is not None:
+        if lettered[2] not in letters:
+            kinds = ("latitude", "longitude") if letters == "EW" else ("longitude", "latitude")
+            raise ValueError(f"{text!r} is a {kinds[0]} where a {kinds[1]} belongs: longitude stands first")
+        return float(lettered[1]) * (-1.0 if lettered[2] in "SW" else 1.0)
     if not looks_like_quantity(text):
         raise ValueError(f"{value_shown(text)} is not a number")
     number = to_unit(text, unit_of(field))

@@ -77,7 +77,7 @@ def test_thickness_rises_with_size_up_to_a_largest() -> None:
         ({"sizes": "tournadre", "between": (2.0, 1.0)}, "smaller one above 0 first"),
         ({"sizes": [1e10], "n": 50}, "no place is left for berg"),
         ({"area": (-36.0, -40.0, -58.0, -56.0)}, "west, east, south and north"),
-        ({"n": 0}, "no elements"),
+        ({"n": 0}, "0 is not possible"),
         ({"thickness": -1.0}, "thickness"),
     ],
 )

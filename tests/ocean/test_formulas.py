@@ -291,3 +291,34 @@ def test_a_class_of_ones_own_needs_one_method() -> None:
     with pytest.raises(NotImplementedError, match="Bare has no add_to"):
         type("Bare", (Forcing,), {})().sample(e, 0.0)
     assert not issubclass(Own, Flow)
+
+
+@pytest.mark.parametrize(
+    ("forcing", "words"),
+    [
+        (Forcing.uniform(current=(0.15, 0.0)), "uniform: current (0.15, 0) m/s"),
+        (Forcing.uniform(), "uniform: still water and air"),
+        (
+            Forcing.uniform(wind=(5.0, -2.0), sea_ice=(0.1, 0.0, 0.5), depth=300.0),
+            "uniform: wind (5, -2) m/s, sea ice of 0.5 m at (0.1, 0) m/s, 300 m deep",
+        ),
+        (Forcing.eddy((-36.8, -56.3), 25e3, 0.6), "eddy at 56.30 S, 36.80 W: 0.6 m/s at 25 km"),
+        (
+            Forcing.jet((-37.0, -57.0), 90.0, 1.2, 2e4),
+            "jet of 1.2 m/s through 57.00 S, 37.00 W towards east, 20 km wide",
+        ),
+        (
+            Forcing.front((-37.0, -57.0), 100.0, 0.2, 2e4, (-1.0, 2.0)),
+            "front of 0.2 m from 2 to -1 °C through 57.00 S, 37.00 W towards 100 degrees, 20 km wide",
+        ),
+        (
+            Forcing.slope((1e4, 0.0), 180.0, 0.01, 500.0, latlon=False),
+            "sea floor that deepens by 10 m per km towards south, 500 m at x 10 km, y 0 km",
+        ),
+        (Steady(current=(0.0, 0.0), depth=0.0), "steady and uniform: still water and air, 0 m deep"),
+    ],
+    ids=lambda value: "" if isinstance(value, str) else type(value).__name__,
+)
+def test_a_forcing_says_all_that_it_is_and_nothing_that_it_is_not(forcing: Forcing, words: str) -> None:
+    """It stands in the titles of all pictures: wind (0.0, 0.0) m/s is no news there, and a jet without its speed is none."""
+    assert forcing.describe() == words

@@ -14,22 +14,25 @@ import pytest
 import xarray as xr
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.quiver import QuiverKey
 
 from fakes import SIDE, FakeForcing, FakeModel
+from riftberg.cli.plot import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.errors import InputError
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.background import stored_water
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
-from riftberg.viz import colours, plots, style
+from riftberg.viz import animate, colours, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
 from riftberg.viz.moments import moment_texts
-from riftberg.viz.panels import common_boxes
+from riftberg.viz.panels import DOT, common_boxes
 from riftberg.viz.replay import ReplayContent
+from riftberg.viz.why import _failures
 
 
 class Channel(FakeModel):
@@ -465,3 +468,137 @@ def test_axes_that_cannot_hold_a_map_and_dates_outside_are_refused(run: xr.Datas
 def test_several_axes_at_once_are_refused(run: xr.Dataset) -> None:
     with pytest.raises(InputError, match="ndarray is no axes"):
         draw_map(run, ax=np.array([None, None]))  # type: ignore[call-overload]
+
+
+# ---- found when every picture was opened ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("depth", "panels"), [(0.0, 2), (0.4, 2), (100.0, 3)])
+def test_a_run_without_a_sea_floor_has_nothing_aground(
+    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depth: float, panels: int
+) -> None:
+    """Bug: the timeline of the supported beam, which hangs over no water at all, had all its elements aground."""
+    figures = figures_of(monkeypatch, plots)
+    plots.draw_timeline(run.assign(depth=xr.full_like(run["thickness"], depth)), tmp_path / "t.png", dpi=30)
+    assert len(figures[0].axes) == panels
+
+
+class Still(FakeForcing):
+    """Water that does not move."""
+
+    def currents(self, lon: Any, lat: Any, time: float) -> tuple[Any, Any]:
+        """Return no current."""
+        return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
+
+
+@pytest.mark.parametrize(("water", "keyed"), [(Still(), False), (FakeForcing(), True)], ids=["still", "flowing"])
+def test_a_film_of_still_water_has_no_scale_of_its_speed(run: xr.Dataset, water: Any, keyed: bool) -> None:
+    film = animate._Film(Scene(run), water, {}, 40)
+    film.draw(0)
+    assert any("speed" in ax.get_xlabel() for ax in film.figure.axes) is keyed
+
+
+def test_bergs_of_one_size_are_all_seen_in_the_timeline(
+    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bug: the second of two equal bergs hid the first: lines of lower rank must be thinner by more than a point."""
+    figures = figures_of(monkeypatch, plots)
+    plots.draw_timeline(run, tmp_path / "t.png", dpi=30)
+    widths = [line.get_linewidth() for line in figures[0].axes[0].lines if line.get_drawstyle() == "steps-post"]
+    assert len(widths) == 2
+    assert widths[0] > widths[1] + 1.0
+
+
+def test_the_score_shows_the_sea_floor_where_it_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    figures = figures_of(monkeypatch, score_picture)
+    match = Match("a", [1], 3.0, 40.0, 45.0, 5.0, 900.0, 950.0, 0.9, -37.3, -54.9, -37.2, -55.0)
+    score = Score("track.csv", [ScoredDay(f"2020-12-1{k}T12:00:00", [match], 1, []) for k in range(2)])
+    for water in (None, FakeForcing(), NoFloor()):
+        score_picture.draw_score(score, tmp_path / "score.png", dpi=40, water=water)
+    filled = [any(isinstance(c, ContourSet) and c.filled for c in figure.axes[0].collections) for figure in figures]
+    assert filled == [False, True, False]
+    assert "sea floor" in " ".join(text.get_text() for text in figures[1].axes[0].texts)
+
+
+def test_bonds_that_fail_within_a_minute_are_told_apart() -> None:
+    within = ["2020-12-09T22:02:10", "2020-12-09T22:02:30"]
+    assert _failures(within) == ["12-09 22:02:10", "12-09 22:02:30"]
+    assert _failures(["2020-12-09T22:02:10", "2020-12-09T22:03:10"]) == ["12-09 22:02", "12-09 22:03"]
+    assert len(set(_failures([within[0]] * 3))) == 3
+
+
+def test_axes_of_time_write_dates_as_titles_do() -> None:
+    """A day stood as 09 or Dec-10 on the axes, and as 9 Dec above the panels."""
+    ax = style.new_figure(6.0, 3.0, 60).add_subplot()
+    ax.plot(np.array(["2020-12-09T13", "2020-12-12T13"], "datetime64[s]"), [0.0, 1.0])
+    style.date_axis(ax)
+    ax.figure.canvas.draw()
+    labels = [label.get_text() for label in ax.get_xticklabels()]
+    assert "11 Dec" in labels
+    assert ax.xaxis.get_offset_text().get_text() == "2020"
+
+
+def unbonded(run: xr.Dataset) -> xr.Dataset:
+    """Return a run without bonds."""
+    return run.isel(bond=slice(0))
+
+
+def test_a_run_without_bonds_has_no_panel_and_no_map_of_their_stress(
+    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bug: an empty panel with a legend of lines that were not there."""
+    figures = figures_of(monkeypatch, plots)
+    plots.draw_timeline(unbonded(run), tmp_path / "t.png", dpi=30)
+    assert not any("stress" in ax.get_ylabel() for ax in figures[0].axes)
+    assert "stress" not in usual_kinds(unbonded(run))
+    with pytest.raises(InputError, match="the run has no bonds"):
+        plots.draw_stress(unbonded(run), tmp_path / "s.png")
+
+
+def dots(ax: Any) -> int:
+    return sum(line.get_marker() == "o" and line.get_markersize() == DOT for line in ax.lines)
+
+
+def test_bergs_too_small_to_be_seen_are_dots(run: xr.Dataset) -> None:
+    """Bug: a field of sixty bergs was drawn true to size, and none was seen."""
+    small = draw_map(run.assign(length=run["length"] / 200.0, width=run["width"] / 200.0))
+    assert [dots(ax) for ax in draw_map(run).axes][:7] == [0] * 7
+    assert all(dots(ax) >= 1 for ax in small.axes[:7])
+
+
+def test_one_element_does_not_fill_its_panel(tmp_path: Path) -> None:
+    scene = Scene(finished(FakeModel(1, 1, break_time=np.inf), tmp_path))
+    side = SIDE / 1e3 * scene.units_per_km()
+    (box,) = common_boxes(scene, [0])
+    assert box.north - box.south >= 3.9 * side
+
+
+@pytest.mark.parametrize("pieces", [2, 6])
+def test_the_legend_of_many_pieces_keeps_off_the_title(
+    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: int
+) -> None:
+    figures = figures_of(monkeypatch, plots)
+    names = {number: colours.FRAGMENTS[number - 1] for number in range(1, pieces + 1)}
+    monkeypatch.setattr(plots, "fragment_colours", lambda scene: names)
+    monkeypatch.setattr(
+        plots, "fragment_name", lambda scene, number: f"fragment {number}: 1,234 km², off on 12 Dec 23:00"
+    )
+    monkeypatch.setattr(Scene, "birth", lambda scene, number: None)
+    more = run["berg"].copy()
+    more[:pieces] = np.arange(1, pieces + 1)[:, None]
+    plots.draw_timeline(run.assign(berg=more), tmp_path / "t.png", dpi=60)
+    figure = figures[0]
+    title, legend = figure._suptitle.get_window_extent(), figure.axes[0].get_legend().get_window_extent()
+    assert legend.y1 < title.y0
+
+
+def test_longitude_180_is_neither_east_nor_west() -> None:
+    assert [style.degree_label(x, "E", "W", 1) for x in (180.0, -180.0, 540.0, 179.5)] == ["180.0°"] * 3 + ["179.5°E"]
+
+
+def test_an_axis_that_crosses_the_new_year_names_both_years() -> None:
+    ax = style.new_figure(6.0, 3.0, 60).add_subplot()
+    ax.plot(np.array(["2020-11-01", "2021-01-28"], "datetime64[s]"), [0.0, 1.0])
+    style.date_axis(ax)
+    ax.figure.canvas.draw()
+    assert ax.xaxis.get_offset_text().get_text() == "2020 to 2021"

@@ -38,7 +38,7 @@ def check_name(name: Any) -> None:
         raise BergError(f"{name!r} is no name"[:120], where="name", remedy="Give a short text, such as A68a")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class BondedBerg:
     """A lattice of ice columns joined by bonds, and what can be asked of and done to it.
 

@@ -13,9 +13,12 @@ from typing import Any, Final
 import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.keys import FieldOfBergs
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
+from riftberg.input_files import value_shown
 from riftberg.state import Floats
+from riftberg.values import check_place, given, native, numbers
 
 LENGTHS: Final = np.array([60.0, 100.0, 200.0, 350.0, 500.0, 700.0, 900.0, 1200.0, 1600.0, 2200.0])
 """Lengths of the classes, m."""
@@ -57,10 +60,25 @@ def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[fl
         if sizes == "tournadre":
             return power_law(random.random(count), *between)
         raise BergError(f"sizes {sizes!r}", where="Iceberg.field", remedy=f"Use {', '.join(SIZES)}, or areas in m2")
-    choices = np.asarray(sizes, np.float64).ravel()
+    choices = numbers(sizes, "m2", where="sizes", kind=BergError).ravel()
     if choices.size == 0 or not (np.isfinite(choices) & (choices > 0.0)).all():
         raise BergError("sizes that are no areas", where="Iceberg.field", remedy="Give areas in m2, above 0")
     return np.asarray(random.choice(choices, count))
+
+
+def checked_area(area: Any, *, latlon: bool) -> tuple[float, float, float, float]:
+    """Return west, east, south and north of a field (degrees; m if not ``latlon``), or refuse what is no such box."""
+    if latlon:
+        west, east, south, north = given(area, FieldOfBergs, "area", kind=BergError)
+        for latitude in (south, north):
+            check_place((0.5 * (west + east), latitude), where="area", kind=BergError)
+        return west, east, south, north
+    metres = numbers(native(area), "m", where="area", kind=BergError)
+    if metres.shape != (4,):
+        raise BergError(
+            f"{value_shown(area)} is no area", where="area", remedy="Give west, east, south and north in metres"
+        )
+    return tuple(metres.tolist())
 
 
 def power_law(share: Floats, least: float, largest: float, exponent: float = EXPONENT) -> Floats:

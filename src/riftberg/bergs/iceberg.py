@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Unpack
 
@@ -14,7 +14,7 @@ from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at,
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.joining import join
-from riftberg.bergs.keys import LatticeRows, Rectangle
+from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
 from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.options import (
@@ -24,7 +24,7 @@ from riftberg.bergs.options import (
     RectangleOptions,
     ShapeOptions,
     TableOptions,
-    option,
+    given_place,
     sorted_options,
 )
 from riftberg.bergs.placement import (
@@ -42,10 +42,10 @@ from riftberg.bergs.report import describe, one_line
 from riftberg.errors import BergError, placed_in
 from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
-from riftberg.values import given, number, numbers
+from riftberg.values import flag, given, number, numbers
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Iceberg(BondedBerg):
     """A lattice of ice columns joined by bonds, made from an outline, a mask, a table, points or a rectangle.
 
@@ -250,7 +250,7 @@ class Iceberg(BondedBerg):
             may be one value per element.
         """
         material, layout = sorted_options(options, TableOptions, thickness)
-        placement = option("placement", placement, material.latlon)
+        placement = given_place(placement, material.latlon)
         table_radius = given(table_radius, LatticeRows, "cell_radius", where="table_radius", kind=BergError)
         rows = given(rows, LatticeRows, "rows", kind=BergError)
         if options.get("radius") is None:
@@ -286,7 +286,7 @@ class Iceberg(BondedBerg):
             ``thickness`` may be one value per element.
         """
         material, layout = sorted_options(options, RectangleOptions, thickness)
-        placement = option("placement", placement, material.latlon)
+        placement = given_place(placement, material.latlon)
         length = given(length, Rectangle, "length", kind=BergError)
         width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
@@ -347,7 +347,7 @@ class Iceberg(BondedBerg):
         )  # fmt: skip
 
     @classmethod
-    def join(cls, bergs: Sequence[Iceberg], names: Sequence[str] | None = None) -> Iceberg:
+    def join(cls, bergs: Sequence[Iceberg] | Mapping[str, Iceberg], names: Sequence[str] | None = None) -> Iceberg:
         """Return several bergs as one start of a run; they may differ in size, thickness, elements and packing.
 
         Bergs are not bonded to each other. Each keeps its name: counts, maps, files and messages use it, and call a piece
@@ -355,8 +355,8 @@ class Iceberg(BondedBerg):
 
         Parameters
         ----------
-        bergs : sequence of Iceberg
-            In any order; those that were joined before count as the bergs that they are.
+        bergs : sequence of Iceberg, or mapping of str to Iceberg
+            In any order, or by name; those that were joined before count as the bergs that they are.
         names : sequence of str, optional
             One for each, instead of their own (`named`); bergs without one are called ``berg 1``, ``berg 2``, ...
 
@@ -416,8 +416,16 @@ class Iceberg(BondedBerg):
         >>> field.elements.size, len(field.bonds.first)
         (100, 0)
         """
+        n = given(n, FieldOfBergs, "number", where="n", kind=BergError)
         check_elements(n, kind=BergError)
-        seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+        gap = given(gap, FieldOfBergs, "gap", kind=BergError)
+        between = given(between, FieldOfBergs, "between", kind=BergError)
+        area = fields.checked_area(area, latlon=flag(options.get("latlon", True), where="latlon", kind=BergError))
+        seed = (
+            int(np.random.SeedSequence().generate_state(1)[0])
+            if seed is None
+            else given(seed, FieldOfBergs, "seed", kind=BergError)
+        )
         random = np.random.default_rng(seed)
         plan = fields.areas(n, sizes, random, between)
         heights = fields.thickness_of(plan) if thickness is None else thickness

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -17,11 +17,17 @@ from riftberg.state import Bonds, elements_of
 B = TypeVar("B", bound=BondedBerg)
 
 
-def join(bergs: Sequence[B], names: Sequence[str] | None = None) -> B:
+def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = None) -> B:
     """Return several bergs as one start of a run; see `riftberg.bergs.iceberg.Iceberg.join`."""
+    if isinstance(bergs, Mapping):
+        return join(list(bergs.values()), list(bergs) if names is None else names)
     parts = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
     if not parts or not all(isinstance(berg, BondedBerg) for berg in parts):
-        raise BergError("no list of bergs", where="Iceberg.join", remedy="Give a list of one Iceberg or more")
+        raise BergError(
+            "no list of bergs",
+            where="Iceberg.join",
+            remedy="Give a list of one Iceberg or more, or a dict of names and bergs",
+        )
     _check_alike(parts)
     named = _named(parts, names)
     first = parts[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import model_validator
 
@@ -36,6 +36,17 @@ class Rectangle(Section):
 
     length: float = key(..., "m", "extent to the east before rotation", gt=0)
     width: float = key(..., "m", "extent to the north before rotation", gt=0)
+
+
+class FieldOfBergs(Section):
+    """Many bergs of one element each, at random places that do not overlap."""
+
+    number: int = key(..., "", "number of bergs", ge=1)
+    area: tuple[float, float, float, float] = key(..., "degree", "west, east, south and north (m in metres)")
+    sizes: Literal["gladstone", "tournadre"] = key("gladstone", "", "distribution of the sizes")
+    between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
+    gap: float = key(0.0, "m", "least distance between bergs", ge=0)
+    seed: int = key(1, "", "the same seed gives the same field", ge=0)
 
 
 class LatticeRows(Section):

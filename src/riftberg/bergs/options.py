@@ -18,7 +18,7 @@ from riftberg.input_files import value_shown
 from riftberg.parameters import Earth, Ice, Packing
 from riftberg.sections import beyond
 from riftberg.units import looks_like_quantity
-from riftberg.values import check_degrees, check_names, check_place, given, native, number, numbers
+from riftberg.values import check_degrees, check_names, check_place, flag, given, native, number, numbers
 
 
 class Material(NamedTuple):
@@ -175,6 +175,13 @@ def plain_thickness(thickness: Any) -> Any:
     return thickness
 
 
+def given_place(value: Any, latlon: bool) -> Any:
+    """Return the place of a centre that must be given."""
+    if value is None:
+        raise BergError("no place", where="placement", remedy="Give longitude and latitude (x and y in metres)")
+    return option("placement", value, latlon)
+
+
 def option(name: str, value: Any, latlon: bool = True) -> Any:
     """Return an option of a constructor without unit and of a plain kind, or refuse it.
 
@@ -192,7 +199,7 @@ def option(name: str, value: Any, latlon: bool = True) -> Any:
     if name == "offset":
         return _pair(name, value, "1")
     if name in ("latlon", "conformal"):
-        return _flag(name, value)
+        return flag(value, where=name, kind=BergError)
     if name == "density":
         return given(value, Ice, "density", where=name, kind=BergError)
     if name == "earth_radius":
@@ -224,7 +231,8 @@ def _pair(name: str, value: Any, unit: str) -> tuple[float, float]:
     """Return two numbers in a unit."""
     plain = native(value)
     if not isinstance(plain, list | tuple) or len(plain) != 2:
-        raise BergError(f"{value_shown(value)} is not two numbers", where=name, remedy=f"Allowed: 2 numbers, in {unit}")
+        measured = "" if unit == "1" else f", in {unit}"
+        raise BergError(f"{value_shown(value)} is not two numbers", where=name, remedy=f"Allowed: 2 numbers{measured}")
     first, second = (number(part, unit, where=name, kind=BergError) for part in plain)
     return first, second
 
@@ -234,10 +242,3 @@ def _one_per_element(value: Any, name: str) -> bool:
     if name == "velocity":
         return isinstance(value, tuple | list) and any(np.ndim(part) > 0 for part in value)
     return not isinstance(value, str) and np.ndim(value) > 0
-
-
-def _flag(name: str, value: Any) -> bool:
-    plain = native(value)
-    if not isinstance(plain, bool):
-        raise BergError(f"{value_shown(value)} is neither true nor false", where=name)
-    return plain

@@ -21,6 +21,7 @@ from riftberg.input_files import check_file, is_folder, reading
 from riftberg.limits import MOST_VALUES, refuse_large
 from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
+from riftberg.values import required
 
 _LON = ("lon", "longitude", "nav_lon", "x")
 _LAT = ("lat", "latitude", "nav_lat", "y")
@@ -202,6 +203,7 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
                 remedy="Cut the grid to the berg and its date, or make it coarser",
             )  # fmt: skip
             source = opened[chosen].load()
+    required(source, xr.Dataset, "a file, a DataArray, a Dataset or a Raster", where="grid", kind=BergError)
     names = [str(n) for n, v in source.data_vars.items() if v.ndim >= 2]
     if variable is None and len(names) == 1:
         variable = names[0]

@@ -59,7 +59,8 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
 
     if story_of(run) is not None:
         return ["story", "stress"]
-    return ["dates", "stress", "timeline", *(["damage"] if "damage" in run else [])]
+    bonds = ["stress"] if run.sizes["bond"] else []
+    return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else [])]
 
 
 def _drawn(

@@ -77,9 +77,11 @@ def score(
             _print_score(result)
         written = [result.write(folder / "score.json")]
         if figure:
+            from riftberg.runs.background import stored_water
             from riftberg.viz.score import draw_score
 
-            written.append(draw_score(result, folder / f"score.{picture}", title=title))
+            water = stored_water(dataset)
+            written.append(draw_score(result, folder / f"score.{picture}", title=title, water=water))
     say("Written: " + ", ".join(str(path) for path in written))
 
 

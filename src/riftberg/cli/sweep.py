@@ -44,7 +44,12 @@ def sweep(
     data: Data = None,
     without: Without = None,
     numerics: NumericsName = None,
-    every: Annotated[float, typer.Option("--every", help="Hours of model time between positions of the tracks.")] = 6.0,
+    every: Annotated[
+        float | None,
+        typer.Option(
+            "--every", help="Hours of model time between positions of the tracks.  [default: 6, or the length of the runs]"
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
     ] = None,
@@ -72,7 +77,9 @@ def sweep(
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
-def _new(experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float) -> Store:
+def _new(
+    experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None
+) -> Store:
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
 

@@ -24,7 +24,7 @@ from riftberg.input_files import check_file, is_folder, reading, value_shown
 from riftberg.interrupts import Hold, held
 from riftberg.limits import large_allowed
 from riftberg.runs.progress import SweepBar
-from riftberg.values import check_names, number
+from riftberg.values import check_names, native, number
 from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
@@ -37,6 +37,10 @@ PLAN: Final = "sweep.json"
 
 MEMBERS: Final = "members"
 """Folder of what is done."""
+
+
+USUAL_HOURS: Final = 6.0
+"""Interval of the tracks, h."""
 
 
 class WorkerOptions(TypedDict, total=False):
@@ -79,7 +83,7 @@ def sweep(
     vary: Mapping[str, Any] | Iterable[str],
     *,
     days: float | str | None = None,
-    every_hours: float | str = 6.0,
+    every_hours: float | str | None = None,
     output: str | Path | None = None,
     resume: bool = False,
     progress: bool = False,
@@ -96,8 +100,8 @@ def sweep(
         ``"14, 18, 24 kPa"``. The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
-    every_hours : float or str
-        Interval of the tracks.
+    every_hours : float or str, optional
+        Interval of the tracks; by default 6 h, or the length of the runs where they are shorter.
     output : path, optional
         Folder for ``sweep.nc`` and for what is done so far; without it nothing is kept on disk. Workers on other machines
         must reach it to save states there.
@@ -133,7 +137,8 @@ def sweep(
     (2, [0, 0])
     """
     check_names(options, SweepOptions)
-    plan = planned(experiment, vary, _common(days, options), number(every_hours, "h", where="every_hours"))
+    every = None if every_hours is None else number(every_hours, "h", where="every_hours")
+    plan = planned(experiment, vary, _common(days, options), every)
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)
@@ -206,8 +211,8 @@ class Plan:
         )  # fmt: skip
 
 
-def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float) -> Plan:
-    """Check all of a sweep that can be checked before its first run.
+def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None) -> Plan:
+    """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken.
 
     Raises
     ------
@@ -235,6 +240,8 @@ def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_h
         first = build_member(Job(0, members[0], named, options, length, 1.0, Path()))
     if not 0.0 < length < 1e6:
         raise InputError(f"{length:g} days", where="days", remedy="Give a finite number above 0")
+    if every_hours is None:
+        every_hours = min(USUAL_HOURS, 24.0 * length)
     if not 0.0 < every_hours <= 24.0 * length:
         raise InputError(
             f"a position every {every_hours:g} h in runs of {length:g} days", where="every_hours",
@@ -377,6 +384,9 @@ def run_sweep(
     bar : SweepBar, optional
         Shows how many members are done.
     """
+    workers = native(workers)
+    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
+        raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")
     numbers = store.waiting()
     jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))

@@ -17,7 +17,7 @@ from riftberg.input_files import value_shown
 from riftberg.limits import refuse_large
 from riftberg.parameters import Parameters
 from riftberg.units import looks_like_quantity
-from riftberg.values import allowed, given, kinds_of, native, unit_of
+from riftberg.values import allowed, given, kinds_of, native, required, unit_of
 
 MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
@@ -78,6 +78,7 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
 
 
 def _texts(vary: Any) -> list[str]:
+    required(vary, Iterable, "a dict of names and lists of values", where="vary")
     texts = [vary] if isinstance(vary, str) else list(vary)
     for text in texts:
         if not isinstance(text, str):

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from riftberg.bergs.keys import BergKeys, LatticeRows, Rectangle
+from riftberg.bergs.keys import BergKeys, FieldOfBergs, LatticeRows, Rectangle
 from riftberg.experiments.formula_schema import FormulaForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
@@ -99,17 +99,6 @@ class Strength(Section):
         if ways[0] == "file" and "seed" in self.model_fields_set:
             raise ValueError("a map of strength has no seed")
         return self
-
-
-class FieldOfBergs(Section):
-    """Many bergs of one element each, at random places that do not overlap."""
-
-    number: int = key(..., "", "number of bergs", ge=1)
-    area: tuple[float, float, float, float] = key(..., "", "west, east, south and north, degrees (m in metres)")
-    sizes: Literal["gladstone", "tournadre"] = key("gladstone", "", "distribution of the sizes")
-    between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
-    gap: float = key(0.0, "m", "least distance between bergs", ge=0)
-    seed: int = key(1, "", "the same seed gives the same field", ge=0)
 
 
 class Berg(BergKeys):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from riftberg.bergs.keys import FieldOfBergs
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
@@ -23,7 +24,6 @@ from riftberg.experiments.schema import (
     Berg,
     Experiment,
     ExperimentForcing,
-    FieldOfBergs,
     Rift,
     Shelf,
     Strength,

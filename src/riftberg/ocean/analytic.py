@@ -10,11 +10,14 @@ import numpy as np
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.formulas import SUMMED, Formula
-from riftberg.ocean.steady_schema import MOST, ConstantForcing, check_sea_ice
+from riftberg.ocean.shown import flows_text, pair_text, said
+from riftberg.ocean.steady_schema import ConstantForcing, steady_value
 from riftberg.parameters import Earth
-from riftberg.sections import beyond
 from riftberg.state import Elements, Floats, new_elements
-from riftberg.values import given, native
+from riftberg.values import given, native, number
+
+DEEP = 1e4
+"""Depth (m) of a sea without a floor to speak of."""
 
 
 class Steady(Formula):
@@ -50,7 +53,7 @@ class Steady(Formula):
     Examples
     --------
     >>> Steady(current=("20 cm/s", 0.05), depth="0.5 km")
-    <Steady: steady and uniform: current (0.2, 0.05) m/s, wind (0.0, 0.0) m/s, depth 500 m>
+    <Steady: steady and uniform: current (0.2, 0.05) m/s, 500 m deep>
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class Steady(Formula):
         wind: tuple[float, float] = (0.0, 0.0),
         slope: tuple[float, float] = (0.0, 0.0),
         sea_ice: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        depth: float = 1e4,
+        depth: float = DEEP,
         *,
         temperature: float | None = None,
         salinity: float | None = None,
@@ -129,13 +132,15 @@ class Steady(Formula):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"steady and uniform: current {self.current} m/s, wind {self.wind} m/s, depth {self.water:g} m"
+        depth = f"{self.water:g} m deep" if self.water != DEEP else ""
+        return "steady and uniform: " + said(flows_text(self.current, self.wind), depth)
 
 
-def _checked_water(
-    temperature: float | None, salinity: float | None, ice_fraction: float
-) -> tuple[float, float, float]:
+def _checked_water(temperature: Any, salinity: Any, ice_fraction: Any) -> tuple[float, float, float]:
     """Return temperature, salinity and cover after a check; what is not given has the value of an unknown sea."""
+    temperature = None if temperature is None else number(temperature, "degC", where="temperature", kind=ForcingError)
+    salinity = None if salinity is None else number(salinity, "1", where="salinity", kind=ForcingError)
+    ice_fraction = number(ice_fraction, "1", where="ice_fraction", kind=ForcingError)
     if temperature is not None and not -3.0 <= temperature <= 45.0:
         kelvin = f": is it in kelvin? Then give {temperature - 273.15:.2f}" if 270.0 <= temperature <= 318.0 else ""
         raise ForcingError(
@@ -154,14 +159,7 @@ def _checked_water(
 
 def steady(name: str, value: Any) -> Any:
     """Return a value of a steady environment without unit, or refuse it in the words that an experiment file gets."""
-    plain = given(value, ConstantForcing, name, kind=ForcingError)
-    if name in MOST:
-        try:
-            beyond(ConstantForcing, name, plain, MOST[name])
-            check_sea_ice(plain if name == "sea_ice" else (0.0, 0.0, 0.0))
-        except ValueError as error:
-            raise ForcingError(str(error), where=name) from error
-    return plain
+    return steady_value(ConstantForcing, name, value)
 
 
 class Convergence(Steady):
@@ -220,7 +218,9 @@ class Convergence(Steady):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"current {self.current} m/s that converges on y = {self.line:g} m at {self.speed:g} m/s"
+        return (
+            f"current {pair_text(self.current)} m/s that converges on y = {self.line / 1e3:g} km at {self.speed:g} m/s"
+        )
 
 
 class SeamountFlow(Steady):
@@ -262,4 +262,4 @@ class SeamountFlow(Steady):
     def describe(self) -> str:
         """Return the values in words."""
         summit = self.water - self.height
-        return f"current {self.current} m/s over a seamount whose summit is {summit:g} m deep, plain {self.water:g} m"
+        return f"current {pair_text(self.current)} m/s over a seamount whose summit is {summit:g} m deep, plain {self.water:g} m"

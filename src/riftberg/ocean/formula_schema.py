@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 from riftberg.errors import ForcingError
+from riftberg.ocean.steady_schema import steady_value
 from riftberg.parameters import Earth
 from riftberg.sections import Pair, Section, key
-from riftberg.values import check_place, given, native, numbers
+from riftberg.values import check_place, flag, given, native, numbers
 
 M2: Final = 12.4206012 * 3600.0
 """Period of the principal lunar tide, s."""
@@ -54,7 +55,7 @@ class FrontPart(Section):
     along: float = key(..., "degree", "direction of the line, clockwise from north")
     step: float = key(..., "m", "sea level on the left of the line above that on its right", ge=-10, le=10)
     width: float = key(..., "m", "scale of the profile across", gt=0)
-    temperature: Pair | None = key(None, "", "temperature of the water on the left and on the right, degrees Celsius")
+    temperature: Pair | None = key(None, "degC", "temperature of the water on the left and on the right")
 
 
 class TidePart(Section):
@@ -91,7 +92,7 @@ class TurningWindPart(Section):
 
     speed: float = key(..., "m s-1", "speed", ge=0, le=150)
     towards: float = key(90.0, "degree", "direction to which it blows at the start, clockwise from north")
-    turning: float = key(15.0, "", "degrees per hour, positive clockwise")
+    turning: float = key(15.0, "degree h-1", "how fast it turns, positive clockwise")
 
 
 def checked(part: type[Section], latlon: bool | None, **values: Any) -> list[Any]:
@@ -112,8 +113,12 @@ def checked(part: type[Section], latlon: bool | None, **values: Any) -> list[Any
         If one is of the wrong kind, has a wrong unit, or is not possible.
     """
     return [_place(name, value, bool(latlon)) if name in ("centre", "point") else
-            value if value is None else given(value, part, name, kind=ForcingError)
-            for name, value in values.items()]  # fmt: skip
+            value if value is None else steady_value(part, name, value) for name, value in values.items()]  # fmt: skip
+
+
+def checked_latlon(latlon: Any) -> bool:
+    """Return whether positions are degrees."""
+    return flag(latlon, where="latlon", kind=ForcingError)
 
 
 def checked_latitude(latitude: Any) -> Any:

@@ -36,10 +36,12 @@ from riftberg.ocean.formula_schema import (
     UniformPart,
     checked,
     checked_latitude,
+    checked_latlon,
 )
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
-from riftberg.ocean.shown import ShownForcing
+from riftberg.ocean.shown import ShownForcing, compass, flows_text, pair_text, said
+from riftberg.places import place_text
 from riftberg.state import Elements, Floats
 
 SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")
@@ -100,9 +102,16 @@ class Formula(ShownForcing):
         """Return both as one forcing."""
         return Sum(_parts_of(self) + _parts_of(other)) if _is_forcing(other) else NotImplemented
 
-    def __radd__(self, other: Forcing) -> Sum:
-        """Return both as one forcing; the other is no formula, such as fields from files."""
+    def __radd__(self, other: Any) -> Any:
+        """Return both as one forcing; the other is no formula, such as fields from files, or the 0 that `sum` begins with."""
+        if isinstance(other, int) and other == 0:
+            return self
         return Sum(_parts_of(other) + _parts_of(self)) if _is_forcing(other) else NotImplemented
+
+
+def _at(part: Formula, point: Pair) -> str:
+    """Return a place of a formula in words."""
+    return place_text(*point, latlon=part.latlon is not False, digits=2)
 
 
 def clear_environment(elements: Elements) -> None:
@@ -213,13 +222,13 @@ class Flow(Formula):
     """A formula whose current is balanced by the slope of the sea surface."""
 
     def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
-        if not latlon and latitude is None:
+        if not checked_latlon(latlon) and latitude is None:
             raise ForcingError(
                 "positions in metres have no latitude",
                 where=type(self).__name__,
                 remedy="Give latitude, the same as earth.reference_latitude of the parameters",
             )
-        self.latlon, self.latitude = latlon, checked_latitude(latitude)
+        self.latlon, self.latitude = checked_latlon(latlon), checked_latitude(latitude)
 
     def coriolis(self, lat: Floats) -> Floats:
         """Return the Coriolis parameter (s-1) at arrays of points."""
@@ -281,13 +290,13 @@ class Uniform(Flow):
 
     def __init__(
         self, current: Pair = (0.0, 0.0), wind: Pair = (0.0, 0.0), sea_ice: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        depth: float = math.inf, *, latlon: bool = True, latitude: float | None = None,
+        depth: float | None = math.inf, *, latlon: bool = True, latitude: float | None = None,
     ) -> None:  # fmt: skip
         super().__init__(latlon=latlon, latitude=latitude)
         self.current, self.wind, self.sea_ice = checked(
             UniformPart, latlon, current=current, wind=wind, sea_ice=sea_ice
         )
-        self.water: float = depth if depth == math.inf else checked(UniformPart, latlon, depth=depth)[0]
+        self.water: float = math.inf if depth in (None, math.inf) else checked(UniformPart, latlon, depth=depth)[0]
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current and no vorticity."""
@@ -310,7 +319,9 @@ class Uniform(Flow):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"uniform: current {self.current} m/s, wind {self.wind} m/s"
+        ice = f"sea ice of {self.sea_ice[2]:g} m at {pair_text(self.sea_ice[:2])} m/s" if any(self.sea_ice) else ""
+        depth = "" if self.water == math.inf else f"{self.water:g} m deep"
+        return "uniform: " + said(flows_text(self.current, self.wind), ice, depth)
 
 
 class Eddy(Flow):
@@ -352,7 +363,8 @@ class Eddy(Flow):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"eddy at {self.centre}: {self.speed:g} m/s at {self.radius / 1e3:g} km"
+        travels = f", travels at {pair_text(self.velocity)} m/s" if any(self.velocity) else ""
+        return f"eddy at {_at(self, self.centre)}: {self.speed:g} m/s at {self.radius / 1e3:g} km{travels}"
 
 
 def travelled(point: Pair, velocity: Pair, time: float, latlon: bool) -> Pair:
@@ -397,8 +409,11 @@ class Straight(Flow):
 
     def describe(self) -> str:
         """Return the values in words."""
-        name = type(self).__name__.lower()
-        return f"{name} through {self.point} towards {self.towards:g} degrees, {self.width / 1e3:g} km wide"
+        return f"{self.strength()} through {_at(self, self.point)} towards {compass(self.towards)}, {self.width / 1e3:g} km wide"
+
+    def strength(self) -> str:
+        """Return what it is and how strong, in words."""
+        return type(self).__name__.lower()
 
 
 class Stream(Straight):
@@ -424,6 +439,10 @@ class Stream(Straight):
     ) -> None:
         super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
         (self.speed,) = checked(JetPart, latlon, speed=speed)
+
+    def strength(self) -> str:
+        """Return what it is and how fast, in words."""
+        return f"{type(self).__name__.lower()} of {self.speed:g} m/s"
 
 
 class Jet(Stream):
@@ -486,6 +505,11 @@ class Front(Straight):
         super().__init__(point, along, width, latlon=latlon, latitude=latitude)
         self.step, self.temperature = checked(FrontPart, latlon, step=step, temperature=temperature)
         self.provides = frozenset() if temperature is None else frozenset(("sst",))
+
+    def strength(self) -> str:
+        """Return what it is and how high the step, in words."""
+        warm = "" if self.temperature is None else " from {1:g} to {0:g} °C".format(*self.temperature)
+        return f"front of {self.step:g} m{warm}"
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative; f is that of the place."""
@@ -577,7 +601,7 @@ class SeaFloor(Formula):
     """A sea floor; of several the shallowest counts."""
 
     def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
-        self.latlon, self.latitude = latlon, checked_latitude(latitude)
+        self.latlon, self.latitude = checked_latlon(latlon), checked_latitude(latitude)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Raise the sea floor."""
@@ -621,7 +645,9 @@ class Seamount(SeaFloor):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"seamount at {self.centre}: summit {self.plain - self.height:g} m deep, plain {self.plain:g} m"
+        return (
+            f"seamount at {_at(self, self.centre)}: summit {self.plain - self.height:g} m deep, plain {self.plain:g} m"
+        )
 
 
 class Slope(SeaFloor):
@@ -659,8 +685,8 @@ class Slope(SeaFloor):
 
     def describe(self) -> str:
         """Return the values in words."""
-        where = f"{self.middle:g} m at {self.point}"
-        return f"sea floor that deepens by {self.gradient:g} towards {self.towards:g} degrees, {where}"
+        where = f"{self.middle:g} m at {_at(self, self.point)}"
+        return f"sea floor that deepens by {1e3 * self.gradient:g} m per km towards {compass(self.towards)}, {where}"
 
 
 class TurningWind(Formula):
@@ -683,7 +709,8 @@ class TurningWind(Formula):
         self.speed, self.towards, self.turning = checked(
             TurningWindPart, latlon, speed=speed, towards=towards, turning=turning
         )
-        self.latlon, self.latitude = latlon, checked_latitude(latitude)
+        self.latlon = None if latlon is None else checked_latlon(latlon)
+        self.latitude = checked_latitude(latitude)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add the wind of the moment."""

@@ -12,6 +12,7 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
 from riftberg.ocean.datasets import DatasetForcing
+from riftberg.values import required
 
 
 class Forcing(formulas.Formula):
@@ -57,8 +58,19 @@ class Forcing(formulas.Formula):
         **options
             As for `riftberg.DatasetForcing`.
         """
-        products = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        products = list_of_datasets(datasets)
         return DatasetForcing.from_xarray(products, start or first_date(products), **options)
+
+
+def list_of_datasets(datasets: Any) -> list[xr.Dataset]:
+    """Return one dataset or several as a list, or refuse what is none."""
+    several = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
+    for part in several or [None]:
+        required(
+            part, xr.Dataset, "a dataset of xarray, or a list of them, such as xarray.open_dataset(file)",
+            where="Forcing.from_xarray", kind=ForcingError,
+        )  # fmt: skip
+    return several
 
 
 def first_date(datasets: Sequence[xr.Dataset]) -> datetime:

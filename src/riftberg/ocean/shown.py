@@ -3,8 +3,34 @@
 from __future__ import annotations
 
 import html
+from typing import Final
 
 from riftberg.input_files import shortened
+
+
+def pair_text(pair: tuple[float, ...]) -> str:
+    """Return numbers in brackets, such as ``(0.2, -0.05)``."""
+    return "(" + ", ".join(f"{part:.5g}" for part in pair) + ")"
+
+
+def flows_text(current: tuple[float, ...], wind: tuple[float, ...]) -> str:
+    """Return what water and air do, without what is nothing."""
+    flows = [f"{name} {pair_text(pair)} m/s" for name, pair in (("current", current), ("wind", wind)) if any(pair)]
+    return ", ".join(flows) or "still water and air"
+
+
+def said(*parts: str) -> str:
+    """Return the parts that say something, one after the other."""
+    return ", ".join(filter(None, parts))
+
+
+POINTS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+
+
+def compass(towards: float) -> str:
+    """Return a direction (degrees clockwise from north) as a point of the compass, or in degrees."""
+    eighth, rest = divmod(towards % 360.0, 45.0)
+    return POINTS[int(eighth)] if rest == 0.0 else f"{towards:g} degrees"
 
 
 class ShownForcing:

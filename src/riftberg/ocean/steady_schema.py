@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import model_validator
 
-from riftberg.sections import Pair, Section, key, refuse_beyond
+from riftberg.errors import ForcingError
+from riftberg.sections import Pair, Section, beyond, key, refuse_beyond
+from riftberg.values import given, native, number
 
 MOST = {"current": 10.0, "wind": 150.0, "slope": 0.01, "sea_ice": 100.0}
 """What is larger than anything in nature."""
+
+MOST_IN_PART = {**MOST, "velocity": 10.0}
+"""The same in the sections of formulas."""
 
 
 class ConstantForcing(Section):
@@ -27,6 +32,36 @@ class ConstantForcing(Section):
         refuse_beyond(self, MOST)
         check_sea_ice(self.sea_ice)
         return self
+
+
+def steady_value(part: type[Section], name: str, value: Any) -> Any:
+    """Return a value of a section without unit, or refuse it in the words that an experiment file gets.
+
+    Raises
+    ------
+    ForcingError
+        If it is of the wrong kind, has a wrong unit, or is larger than anything in nature.
+    """
+    plain = given(_ice_in_units(value) if name == "sea_ice" else value, part, name, kind=ForcingError)
+    if name in MOST_IN_PART:
+        try:
+            beyond(part, name, plain, MOST_IN_PART[name])
+            check_sea_ice(plain if name == "sea_ice" else (0.0, 0.0, 0.0))
+        except ValueError as error:
+            raise ForcingError(str(error), where=name) from error
+    return plain
+
+
+def _ice_in_units(value: Any) -> Any:
+    """Return velocity (m s-1) and thickness (m) of sea ice, each with its own unit, as plain numbers."""
+    plain = native(value)
+    if not isinstance(plain, list | tuple) or len(plain) != 3:
+        return plain
+    units = ("m s-1", "m s-1", "m")
+    return [
+        number(part, unit, where="sea_ice", kind=ForcingError) if isinstance(part, str) else part
+        for part, unit in zip(plain, units, strict=True)
+    ]
 
 
 def check_sea_ice(sea_ice: tuple[float, float, float]) -> None:

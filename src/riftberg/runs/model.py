@@ -11,7 +11,7 @@ import xarray as xr
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import RiftbergError, RunError
 from riftberg.interrupts import held, say
-from riftberg.model import BareModel, Recorder
+from riftberg.model import BareModel, Recorder, check_recorders
 from riftberg.ocean.forcing import Forcing
 from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder
@@ -111,6 +111,9 @@ class Model(BareModel):
             After Ctrl-C, at the end of the step in hand; the run file is complete up to there, and the state is saved as
             above. So it is with the SystemExit after a request to terminate.
         """
+        check_recorders(recorders)
+        if output is not None:
+            required(output, (str, Path), "the path of a run file", where="Model.run, output")
         before = self.step_number
         hours = number(every_hours, "h", where="every_hours")
         left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
@@ -144,6 +147,7 @@ class Model(BareModel):
 
     def save(self, path: str | Path) -> Path:
         """Write a restart file from which `resume` goes on bit for bit."""
+        required(path, (str, Path), "the path of a restart file", where="Model.save")
         coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
         return save(self, path, extra={**coming, **self.remembered, **self._stepper.memory()})
 

@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg import constants
+from riftberg.errors import InputError
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.runs.shapes import element_polygons
@@ -104,6 +105,12 @@ class Scene:
     """
 
     def __init__(self, run: xr.Dataset) -> None:
+        if "parameters_json" not in run.attrs:
+            raise InputError(
+                "this dataset is no run of Riftberg",
+                where="attribute parameters_json",
+                remedy="Give what Model.run or riftberg.open_run returns",
+            )
         self.run = run
         self.parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
         self.latlon = self.parameters.earth.latlon

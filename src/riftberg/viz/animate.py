@@ -162,14 +162,16 @@ class _Film:
         self.colours = fragment_colours(scene)
         self._legend()
         some = range(0, len(scene.times), max(1, len(scene.times) // 12))
-        self.top = speed_top([Panel(self.ax, scene, self.box, water)] * len(some), some)
+        panels = [Panel(self.ax, scene, self.box, water)] * len(some)
+        self.top = speed_top(panels, some)
+        self.flows = any(panel.fastest(record) > 0.0 for panel, record in zip(panels, some, strict=True))
         self.keyed = False
 
     def draw(self, record: int) -> None:
         """Draw one record."""
         self.ax.clear()
-        panel = Panel(self.ax, self.scene, self.box, self.water, labels=not self.scene.latlon)
-        arrows = panel.draw_currents(record, self.top, arrows=19, steps=self.steps)
+        panel = Panel(self.ax, self.scene, self.box, self.water, ticks=6, labels=not self.scene.latlon)
+        arrows = panel.draw_currents(record, self.top, arrows=19, steps=self.steps) if self.flows else None
         panel.draw_floor(shaded=arrows is None)
         for number, colour in self.colours.items():
             self.ax.plot(*self.scene.track_line(number, record), color=colour, lw=1.6, zorder=4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import xarray as xr
@@ -14,6 +14,13 @@ from riftberg.viz import colours, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+WIDE: Final = 9.9
+"""Width (inches) of the panel of the shape."""
+
+BELOW: Final = 4.1
+"""What stands below that panel, inches."""
 
 
 def draw_beam(run: xr.Dataset, beam: BentBeam, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
@@ -31,10 +38,16 @@ def draw_beam(run: xr.Dataset, beam: BentBeam, path: str | Path, *, title: str =
     dpi : int, optional
     """
     style.check_format(path)
-    figure = style.new_figure(11.0, 7.6, dpi)
-    above = style.put_title(figure, title or "Beam", left=0.8)
-    upper = figure.add_axes((0.075, 0.5, 0.9, 0.95 - 0.5 - above / 7.6))
-    left, right = figure.add_axes((0.075, 0.085, 0.42, 0.33)), figure.add_axes((0.575, 0.085, 0.4, 0.33))
+    scene = Scene(run)
+    corners = np.concatenate([scene.polygons(0), scene.polygons(len(scene.times) - 1)]).reshape(-1, 2)
+    across, along = corners.max(axis=0) - corners.min(axis=0)
+    # A beam that hardly bends takes a flat panel.
+    shape = float(np.clip(WIDE * (along / across + 0.08) / 1.08, 1.0, 3.2))
+    height = shape + BELOW + 0.9
+    figure = style.new_figure(11.0, height, dpi)
+    style.put_title(figure, title or "Beam", left=0.8)
+    upper = figure.add_axes((0.075, BELOW / height, WIDE / 11.0, shape / height))
+    left, right = (figure.add_axes((x, 0.65 / height, w, 2.5 / height)) for x, w in ((0.075, 0.42), (0.575, 0.4)))
     _shape(upper, run, beam)
     _deflection(left, beam)
     _history(right, beam)

@@ -259,7 +259,7 @@ class Overview:
             )
         if self.panel.shaded:
             shade = colours.depth_map()(0.75)
-            handles.append(Patch(fc=shade, ec=colours.ISOBATH, lw=0.6, label="sea floor: isobaths, darker is deeper"))
+            handles.append(Patch(fc=shade, ec=colours.ISOBATH, lw=0.6, label="sea floor, darker is deeper"))
         if self.grounded:
             handles.append(Patch(fc="white", ec=colours.GROUND, hatch="////",
                                  label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip
@@ -305,7 +305,7 @@ class _MapFigure:
 
     def _date(self, panel: Panel, record: int, text: str, top: float) -> Any:
         """Draw the berg at one date in the current of that date."""
-        quiver = panel.draw_currents(record, top, arrows=12)
+        quiver = panel.draw_currents(record, top, arrows=9)
         panel.draw_floor(labels=False, shaded=quiver is None)
         panel.draw_ice(record, self.colours)
         panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()))

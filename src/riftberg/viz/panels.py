@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,6 +16,7 @@ from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
+from riftberg.viz.floor import NO_FLOOR, SeaFloor
 from riftberg.viz.moments import is_short, moment_text
 
 if TYPE_CHECKING:
@@ -26,16 +28,11 @@ if TYPE_CHECKING:
 
 Water = Forcing | StoredWater | KeptWater
 
-ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
+DOT: Final = 3.0
+"""Size (points) below which a fragment is drawn as a dot."""
 
-DEPTHS: Final = (0, *ISOBATHS, 7000, 12000)
-"""Edges (m) of the steps in which the sea floor is shaded."""
-
-UNKNOWN_DEPTH: Final = 9000.0
-"""A floor that is this deep (m) all over is the deep water of a run that knows no sea floor."""
-
-NO_FLOOR: Final = 20.0
-"""A floor nowhere deeper than this (m) is none: a depth of 0, and the sea level on top of it."""
+FEWEST: Final = 4.0
+"""A panel is at least so many elements wide: one that a single element fills shows nothing of the water."""
 
 LARGE_BOX: Final = 1.6
 """Panels share one extent where it is at most so many times that of the largest berg."""
@@ -135,39 +132,23 @@ class Panel:
         """
         if self.water is None:
             return False
-        x, y = self._mesh(260)
-        depth = np.ma.masked_invalid(self.water.depth(x, y))
-        if depth.mask.all():
+        draft = self.scene.draft()
+        floor = SeaFloor(self.box, self.water, least=min(draft, NO_FLOOR))
+        if not floor.known:
             return False
-        low, high, draft = float(depth.min()), float(depth.max()), self.scene.draft()
-        if high <= min(draft, NO_FLOOR):
-            return False
-        if shaded and low < UNKNOWN_DEPTH:
-            self._shade(x, y, depth)
-        levels = [d for d in ISOBATHS if low < d < high]
-        # A floor of steps, such as a zone that is simply declared dry, has no isobaths.
-        if isobaths and levels and len(np.unique(depth.compressed())) >= 50:
-            lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
-            if labels:
-                self.ax.clabel(lines, fmt="%d m", fontsize=6)
+        self.shaded = shaded and floor.shade(self.ax)
+        if isobaths:
+            floor.draw_isobaths(self.ax, labels=labels)
+        low, high = floor.span
         if not low < draft or not self.scene.has_floor:
             return False
-        filled = self.ax.contourf(x, y, depth, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
+        mesh = floor.x, floor.y, floor.depth
+        filled = self.ax.contourf(*mesh, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
         filled.set_edgecolor(colours.GROUND)
         filled.set_linewidth(0.0)
         if draft < high:  # else all that is shown is too shallow
-            self.ax.contour(x, y, depth, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
+            self.ax.contour(*mesh, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
         return True
-
-    def _shade(self, x: Floats, y: Floats, depth: Any) -> None:
-        """Draw the depth in steps of colour, the same for all maps."""
-        from matplotlib.colors import BoundaryNorm
-
-        shades = colours.depth_map()
-        self.ax.contourf(
-            x, y, depth, levels=DEPTHS, cmap=shades, norm=BoundaryNorm(DEPTHS, shades.N), zorder=0.5, antialiased=True
-        )
-        self.shaded = True
 
     def draw_ice(
         self, record: int, shown: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0
@@ -187,12 +168,26 @@ class Panel:
             zorder=zorder,
         )
         self.ax.add_collection(ice)
+        self._mark_small(record, shown, alpha, zorder)
         return ice
 
+    def _mark_small(self, record: int, shown: dict[int, str], alpha: float, zorder: float) -> None:
+        """Draw a dot for each fragment that would be smaller than one: bergs of a field are not seen otherwise."""
+        scene, b = self.scene, self.box
+        points = 72.0 * self.ax.get_window_extent().height / float(self.ax.figure.dpi) / (b.north - b.south)
+        size = np.sqrt(scene.area_at(record)) / 1e3 * scene.units_per_km() * points
+        numbers = scene.berg[record]
+        for number in np.unique(numbers[(numbers > 0) & (size < DOT)]):
+            own = numbers == number
+            if math.sqrt(float((size[own] ** 2).sum())) < DOT:
+                place = scene.x[record][own].mean(), scene.y[record][own].mean()
+                colour = shown.get(int(number), colours.SMALL)
+                self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=zorder)
+
     def draw_bonds(
-        self, record: int, values: Floats, shades: Colormap, scale: Normalize, points: float
+        self, record: int, values: Floats, shades: Colormap, scale: Normalize, points: Floats
     ) -> LineCollection:
-        """Draw unbroken bonds in the colour of their values, broken ones dashed dark."""
+        """Draw unbroken bonds in the colour of their values, each so many points wide, broken ones dashed dark."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         scene, run = self.scene, self.scene.run
@@ -211,14 +206,18 @@ class Panel:
         # The largest values on top.
         order = np.argsort(values[~broken])
         lines = LineCollection(list(ends[~broken][order]), array=values[~broken][order], cmap=shades,
-                               norm=scale, linewidths=points, capstyle="butt", zorder=5)  # fmt: skip
+                               norm=scale, linewidths=points[~broken][order], capstyle="butt", zorder=5)  # fmt: skip
         self.ax.add_collection(lines)
         near = broken & (
             np.hypot(*(ends[:, 1] - ends[:, 0]).T) < 2.5 * np.median(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
         )
         self.ax.add_collection(
             LineCollection(
-                list(ends[near]), colors="black", linewidths=min(1.8, 0.7 * points), linestyles=":", zorder=6
+                list(ends[near]),
+                colors="black",
+                linewidths=np.minimum(1.8, 0.7 * points[near]),
+                linestyles=":",
+                zorder=6,
             )
         )
         return lines
@@ -300,13 +299,14 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
     """
     single = [scene.grown(scene.box(record), margin) for record in records]
     stretch = scene.stretch(0.5 * (single[0].south + single[0].north))
-    half = max(_half(box, stretch) for box in single)
+    side = math.sqrt(float(scene.area.max())) / 1e3 * scene.units_per_km()
+    half = max(0.5 * FEWEST * side, *(_half(box, stretch) for box in single))
     together = Box(
         min(b.west for b in single), max(b.east for b in single),
         min(b.south for b in single), max(b.north for b in single),
     )  # fmt: skip
     if _half(together, stretch) <= LARGE_BOX * half:
-        return [_centred(together, scene, _half(together, stretch))] * len(single)
+        return [_centred(together, scene, max(half, _half(together, stretch)))] * len(single)
     return [_centred(b, scene, half) for b in single]
 
 

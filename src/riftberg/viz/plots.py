@@ -15,6 +15,7 @@ from riftberg.runs.background import water_of
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
+from riftberg.viz.floor import NO_FLOOR
 from riftberg.viz.moments import day_text, is_short, length_of, moment_texts
 from riftberg.viz.panels import (
     Panel,
@@ -95,7 +96,7 @@ def draw_dates(
     # The legend takes a line for each column's width of fragments.
     entries = math.ceil((len(fragment_colours(scene)) + bool(shown)) / columns)
     named = 0.0 if scene.latlon else 0.2  # axes in metres say what they are
-    figure = new_figure((4.1 + named) * columns + 0.6, (4.3 + named) * rows + 1.8 + 0.17 * entries, dpi)
+    figure = new_figure((4.1 + named) * columns + 0.8, (4.05 + named) * rows + 1.8 + 0.17 * entries, dpi)
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
     boxes = common_boxes(scene, records)
     panels = [
@@ -114,12 +115,12 @@ def draw_dates(
     flowing = top if any(p.fastest(record) for p, record in zip(panels, records, strict=True)) else 0.0
     below = _legend(figure, scene, bool(shown), flowing, next((a for a in arrows if a is not None), None))
     height = figure.get_figheight()
-    title = figure_title(run, "model" + (" and observed outlines" if shown else ""))
-    left, right = (0.62 + named) / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figwidth()
+    title = figure_title(run, "model and observed outlines" if shown else "position and shape")
+    left, right = (0.7 + named) / figure.get_figwidth(), 1.0 - 0.25 / figure.get_figwidth()
     above = 0.4 + style.put_title(figure, title)
     figure.subplots_adjust(
         left=left, right=right, top=1.0 - above / height, bottom=(below + named) / height, wspace=0.22 + 0.3 * named,
-        hspace=0.2 + 0.3 * named,
+        hspace=0.14 + 0.3 * named,
     )  # fmt: skip
     style.save_figure(figure, path)
     return Path(path)
@@ -196,6 +197,8 @@ def draw_stress(
         As in `draw_dates`.
     """
     scene = Scene(run)
+    if not run.sizes["bond"]:
+        raise InputError("the run has no bonds, so no stress in them", where="stress", remedy="Draw another kind")
     records = chosen(scene, dates) if dates else _before_breakups(scene)
     fracture = scene.parameters.fracture
     stress = scene.tension()
@@ -267,11 +270,9 @@ def _bond_maps(
     texts = moment_texts(scene.times, list(values))
     for k, (record, box, text) in enumerate(zip(values, boxes, texts, strict=True)):
         panel = Panel(figure.add_subplot(1, len(values), k + 1), scene, box, water, labels=not scene.latlon)
-        inches = (
-            0.8 * 5.2 * float(np.sqrt(np.median(scene.area))) / 1e3 * scene.units_per_km() / (box.north - box.south)
-        )
+        points = 72.0 * 0.8 * 5.2 / 1e3 * scene.units_per_km() / (box.north - box.south)  # in a metre
         panel.draw_floor(shaded=True)
-        panel.draw_bonds(record, values[record], shades, scale, points=max(0.6, 72.0 * inches * 0.62))
+        panel.draw_bonds(record, values[record], shades, scale, points=np.maximum(0.6, points * _bond_widths(scene)))
         panel.draw_scale()
         panel.ax.set_title(text, fontsize=10, pad=4)
         if len(values) > 1:
@@ -284,6 +285,12 @@ def _bond_maps(
     style.put_title(figure, title)
     _bond_bar(figure, shades, scale, label, beyond)
     return figure
+
+
+def _bond_widths(scene: Scene) -> Floats:
+    """Return how wide each bond is drawn, m: those of hexagons cross at 60 degrees and are slimmer."""
+    first = scene.run["first"].values
+    return np.asarray(np.sqrt(scene.area[first]) * np.where(scene.sides[first] == 6, 0.34, 0.62))
 
 
 def _bond_bar(figure: Figure, shades: Colormap, scale: Normalize, label: str, beyond: bool) -> None:
@@ -340,12 +347,14 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     """
     scene = Scene(run)
     figure = new_figure(11.0, 7.4, dpi)
-    ground = scene.aground().sum(axis=1)
-    heights = (3.0, 1.6, 1.0) if ground.any() else (3.0, 2.0)
-    axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    ground = scene.aground().sum(axis=1) if knows_floor(scene) else np.zeros(len(scene.times))
+    bonded = run.sizes["bond"] > 0
+    heights = [3.0, *([1.6] if bonded else []), *([1.0] if ground.any() else [])]
+    axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     times, lower = _times_shown(scene), axes[-1]
     _areas(axes[0], scene, times)
-    _peak_stress(axes[1], scene, times)
+    if bonded:
+        _peak_stress(axes[1], scene, times)
     if ground.any():
         lower.fill_between(times, ground, step="post", color=colours.GROUND, alpha=0.6, lw=0.0)
         lower.set_ylabel("elements\naground", fontsize=9)
@@ -363,10 +372,17 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     above = style.put_title(figure, figure_title(run, "fragments"), left=0.08 * 11.0)
+    above += 0.2 * max(0, math.ceil(len(fragment_colours(scene)) / 2) - 2)  # lines of the legend
     bottom = 0.55 if is_short(scene.times) else 0.48
     figure.subplots_adjust(left=0.08, right=0.97, top=1.0 - (above + 0.45) / 7.4, bottom=bottom / 7.4, hspace=0.2)
     style.save_figure(figure, path)
     return Path(path)
+
+
+def knows_floor(scene: Scene) -> bool:
+    """Return whether the run has a sea floor: a depth of 0 everywhere, with the sea level on top, is none."""
+    depth = scene.run["depth"].values
+    return bool(np.nanmax(depth, initial=0.0) > min(scene.draft(), NO_FLOOR))
 
 
 def _times_shown(scene: Scene) -> Any:
@@ -383,7 +399,7 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
     for rank, (number, colour) in enumerate(fragment_colours(scene).items()):
         area = np.where(scene.berg == number, scene.area, 0.0).sum(axis=1) / unit
         there = area > 0.0
-        ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 3.2 - 0.7 * rank),
+        ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 4.8 - 1.2 * rank),
                 label=fragment_name(scene, number))  # fmt: skip
         if scene.birth(number) is not None and there.any():
             ax.axvline(times[there][0], color=colours.PAIRING, lw=0.8, ls=":")

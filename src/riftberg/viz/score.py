@@ -15,6 +15,7 @@ from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
 from riftberg.viz.colours import GRID, MODEL, OBSERVED, PAIRING
+from riftberg.viz.floor import KnownDepth, SeaFloor
 from riftberg.viz.moments import day_text
 from riftberg.viz.style import date_axis, new_figure, plain_axes
 
@@ -26,7 +27,13 @@ MARK: Final[dict[str, Any]] = {"ms": 4.5, "mec": "black", "mew": 0.5}
 """Marks of curves; the edge makes light colours stand out."""
 
 
-def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
+PIECES: Final = 6
+"""Parts of a line of the track off which labels keep."""
+
+
+def draw_score(
+    score: Score, path: str | Path, *, title: str = "", water: KnownDepth | None = None, dpi: int = 150
+) -> Path:
     """Draw a score.
 
     Parameters
@@ -36,6 +43,8 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
         Picture.
     title : str, optional
         Heading; its second line may say what the forcing is.
+    water : Forcing or StoredWater, optional
+        Gives the sea floor behind the tracks, such as `riftberg.runs.background.stored_water` of the run.
     dpi : int, optional
     """
     figure = new_figure(12.5, 7.6, dpi)
@@ -43,7 +52,7 @@ def draw_score(score: Score, path: str | Path, *, title: str = "", dpi: int = 15
         4, 2, left=0.07, right=0.97, top=0.85, bottom=0.075, wspace=0.2, hspace=0.3, width_ratios=(1.0, 1.15)
     )
     tracks = figure.add_subplot(grid[:, 0])
-    _draw_tracks(tracks, score)
+    _draw_tracks(tracks, score, water)
     rows = [(day.time, berg) for day in score.days if (berg := day.berg) is not None]
     times = np.array([time for time, _ in rows], dtype="datetime64[s]")
     matches = [match for _, match in rows]
@@ -108,7 +117,7 @@ def _near(lon: float, middle: float) -> float:
     return lon - 360.0 * round((lon - middle) / 360.0)
 
 
-def _draw_tracks(ax: Axes, score: Score) -> None:
+def _draw_tracks(ax: Axes, score: Score, water: KnownDepth | None) -> None:
     """Draw the centroids of all pieces, model and observed, joined day by day."""
     labels = style.Labels(ax)
     berg = [(day.time, m) for day in score.days if (m := day.berg) is not None]
@@ -131,25 +140,28 @@ def _draw_tracks(ax: Axes, score: Score) -> None:
     ).reshape(-1, 2)
     ax.plot(*seen.T, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed")
     ax.plot(*made.T, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model")
-    _frame(ax, ends)
+    shaded = _frame(ax, ends, water)
     ax.legend(fontsize=9, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
     others = any(other for _, other in matches)
-    note = "grey: of the same time" + ("; small: other pieces" if others else "")
+    note = "grey lines: of the same time" + ("; small: other pieces" if others else "")
+    if shaded:
+        note += "\nsea floor, darker is deeper"
     ax.text(0.02, 0.015, note, transform=ax.transAxes, fontsize=8, va="bottom",
             bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.5})  # fmt: skip
     for x, y in (*seen, *made):
         if np.isfinite(x + y):
             labels.avoid(x, y)
     for line in (seen, made):
-        for x, y in 0.5 * (line[1:] + line[:-1]):
-            if np.isfinite(x + y):
-                labels.prefer_off(x, y)
+        for part in np.linspace(0.0, 1.0, PIECES + 1)[1:-1]:
+            for x, y in part * line[1:] + (1.0 - part) * line[:-1]:
+                if np.isfinite(x + y):
+                    labels.prefer_off(x, y)
     for k in range(0, len(berg), max(1, len(berg) // 8)):
         labels.put(day_text(np.datetime64(berg[k][0]), hour=False), *seen[k], fontsize=8)
 
 
-def _frame(ax: Axes, ends: Sequence[tuple[float, float]]) -> None:
-    """Set the extent of the map around points, with coast, degrees and a scale bar."""
+def _frame(ax: Axes, ends: Sequence[tuple[float, float]], water: KnownDepth | None) -> bool:
+    """Set the extent of the map around points, with coast, sea floor, degrees and a scale bar; whether depth is in colour."""
     places = np.array(ends)
     lat = float(places[:, 1].mean())
     ax.set_aspect(1.0 / max(0.05, np.cos(np.radians(lat))), adjustable="datalim")
@@ -164,12 +176,27 @@ def _frame(ax: Axes, ends: Sequence[tuple[float, float]]) -> None:
     ax.set_ylim(box.south, box.north)
     ax.apply_aspect()
     (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
-    draw_coast(ax, Box(west, east, south, north), zorder=0.5)
+    whole = Box(west, east, south, north)
+    draw_coast(ax, whole, zorder=0.7)
+    shaded = _draw_floor(ax, whole, water)
     style.geographic_axes(ax, latlon=True)
-    ax.grid(color=GRID, lw=0.6)
+    if not shaded:
+        ax.grid(color=GRID, lw=0.6)
     ax.set_axisbelow(True)
     unit = stretch / (DEGREE * EARTH_RADIUS_A68 / 1e3)
     x, y = east - 0.32 * (east - west), south + 0.05 * (north - south)
     style.scale_bar(ax, km=style.round_length(0.25 * (east - west) / unit), units_per_km=unit, place=(x, y))
     ax.set_xlim(west, east)
     ax.set_ylim(south, north)
+    return shaded
+
+
+def _draw_floor(ax: Axes, box: Box, water: KnownDepth | None) -> bool:
+    """Draw the sea floor, if it is known; whether depth is in colour."""
+    if water is None:
+        return False
+    floor = SeaFloor(box, water)
+    if not floor.known or not floor.shade(ax):
+        return False
+    floor.draw_isobaths(ax, labels=True)
+    return True

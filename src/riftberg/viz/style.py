@@ -85,7 +85,7 @@ def degree_label(value: float, positive: str, negative: str, decimals: int) -> s
     """Return a geographic label such as ``38.5°W``; longitudes may be given from 0 to 360."""
     value = (value + 180.0) % 360.0 - 180.0
     text = f"{abs(value):.{decimals}f}°"
-    if float(f"{abs(value):.{decimals}f}") == 0.0:
+    if float(f"{abs(value):.{decimals}f}") in (0.0, 180.0):
         return text
     return text + (positive if value > 0.0 else negative)
 
@@ -131,12 +131,30 @@ def round_length(most: float) -> float:
 
 
 def date_axis(ax: Axes) -> None:
-    """Label the axis of time with dates, as short as can be."""
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+    """Label the axis of time with dates as in all other places of a picture, and the year once."""
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, num2date
+
+    class Dates(ConciseDateFormatter):
+        """Dates whose year, or years, stand once at the end."""
+
+        def format_ticks(self, values: Any) -> list[str]:
+            texts = super().format_ticks(values)  # type: ignore[no-untyped-call]
+            return [text[1:] if text[:1] == "0" and " " in text else text for text in texts]
+
+        def get_offset(self) -> str:
+            years = [num2date(place).year for place in ax.get_xlim()]  # type: ignore[no-untyped-call]
+            return f"{years[0]}" if years[0] == years[1] else f"{years[0]} to {years[1]}"
 
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    ax.xaxis.set_major_formatter(
+        Dates(  # type: ignore[no-untyped-call]
+            locator,
+            formats=["%Y", "%b", "%d %b", "%H:%M", "%H:%M", "%S.%f"],
+            zero_formats=["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"],
+            offset_formats=["", "", "%Y", "%Y", "%Y", "%Y"],
+        )
+    )
 
 
 def scale_bar(ax: Axes, *, km: float, units_per_km: float, place: tuple[float, float] | None = None) -> None:

@@ -41,7 +41,7 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
     """
     shown = reasons.breakups[:most]
     rows = max(1, len(shown))
-    figure = new_figure(15.0, 4.3 * rows + 1.5, dpi)
+    figure = new_figure(15.0, 4.3 * rows + 1.5 if shown else 2.2, dpi)
     grid = figure.subplots(rows, 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
     for row, (axes, breakup) in enumerate(zip(grid, shown, strict=False)):
         _draw_forces(axes[0], breakup)
@@ -55,9 +55,10 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
         grid[0, 1].text(0.5, 0.5, "nothing broke off", ha="center", fontsize=12)
     height = figure.get_figheight()
     forcing = f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
-    above = style.put_title(figure, f"{reasons.experiment or 'Run'}: why it broke{forcing}", left=0.75)
+    above = style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: why it broke{forcing}", left=0.75)
+    bottom = 1.0 / height if shown else 0.2
     figure.subplots_adjust(
-        left=0.06, right=0.895, top=1.0 - (above + 0.45) / height, bottom=1.0 / height, wspace=0.24, hspace=0.36
+        left=0.06, right=0.895, top=1.0 - (above + 0.45) / height, bottom=bottom, wspace=0.24, hspace=0.36
     )
     if shown:
         _legend(figure, shown)
@@ -131,11 +132,12 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
 def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     """Draw the stress of the first bonds to fail until they fail."""
     strength = b.first_bonds[0].strength / 1e3
+    names = _failures([bond.time for bond in b.first_bonds])
     for k, bond in enumerate(b.first_bonds):
         end = _hours(bond.time, b.time)
         hours = [*(end + h for h in bond.hours), end]
         stress = [*(s / 1e3 for s in bond.peak or bond.tension), bond.strength / 1e3]
-        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=f"{minute_text(bond.time)[5:]}")
+        ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=names[k])
         if bond.peak:
             ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
         ax.plot(end, bond.strength / 1e3, "x", color=colours.GROUND, ms=7, mew=1.8)
@@ -150,6 +152,15 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
     ax.set_title("the first bonds to fail", fontsize=9)
     ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
+
+
+def _failures(times: Sequence[str]) -> list[str]:
+    """Return the times at which bonds failed: to the second where minutes are alike, and the order where seconds are too."""
+    minutes = [minute_text(time)[5:] for time in times]
+    if len(set(minutes)) == len(times):
+        return minutes
+    seconds = [str(np.datetime64(time, "s"))[5:].replace("T", " ") for time in times]
+    return seconds if len(set(seconds)) == len(times) else [f"{k + 1}: {text}" for k, text in enumerate(seconds)]
 
 
 def _hours(text: str, end: str) -> float:
