@@ -44,6 +44,7 @@ sphinx_gallery_conf: dict[str, Any] = {
     "examples_dirs": str(ROOT / "docs" / "gallery"),
     "gallery_dirs": str(ROOT / "docs" / "made-gallery"),
     "filename_pattern": r"/[a-z]",
+    "within_subsection_order": "FileNameSortKey",
     "ignore_pattern": r"__init__\.py",
     "plot_gallery": os.environ.get("RIFTBERG_GALLERY", "1") == "1",
     "image_scrapers": ("pictures.written_pictures",),

@@ -602,3 +602,14 @@ def test_an_axis_that_crosses_the_new_year_names_both_years() -> None:
     style.date_axis(ax)
     ax.figure.canvas.draw()
     assert ax.xaxis.get_offset_text().get_text() == "2020 to 2021"
+
+
+def test_dates_up_an_axis_have_their_year_in_its_name() -> None:
+    """Bug: in the picture of a sweep it stood on the letter of the panel."""
+    ax = style.new_figure(4.0, 3.0, 60).add_subplot()
+    ax.plot([0.0, 1.0], np.array(["2020-12-09T13", "2020-12-26T13"], "datetime64[s]"))
+    style.date_axis(ax, "y")
+    ax.figure.canvas.draw()
+    assert ax.get_ylabel() == "date, 2020"
+    assert ax.yaxis.get_offset_text().get_text() == ""
+    assert all(" Dec" in label.get_text() for label in ax.get_yticklabels())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -130,24 +130,32 @@ def round_length(most: float) -> float:
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most)
 
 
-def date_axis(ax: Axes) -> None:
-    """Label the axis of time with dates as in all other places of a picture, and the year once."""
+def date_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
+    """Label the axis of time with dates as in all other places of a picture, and the year, or years, once.
+
+    The year stands at the end of a horizontal axis, and in the name of a vertical one.
+    """
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, num2date
 
+    axis, limits = (ax.xaxis, ax.get_xlim) if which == "x" else (ax.yaxis, ax.get_ylim)
+
+    def years() -> str:
+        first, last = sorted(num2date(place).year for place in limits())  # type: ignore[no-untyped-call]
+        return f"{first}" if first == last else f"{first} to {last}"
+
     class Dates(ConciseDateFormatter):
-        """Dates whose year, or years, stand once at the end."""
+        """Dates such as 9 Dec."""
 
         def format_ticks(self, values: Any) -> list[str]:
             texts = super().format_ticks(values)  # type: ignore[no-untyped-call]
             return [text[1:] if text[:1] == "0" and " " in text else text for text in texts]
 
         def get_offset(self) -> str:
-            years = [num2date(place).year for place in ax.get_xlim()]  # type: ignore[no-untyped-call]
-            return f"{years[0]}" if years[0] == years[1] else f"{years[0]} to {years[1]}"
+            return years() if which == "x" else ""
 
-    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
-    ax.xaxis.set_major_locator(locator)
-    ax.xaxis.set_major_formatter(
+    locator = AutoDateLocator(maxticks=None if which == "x" else 6)  # type: ignore[no-untyped-call]
+    axis.set_major_locator(locator)
+    axis.set_major_formatter(
         Dates(  # type: ignore[no-untyped-call]
             locator,
             formats=["%Y", "%b", "%d %b", "%H:%M", "%H:%M", "%S.%f"],
@@ -155,6 +163,8 @@ def date_axis(ax: Axes) -> None:
             offset_formats=["", "", "%Y", "%Y", "%Y", "%Y"],
         )
     )
+    if which == "y":
+        ax.set_ylabel(f"date, {years()}", fontsize=9)
 
 
 def scale_bar(ax: Axes, *, km: float, units_per_km: float, place: tuple[float, float] | None = None) -> None:

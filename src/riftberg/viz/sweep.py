@@ -132,8 +132,6 @@ class _SweepFigure:
 
     def _dates(self, ax: Axes) -> None:
         """Draw the dates of the break-ups of each member, larger for larger pieces."""
-        from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
         x = self._spread()
         births, parents = self.done["fragment_birth_time"].values, self.done["fragment_parent"].values
         sizes = self.done["fragment_area"].values / 1e6
@@ -144,9 +142,7 @@ class _SweepFigure:
             ax.scatter(np.full(broke.sum(), x[k]), births[k][broke], s=size, color=self._colour(k), ec="white", lw=0.5)
         times = self.done["time"].values
         ax.set_ylim(times[0], times[-1])
-        locator = AutoDateLocator(maxticks=6)  # type: ignore[no-untyped-call]
-        ax.yaxis.set_major_locator(locator)
-        ax.yaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+        style.date_axis(ax, "y")
         some = f"largest dot {most:.3g} km²" if (parents > 0).any() else "none broke"
         ax.set_title(f"Break-ups ({some})", fontsize=10, pad=6)
         self._axis(ax, named=False)
