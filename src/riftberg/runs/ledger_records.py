@@ -87,7 +87,8 @@ def _motion_row(model: BareModel) -> Row:
 
 def define_ledger(file: netCDF4.Dataset, model: BareModel) -> None:
     """Create the variables; those of melt where something melts."""
-    file.createDimension("total", 1)
+    if _moves(model) or model.life is not None:
+        file.createDimension("total", 1)
     if _moves(model):
         _define_motion(file)
     if model.life is None:
