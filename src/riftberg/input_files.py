@@ -59,9 +59,8 @@ def check_file(
         raise kind(missing, where=where, remedy=remedy) from error
     except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
         raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
-    for is_kind, what in _KINDS:
-        if is_kind(status.st_mode):
-            raise kind(what, where=where, remedy=remedy)
+    if what := _odd_kind(status.st_mode):
+        raise kind(what, where=where, remedy=remedy)
     if status.st_size == 0:
         raise kind("the file is empty", where=where, remedy=remedy)
     if most is not None:
@@ -74,6 +73,18 @@ def check_file(
     except OSError as error:
         raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
     return path
+
+
+def _odd_kind(mode: int) -> str:
+    return next((what for is_kind, what in _KINDS if is_kind(mode)), "")
+
+
+def no_plain_file(path: str | Path) -> str:
+    """Return what a path is that is there but no plain file, such as a pipe that would be waited for; else nothing."""
+    try:
+        return _odd_kind(Path(path).stat().st_mode)
+    except (OSError, ValueError):
+        return ""
 
 
 def is_folder(path: Path) -> bool:

@@ -15,7 +15,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +24,8 @@ import xarray as xr
 from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 from xarray.backends.plugins import guess_engine
 
+from riftberg.input_files import no_plain_file
+from riftberg.stuck import opening
 from riftberg.whole_files import replacing
 
 _LOG = logging.getLogger(__name__)
@@ -103,17 +105,37 @@ def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[n
     Raises
     ------
     OSError
-        If the machine does not let the file be written: the library says RuntimeError where a disk is full or a file may
-        not grow, and nothing that could be told from an error of the program.
+        If what should be read is a pipe, a device or a folder, for which the library would wait for ever; if the machine does
+        not let the file be written: the library says RuntimeError where a disk is full or a file may not grow, and nothing
+        that could be told from an error of the program.
     """
     _LOG.debug("opening %s (%s)", path, mode)
     try:
-        with NETCDF, netCDF4.Dataset(str(path), mode, **options) as file:  # type: ignore[arg-type]
+        with NETCDF, _read(path, **options) if mode == "r" else _written(path, mode, **options) as file:
             yield file
     except RuntimeError as error:
         if mode == "r" or not str(error).startswith("NetCDF"):
             raise
         raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
+
+
+def _written(path: str | Path, mode: str, **options: Any) -> netCDF4.Dataset:
+    return netCDF4.Dataset(str(path), mode, **options)  # type: ignore[arg-type]
+
+
+def _read(path: str | Path, **options: Any) -> netCDF4.Dataset:
+    if "memory" in options:
+        return netCDF4.Dataset(str(path), **options)
+    _refuse_odd(path)
+    with opening(path):
+        return netCDF4.Dataset(str(path), **options)
+
+
+def _refuse_odd(path: Any) -> None:
+    """Refuse what is there but would be waited for, such as a pipe; a folder may be Zarr and is left to who opens it."""
+    what = no_plain_file(os.fspath(path)) if isinstance(path, str | os.PathLike) and not os.path.isdir(path) else ""
+    if what:
+        raise OSError(errno.EINVAL, what, str(path))
 
 
 def open_lazily(source: Any, **options: Any) -> xr.Dataset:
@@ -127,11 +149,12 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
         Further arguments of `xarray.open_dataset`.
     """
     _LOG.debug("opening %s", source if isinstance(source, str | os.PathLike) else type(source).__name__)
+    _refuse_odd(source)
     engine = options.pop("engine", None) or ("netcdf4" if _is_netcdf(source) else guess_engine(source))
     if engine not in _LOCKED:
         return xr.open_dataset(source, engine=engine, **options)
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
-    with NETCDF:
+    with NETCDF, opening(source) if _is_netcdf(source) else nullcontext():
         return xr.open_dataset(source, engine=engine, **{"lock": NETCDF, **options})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import random
 import re
@@ -17,7 +18,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from riftberg.cli.failures import EXIT_ERROR
 from riftberg.cli.main import app
+from riftberg.stuck import STUCK_AFTER
 
 REFUSED, ACCEPTED, HARMLESS, TRACEBACK, HANG, VAGUE, REMAINS = (
     "refused well", "accepted though impossible", "accepted, harmless", "traceback", "hang or memory", "vague",
@@ -168,6 +171,35 @@ def judge(kind: Kind, folder: Path) -> Verdict:
         return Verdict(kind, REFUSED, result.text.strip()[-300:], spent)
     finally:
         os.chdir(here)
+
+
+def judge_apart(kind: Kind, folder: Path) -> Verdict:
+    """As `judge`, in a process of its own: a library that dies of damaged bytes, or never comes back, is a verdict too."""
+    folder.mkdir(parents=True)
+    answer, said = folder.parent / f"{folder.name}.verdict", folder.parent / f"{folder.name}.txt"
+    began = time.monotonic()
+    child = os.fork()
+    if child == 0:
+        with open(said, "wb") as file:
+            os.dup2(file.fileno(), 1)
+            os.dup2(file.fileno(), 2)
+        verdict = judge(kind, folder / "in")
+        answer.write_text(json.dumps([verdict.what, verdict.message]))
+        os._exit(0)
+    while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
+        if time.monotonic() - began > SECONDS + 30.0:
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.005)
+    spent = time.monotonic() - began
+    text = said.read_text(errors="replace")
+    told = json.loads(answer.read_text()) if answer.exists() else None
+    said.unlink()
+    answer.unlink(missing_ok=True)
+    if told:
+        return Verdict(kind, told[0], told[1], spent)
+    if os.waitstatus_to_exitcode(ended[1]) == EXIT_ERROR and spent > STUCK_AFTER:
+        return Verdict(kind, REFUSED, "has not opened", spent)  # what it said went where `call` caught it
+    return Verdict(kind, HANG if spent > SECONDS else TRACEBACK, f"the process died: {text[-600:]}", spent)
 
 
 def _listing(folder: Path) -> set[str]:

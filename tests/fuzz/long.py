@@ -20,7 +20,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from fuzz.base_files import store
-from fuzz.judging import BAD, HARMLESS, REFUSED, Verdict, judge
+from fuzz.judging import BAD, HARMLESS, REFUSED, Verdict, judge_apart
 from fuzz.kinds import kinds
 from fuzz.more_kinds import more
 
@@ -48,7 +48,7 @@ def main() -> int:
     counts: Counter[str] = Counter()
     for number, kind in enumerate(chosen):
         (folder / "now.txt").write_text(f"{kind.family}: {kind.name}\n")
-        verdict = judge(kind, folder / str(number))
+        verdict = judge_apart(kind, folder / str(number))
         counts[verdict.what] += 1
         if verdict.what in BAD or given.show:
             _print(verdict)

@@ -308,7 +308,7 @@ def calls() -> Iterator[Kind]:
             (folder / "seen.csv").write_text(TRACK)
             return arguments
 
-        fine = arguments[:1] == ["doctor"] and arguments[-1] == "good.yaml"
+        fine = arguments == ["bench"] or (arguments[:1] == ["doctor"] and arguments[-1] == "good.yaml")
         yield Kind("call", " ".join(arguments) or "empty word", make, (), not fine)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import functools
+import os
+import sys
 from collections.abc import Callable
 from typing import Final, ParamSpec, TypeVar
 
@@ -11,6 +13,7 @@ import typer
 
 from riftberg.errors import RiftbergError
 from riftberg.interrupts import say as say
+from riftberg.stuck import advice, when_stuck
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -35,6 +38,7 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        when_stuck(_give_up)
         try:
             return command(*args, **kwargs)
         except RiftbergError as error:
@@ -56,6 +60,14 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
             raise typer.Exit(EXIT_INTERRUPTED) from error
 
     return wrapped
+
+
+def _give_up(path: str) -> None:
+    """End the process, whose main thread will never come back from the library that opens this file."""
+    say(f"Error: {path}: {advice()}")
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(EXIT_ERROR)
 
 
 def _refused(error: OSError) -> str:

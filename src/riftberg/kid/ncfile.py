@@ -20,6 +20,7 @@ from riftberg.kid.classic import missing_bytes
 from riftberg.limits import refuse_large
 from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.state import Floats, Ints
+from riftberg.stuck import opening
 from riftberg.whole_files import replacing
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
@@ -41,7 +42,8 @@ def opened_dataset(path: Path) -> Iterator[netCDF4.Dataset]:
     with NETCDF, reading(path, "cannot be read", _AGAIN):
         if missing := missing_bytes(path):
             raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
-        dataset = netCDF4.Dataset(str(path))
+        with opening(path):
+            dataset = netCDF4.Dataset(str(path))
         try:
             yield dataset
         finally:

@@ -29,6 +29,7 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, L
 from riftberg.state.population import Population
 from riftberg.stepping.contacts import ContactLog, Meeting
 from riftberg.stepping.fragments import Fragment
+from riftberg.stuck import opening
 from riftberg.version import __version__
 from riftberg.whole_files import replacing
 
@@ -260,7 +261,7 @@ def _open_restart(path: Path) -> Iterator[netCDF4.Dataset]:
 
 def _opened(path: Path) -> netCDF4.Dataset:
     check_file(path, remedy=_REMEDY)
-    with reading(path, "not readable as NetCDF-4", _REMEDY):
+    with reading(path, "not readable as NetCDF-4", _REMEDY), opening(path):
         return netCDF4.Dataset(path)
 
 

@@ -11,6 +11,7 @@ from riftberg.physics.bonds import bond_section, normal_force, overlap
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Ints
+from riftberg.stepping import bond_blocks as row
 from riftberg.stepping.interactions import COLLISION, SAME_BERG_CONTACT, pair_terms
 
 OTHER_BERGS, TOUCHED = -2, -3
@@ -37,11 +38,21 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 @kernel
 def any_exceeds(rows, count):
-    """Number of unbroken rows whose stress is above their strength; a whole number, so that the loop vectorises."""
+    """Number of unbroken rows whose stress is above their strength."""
     overloaded = 0
-    for r in range(count):
-        over = (rows.normal_stress[r] > rows.normal_limit[r]) | (rows.shear_stress[r] > rows.shear_limit[r])
-        overloaded += 1 if over & (rows.alive[r] > 0.0) else 0
+    for b in range(row.blocks_of(count)):
+        overloaded += _exceeding(rows.block[b * row.BLOCK : (b + 1) * row.BLOCK])
+    return overloaded
+
+
+@kernel
+def _exceeding(block):
+    """Number of rows of a block that are overloaded; a whole number, so that the loop vectorises."""
+    overloaded = 0
+    for k in range(row.LANES):
+        torn = block[row.NORMAL_STRESS + k] > block[row.NORMAL_LIMIT + k]
+        sheared = block[row.SHEAR_STRESS + k] > block[row.SHEAR_LIMIT + k]
+        overloaded += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
     return overloaded
 
 
@@ -57,25 +68,32 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
     int
         Bonds broken.
     """
-    body = el.body
+    body, block = el.body, rows.block
     broken = 0
     for r in range(count):
-        over = exceeds(rows.normal_stress[r], rows.shear_stress[r], rows.normal_limit[r], rows.shear_limit[r], 1.0)
-        if rows.alive[r] == 0.0 or not over:
+        at = row.place_of(r)
+        over = exceeds(
+            block[at + row.NORMAL_STRESS],
+            block[at + row.SHEAR_STRESS],
+            block[at + row.NORMAL_LIMIT],
+            block[at + row.SHEAR_LIMIT],
+            1.0,
+        )
+        if block[at + row.ALIVE] == 0.0 or not over:
             continue
         b = rows.bond[r]
         bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[rows.first[r]] > 0.0 or aground[rows.second[r]] > 0.0 else 0
-        bonds.shear_x[b], bonds.shear_y[b] = rows.sx[r], rows.sy[r]
-        bonds.normal_stress[b], bonds.shear_stress[b] = rows.normal_stress[r], rows.shear_stress[r]
-        bonds.bond_length[b], bonds.relative_rotation[b] = rows.length[r], rows.relative_rotation[r]
-        bonds.peak_stress[b], bonds.damage[b] = rows.peak_stress[r], rows.damage[r]
+        bonds.shear_x[b], bonds.shear_y[b] = block[at + row.SX], block[at + row.SY]
+        bonds.normal_stress[b], bonds.shear_stress[b] = block[at + row.NORMAL_STRESS], block[at + row.SHEAR_STRESS]
+        bonds.bond_length[b], bonds.relative_rotation[b] = block[at + row.LENGTH], block[at + row.RELATIVE_ROTATION]
+        bonds.peak_stress[b], bonds.damage[b] = block[at + row.PEAK_STRESS], block[at + row.DAMAGE]
         body.bond_count[rows.first[r]] -= 1
         body.bond_count[rows.second[r]] -= 1
-        rows.alive[r] = 0.0
-        _force_while_breaking(rows, r, el, youngs)
-        rows.torque1[r] = rows.torque2[r] = 0.0
+        block[at + row.ALIVE] = 0.0
+        _force_while_breaking(block, at, youngs)
+        block[at + row.TORQUE1] = block[at + row.TORQUE2] = 0.0
         broken += 1
         if keep_contact:
             k = pairs.count[0]
@@ -85,20 +103,32 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
 
 
 @stage
-def _force_while_breaking(rows, r, el, youngs):
+def _force_while_breaking(block, at, youngs):
     """Normal force and damping of a bond that fails in shear under compression; zero otherwise."""
-    rows.fx[r] = rows.fy[r] = 0.0
-    if rows.normal_stress[r] >= 0.0:
+    block[at + row.FX] = block[at + row.FY] = 0.0
+    if block[at + row.NORMAL_STRESS] >= 0.0:
         return
-    half = overlap(rows.rest[r], rows.length[r])
+    half = overlap(block[at + row.REST], block[at + row.LENGTH])
     width, thickness = bond_section(
-        rows.radius_small[r], rows.radius_gap[r], rows.thickness_small[r], rows.thickness_gap[r], half, rows.length[r]
+        block[at + row.RADIUS_SMALL],
+        block[at + row.RADIUS_GAP],
+        block[at + row.THICKNESS_SMALL],
+        block[at + row.THICKNESS_GAP],
+        half,
+        block[at + row.LENGTH],
     )
-    fn = normal_force(youngs, width, thickness, rows.rest[r], half)
-    zonal = rows.length[r] * rows.nx[r]
-    du, dv = same_axes(rows.du[r], rows.dv[r], rows.u_mean[r], rows.v_mean[r], zonal, rows.convergence[r])
-    rows.fx[r] = fn * rows.nx[r] - rows.damping[r] * du
-    rows.fy[r] = fn * rows.ny[r] - rows.damping[r] * dv
+    fn = normal_force(youngs, width, thickness, block[at + row.REST], half)
+    zonal = block[at + row.LENGTH] * block[at + row.NX]
+    du, dv = same_axes(
+        block[at + row.DU],
+        block[at + row.DV],
+        block[at + row.U_MEAN],
+        block[at + row.V_MEAN],
+        zonal,
+        block[at + row.CONVERGENCE],
+    )
+    block[at + row.FX] = fn * block[at + row.NX] - block[at + row.DAMPING] * du
+    block[at + row.FY] = fn * block[at + row.NY] - block[at + row.DAMPING] * dv
 
 
 @stage

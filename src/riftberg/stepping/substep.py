@@ -13,7 +13,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
-from riftberg.stepping.bond_law import bond_forces, gather_ends, keep_peaks, sum_over_bonds, unwrap_ends
+from riftberg.stepping.bond_law import apply_bond_law, sum_over_bonds
 from riftberg.stepping.bond_rows import BondRows, allocate_rows
 from riftberg.stepping.breaking import ContactPairs, add_contacts, allocate_pairs, any_exceeds, break_overloaded
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
@@ -139,14 +139,7 @@ def dem_accelerations(
     int
         Bonds broken.
     """
-    gather_ends(rows, count, el)
-    if p.period > 0.0:
-        unwrap_ends(rows, count, p.period)
-    bond_forces(
-        rows, count, dt, p.latlon, p.earth_radius, p.youngs_modulus, p.poisson, p.objective_damping, p.no_shear,
-        p.linear_bending,
-    )  # fmt: skip
-    keep_peaks(rows, count)
+    apply_bond_law(rows, count, el, dt, p)
     scratch.accel_x[:] = 0.0
     scratch.accel_y[:] = 0.0
     if pairs.count[0] > 0:

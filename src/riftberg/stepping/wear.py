@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from riftberg.kernels import kernel
 from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
+from riftberg.stepping import bond_blocks as row
 
 
 @kernel
@@ -21,33 +22,45 @@ def damage_rows(rows, count, dt, p):
 
 @kernel
 def _loaded(rows, count, threshold):
-    """Number of unbroken rows whose stress is above the threshold; a loop that vectorises.
+    """Number of unbroken rows whose stress is above the threshold.
 
     Rows without stress and strength, and those whose stress is not a number, are not among them.
     """
     loaded = 0
-    for r in range(count):
-        tension, shear = threshold * rows.normal_limit[r], threshold * rows.shear_limit[r]
-        over = (rows.normal_stress[r] > tension) | (rows.shear_stress[r] > shear)
-        loaded += 1 if over & (rows.alive[r] > 0.0) else 0
+    for b in range(row.blocks_of(count)):
+        loaded += _loaded_of(rows.block[b * row.BLOCK : (b + 1) * row.BLOCK], threshold)
+    return loaded
+
+
+@kernel
+def _loaded_of(block, threshold):
+    """As `_loaded`, for one block; a whole number, so that the loop vectorises."""
+    loaded = 0
+    for k in range(row.LANES):
+        torn = block[row.NORMAL_STRESS + k] > threshold * block[row.NORMAL_LIMIT + k]
+        sheared = block[row.SHEAR_STRESS + k] > threshold * block[row.SHEAR_LIMIT + k]
+        loaded += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
     return loaded
 
 
 @kernel
 def _grow(rows, count, dt, p):
-    """Raise the damage of the rows above the threshold; arrays are taken out of the named tuple first (see `kernels`)."""
-    normal_stress, shear_stress, normal, shear = (
-        rows.normal_stress, rows.shear_stress, rows.normal_limit, rows.shear_limit,
-    )  # fmt: skip
-    alive, damage, strength, threshold = rows.alive, rows.damage, rows.strength, p.damage_threshold
+    """Raise the damage of the rows above the threshold."""
+    block, threshold = rows.block, p.damage_threshold
     for r in range(count):
-        over = normal_stress[r] > threshold * normal[r] or shear_stress[r] > threshold * shear[r]
-        if alive[r] == 0.0 or not over:
+        at = row.place_of(r)
+        tension, shear = block[at + row.NORMAL_STRESS], block[at + row.SHEAR_STRESS]
+        normal, sliding = block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT]
+        over = tension > threshold * normal or shear > threshold * sliding
+        if block[at + row.ALIVE] == 0.0 or not over:
             continue
-        ratio = stress_ratio(normal_stress[r], shear_stress[r], normal[r], shear[r])
+        ratio = stress_ratio(tension, shear, normal, sliding)
         rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
-        damage[r] = grown_damage(damage[r], rate, dt)
-        normal[r], shear[r] = limits_left(p.normal_strength, p.shear_strength, strength[r], damage[r])
+        damage = grown_damage(block[at + row.DAMAGE], rate, dt)
+        block[at + row.DAMAGE] = damage
+        block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT] = limits_left(
+            p.normal_strength, p.shear_strength, block[at + row.STRENGTH], damage
+        )
 
 
 @kernel
