@@ -1,4 +1,4 @@
-"""The tables of docs/explanation/numerics.md are what benchmarks/convergence.py and benchmarks/landing.py get now."""
+"""The table of stress against long step in docs/explanation/numerics.md is what benchmarks/convergence.py gets now."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 from scripts import loaded, table_rows
 
 SCRIPT = loaded("benchmarks/convergence.py")
-LANDING = loaded("benchmarks/landing.py")
 
 
 def rows() -> list[tuple[str, ...]]:
@@ -35,21 +34,3 @@ def test_both_schemes_tend_to_the_same_stress_as_their_long_step_gets_shorter() 
 def test_a_row_is_what_comes_now(scheme: str, step: float) -> None:
     truth = SCRIPT.loaded(SCRIPT.QUASI_STATIC, SCRIPT.TRUTH)
     assert tuple(SCRIPT.row(scheme, step, SCRIPT.loaded(scheme, step), truth)) in rows()
-
-
-def test_the_page_tells_all_landings_and_what_it_says_of_them() -> None:
-    """From two parts on the quasi-static load is one; explicit in stiff ice it is at most twice that; speeds agree to 2 %."""
-    told = {row[0]: (float(row[1].split()[0]), float(row[2].split()[0])) for row in table_rows(LANDING.PAGE, "landing")}
-    assert list(told) == [run.name for run in LANDING.LANDINGS]
-    load, speed = told[LANDING.LANDINGS[2].name]
-    for run in LANDING.LANDINGS[1:5]:
-        assert told[run.name] == pytest.approx((load, speed), rel=0.02)
-    stiff, after = told[LANDING.LANDINGS[5].name]
-    assert load < stiff < 2.0 * load
-    assert after == pytest.approx(speed, rel=0.02)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("run", LANDING.LANDINGS, ids=lambda run: run.name)
-def test_a_landing_is_what_comes_now(run) -> None:
-    assert LANDING.landing(run) in table_rows(LANDING.PAGE, "landing")

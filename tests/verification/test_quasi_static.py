@@ -303,41 +303,6 @@ def test_laws_that_it_cannot_hold_are_refused() -> None:
             quasi(bonds=bonds)
 
 
-# Landing
-
-
-class Step(Steady):
-    """A floor that rises from below the keel to above it in one step, at an oblique line."""
-
-    def sample(self, elements, time) -> None:
-        """Fill the environment."""
-        super().sample(elements, time)
-        elements.depth[:] = np.where(elements.lon + 0.5 * elements.lat > 12_100.0, 100.0, 1000.0)
-
-
-def landed(scheme: str, dt: float, youngs: float, parts: int = 8) -> tuple[float, float]:
-    """Largest tension (Pa) and speed (m s-1) of a berg half an hour after it began to drift onto the step at 0.2 m s-1."""
-    stepping = {"scheme": scheme, "time_step": dt, "landing_steps": parts}
-    model = lattice(parameters(stepping=stepping, bonds={"youngs_modulus": youngs}), 8, 3, Step())
-    for name in ("u", "u_sync", "u_pair"):
-        getattr(model.elements, name)[:] = 0.2
-    largest = 0.0
-    for _ in range(round(1800.0 / dt)):
-        model.step()
-        largest = max(largest, float(model.bonds.peak_stress.max()))
-    return largest, float(model.elements.u_sync.mean())
-
-
-@pytest.mark.parametrize("parts", [4, 8, 16])
-def test_the_load_of_a_landing_depends_on_neither_its_parts_nor_the_stiffness(agrees, parts) -> None:
-    """The moment of touching is met, and a soft lattice is not thrown off the floor again by its own displacement."""
-    stress, speed = landed("quasi_static", 1800.0, 9e9, 32)
-    for youngs in (5e6, 9e9):
-        got, after = landed("quasi_static", 1800.0, youngs, parts)
-        agrees(f"quasi-static: largest stress of a landing, {parts} parts, {youngs:g} Pa (Pa)", stress, got, rel=0.02)
-        agrees(f"quasi-static: speed after a landing, {parts} parts, {youngs:g} Pa (m s-1)", speed, after, rel=0.05)
-
-
 # A68a
 
 
