@@ -11,6 +11,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.run import short_summary
 from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.errors import InputError
 from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, elastic_energy, stock
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
@@ -157,6 +158,15 @@ def test_a_step_that_fails_is_not_in_the_ledger() -> None:
     with pytest.raises(RuntimeError):
         model.step()
     assert balance(model) == before
+
+
+@pytest.mark.parametrize("name", ["motion_ledger", "melt_by_fragment"])
+def test_something_else_in_a_restart_is_refused_by_name(name: str) -> None:
+    model = melting()
+    model.step()
+    model.remembered[name] = np.zeros(3)
+    with pytest.raises(InputError, match=f"extra/{name}"):
+        model.step()
 
 
 def test_each_run_stores_and_prints_it(tmp_path: Path) -> None:

@@ -11,13 +11,14 @@ Sums over spheres are of eastward and northward parts, as the schemes step them.
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.lattice import Booleans
+from riftberg.errors import InputError
 from riftberg.kernels import kernel, plain
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
@@ -247,16 +248,17 @@ class MotionLedger:
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
         """Enter what another process has done, under one of `GIVERS`."""
-        if KEPT in remembered:
-            kept = remembered[KEPT].copy()
+        kept = _known(remembered)
+        if kept is not None:
             _enter(kept, who, stock(run.elements, self.parameters))
             remembered[KEPT] = kept
 
     def _begun(
         self, remembered: MutableMapping[str, Floats], elements: Elements, bonds: Bonds, run: RunState, was: Floats
     ) -> Floats:
-        if KEPT in remembered:
-            return remembered[KEPT].copy()
+        known = _known(remembered)
+        if known is not None:
+            return known
         kept = np.zeros((BONDS + 1, 3))
         kept[START] = kept[NOW] = was
         kept[BONDS, 0] = elastic_energy(elements, bonds, run) or 0.0
@@ -276,13 +278,12 @@ class MotionLedger:
     def balance(self, run: RunState, remembered: MutableMapping[str, Floats]) -> MotionBalance:
         """Return the ledger from the start to now."""
         now = stock(run.elements, self.parameters)
-        kept = remembered.get(KEPT)
+        kept = _known(remembered)
         elastic = elastic_energy(run.elements, run.bonds, run)
         if kept is None:
             kept = np.zeros((BONDS + 1, 3))
             kept[START] = kept[NOW] = now
             kept[BONDS, 0] = elastic or 0.0
-        kept = kept.copy()
         _enter(kept, "other", now)
         rows = kept.tolist()
         return MotionBalance(
@@ -291,6 +292,25 @@ class MotionLedger:
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
             None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1],
         )  # fmt: skip
+
+
+def _known(remembered: Mapping[str, Floats]) -> Floats | None:
+    """Return a copy of the numbers so far, None where there are none.
+
+    Raises
+    ------
+    InputError
+        If a restart file holds something else under their name.
+    """
+    if KEPT not in remembered:
+        return None
+    kept = np.array(remembered[KEPT])
+    if kept.shape != (BONDS + 1, 3) or kept.dtype.kind not in "fiu":
+        raise InputError(
+            f"a ledger of shape {kept.shape} and type {kept.dtype}", where=f"restart file, extra/{KEPT}",
+            remedy=f"Name a restart file that Riftberg wrote: it has {BONDS + 1} by 3 numbers there",
+        )  # fmt: skip
+    return kept.astype(float)
 
 
 def _enter(kept: Floats, who: str, now: Floats) -> None:
