@@ -153,6 +153,7 @@ def scores(folder: Path) -> Iterator[Path]:
     from scores import daily_outlines, run_experiment, shared_folder
 
     from riftberg.diagnostics.score import score_run
+    from riftberg.runs.background import stored_water
     from riftberg.viz.plots import figure_title
     from riftberg.viz.score import draw_score
 
@@ -165,6 +166,5 @@ def scores(folder: Path) -> Iterator[Path]:
             run, _ = run_experiment(name, "own", data, Path(scratch) / "run.nc")
             with run:
                 title = figure_title(run, "run against the daily outlines").replace("Iceberg", name)
-                yield draw_score(
-                    score_run(run, daily_outlines(data)), folder / f"score-{name}.png", title=title, dpi=110
-                )
+                score = score_run(run, daily_outlines(data))
+                yield draw_score(score, folder / f"score-{name}.png", title=title, water=stored_water(run), dpi=110)

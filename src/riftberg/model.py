@@ -20,6 +20,7 @@ from riftberg.bergs.portrait import card, portrait
 from riftberg.errors import InputError, RunError
 from riftberg.input_files import shortened, value_shown
 from riftberg.interrupts import Hold, held
+from riftberg.life.motion import MotionLedger
 from riftberg.life.needs import check_water
 from riftberg.life.process import LifeProcess, lives
 from riftberg.limits import check_work
@@ -91,6 +92,8 @@ class BareModel(RunState):
         from the model (state, ``time``, ``step_number``) and keeps nothing itself.
     life : LifeProcess or None
         Melt, rolling and footloose calving, where the parameters ask for them; acts before the processes above.
+    motion : MotionLedger
+        Momentum and mechanical energy by force; ``motion.balance(model, model.remembered)``.
     remembered : dict of str to array
         What recorders must know again to go on exactly; it is saved with the state.
     """
@@ -139,6 +142,7 @@ class BareModel(RunState):
             time, step_number,
         )  # fmt: skip
         self.life = LifeProcess(parameters) if lives(parameters) else None
+        self.motion = MotionLedger(parameters)
         self.after_step: list[Process] = []
         self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
@@ -274,6 +278,8 @@ class BareModel(RunState):
                 self._stepper.step(self)
                 self._stepped = self.elements.body.id.copy()
                 self._check_finite()
+                saved, applied = before[3], self._stepper.applied
+                self.motion.moved(saved.elements, saved.bonds, self, applied, self.remembered)
                 self.contacts.update(
                     before[3].elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
                 )
@@ -282,6 +288,7 @@ class BareModel(RunState):
             self.step_number += 1
             if self.life is not None:
                 self.life.act(self)
+                self.motion.changed(self, "life", self.remembered)
             for process in self.after_step:
                 process(self)
             if self.life is not None or self.after_step:  # a scheme changes neither rows nor sizes

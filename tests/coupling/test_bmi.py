@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -83,3 +86,18 @@ def test_configurations_that_cannot_be_are_refused(tmp_path: Path, text: str, me
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         bmi.BmiRiftberg().initialize(str(path))
+
+
+@pytest.mark.slow
+def test_the_tester_of_csdms_passes(model, tmp_path: Path) -> None:
+    """The command of the how-to page; warnings about names are its own: ours are those of CF, not of CSDMS."""
+    pytest.importorskip("bmi_tester", reason="bmi-tester is not installed (extra tests)")
+    config = tmp_path / "riftberg.yaml"
+    words = ["riftberg.coupling.bmi:BmiRiftberg", "--root-dir", str(tmp_path), "--config-file", str(config)]
+    settings = {**os.environ, "PYTEST_ADDOPTS": "-W default -p no:cacheprovider", "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "bmi_tester", *words], env=settings, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "All tests passed" in done.stderr
+    assert "failed" not in done.stdout

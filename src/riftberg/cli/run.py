@@ -489,8 +489,8 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     ]
     if len(summary.get("collisions", [])) > 10:
         lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    melt = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
-    return [*lines, *(told or [_areas_line(summary)]), *melt]
+    ledgers = [f"  {line}" for name in ("ledger", "motion") for line in (summary.get(name) or {}).get("lines", ())]
+    return [*lines, *(told or [_areas_line(summary)]), *ledgers]
 
 
 def _speed(summary: dict[str, Any]) -> str:

@@ -169,4 +169,5 @@ def _print_score(result: Score) -> None:
     if not console.is_terminal:
         console = Console(width=120)
     console.print(table_of(result))
-    console.print(sentence(result), highlight=False)
+    for line in (sentence(result), *result.melt):
+        console.print(line, highlight=False)

@@ -59,10 +59,10 @@ def why(
         if as_json:
             typer.echo(json.dumps(reasons.as_dict(), indent=1))
         else:
-            for paragraph, breakup in zip(words(reasons), [*reasons.breakups, None], strict=False):
+            for k, paragraph in enumerate(words(reasons)):
                 typer.echo(paragraph)
-                if breakup is not None:
-                    _print_breakup(breakup)
+                if k < len(reasons.breakups):
+                    _print_breakup(reasons.breakups[k])
         written = [reasons.write(folder / "why.json")]
         if figure:
             from riftberg.viz.why import draw_reasons

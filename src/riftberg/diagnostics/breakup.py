@@ -176,13 +176,14 @@ class Breakup:
 
 @dataclass
 class Reasons:
-    """All break-ups of a run that are large enough to be shown."""
+    """All break-ups of a run that are large enough to be shown, and what it lost by melting, in words."""
 
     experiment: str
     forcing: str
     breakups: list[Breakup]
     small: int
     strength: float | None
+    melt: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""

@@ -27,6 +27,7 @@ import shapely
 import xarray as xr
 
 from riftberg.diagnostics.assignment import best_pairs
+from riftberg.diagnostics.melt import melt_lines
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
@@ -138,10 +139,13 @@ class Score:
     observed : str
         File of the observations.
     days : list of ScoredDay
+    melt : list of str
+        What the run lost by melting, in words; empty where nothing melts.
     """
 
     observed: str
     days: list[ScoredDay]
+    melt: list[str] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
         """Return means over the days, for the berg itself."""
@@ -159,7 +163,9 @@ class Score:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
-        return {"observed": self.observed, "summary": self.summary(), "days": [asdict(day) for day in self.days]}
+        days = [asdict(day) for day in self.days]
+        melt = {"melt": self.melt} if self.melt else {}
+        return {"observed": self.observed, "summary": self.summary(), "days": days, **melt}
 
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
@@ -223,7 +229,7 @@ def score_run(
         raise InputError(
             "nothing was observed during the run", where=observed.source, remedy=f"The run goes from {span}"
         )
-    return Score(observed.source, days)
+    return Score(observed.source, days, melt_lines(run))
 
 
 class _Judge:

@@ -19,7 +19,10 @@ track : list, one entry per day at the hour of the start: time, lon, lat, azimut
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
-    turnover the ledgers of mass and heat do not close; null where nothing melts
+    turnover the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment; null where
+    nothing melts
+motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
+    work of each force; energy in bonds, dissipated, and released by cracks; null where bonds do not vibrate
 wall_seconds : wall time of the whole run, s
 seconds_per_day : wall time per simulated day without the first step (which may compile), s; null in runs of one step
 steps : long steps taken
@@ -36,11 +39,13 @@ import time as clock
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from riftberg import constants
+from riftberg.life.by_fragment import melt_of
+from riftberg.life.ledger import PROCESSES
 from riftberg.runs.provenance import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.track import Position, track_table
@@ -49,6 +54,10 @@ from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
+
+
+MOST_FRAGMENTS: Final = 100
+"""Fragments of which the ledger of a summary tells, those that lost most; the run file has all."""
 
 
 class Stopwatch:
@@ -129,6 +138,7 @@ def summarize(
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,
         "ledger": ledger_of(model),
+        "motion": motion_of(model),
         "wall_seconds": None if stopwatch is None else stopwatch.wall_seconds,
         "seconds_per_day": None if math.isnan(speed) else speed,
         "steps": model.step_number,
@@ -144,7 +154,30 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
         return None
     assert model.life is not None
     balance = model.life.balance(model)
-    return {**balance._asdict(), "error": balance.error, "heat_error": balance.heat_error, "lines": balance.lines()}
+    rows = fragment_rows(model)
+    water = melt_of(model.remembered, np.array([int(row["number"]) for row in rows], np.int64))
+    order = np.argsort(-water.sum(axis=1), kind="stable")[:MOST_FRAGMENTS].tolist()
+    by_fragment = [
+        {
+            "fragment": int(rows[k]["number"]),
+            "name": called(rows[k]),
+            **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
+        }
+        for k in order
+        if water[k].any()
+    ]
+    return {
+        **balance._asdict(), "error": balance.error, "heat_error": balance.heat_error, "by_fragment": by_fragment,
+        "lines": balance.lines(),
+    }  # fmt: skip
+
+
+def motion_of(model: BareModel) -> dict[str, Any] | None:
+    """Return the ledger of momentum and mechanical energy as the summary holds it."""
+    if getattr(model, "motion", None) is None:
+        return None
+    balance = model.motion.balance(model, model.remembered)
+    return {**balance.as_dict(), "lines": balance.lines()}
 
 
 def write_summary(summary: dict[str, Any], path: str | Path) -> Path:

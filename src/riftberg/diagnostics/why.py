@@ -15,6 +15,7 @@ import xarray as xr
 from riftberg.diagnostics.breakup import Breakup, Collision, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
+from riftberg.diagnostics.melt import melt_lines
 from riftberg.places import area_text, place_text
 from riftberg.runs.scene import SMALL, Scene
 
@@ -75,6 +76,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakups=breakups,
         small=small,
         strength=fracture.normal_strength if fracture.enabled else None,
+        melt=melt_lines(run),
     )
 
 
@@ -140,13 +142,13 @@ def words(reasons: Reasons) -> list[str]:
     """Return the reasons in plain words, one paragraph per break-up."""
     if not reasons.breakups:
         few = f" but {reasons.small} small piece{'s' if reasons.small > 1 else ''} (--all tells of them)"
-        return ["Nothing broke off" + (few if reasons.small else "") + "."]
+        return ["Nothing broke off" + (few if reasons.small else "") + ".", *reasons.melt]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
         lines.append(
             f"{reasons.small} smaller piece{'s' if reasons.small > 1 else ''} broke off too (--all tells of them)."
         )
-    return lines
+    return [*lines, *reasons.melt]
 
 
 def _paragraph(b: Breakup) -> str:

@@ -9,9 +9,10 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
+from riftberg.life.by_fragment import add_melt
 from riftberg.life.draws import Draws, OwnDraws
 from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
-from riftberg.life.ledger import Balance, Ledger, latent_deficit, stocks
+from riftberg.life.ledger import Balance, Ledger, latent_deficit, stocks, water_by_process
 from riftberg.life.thermodynamics import MeltStep, melt_step
 from riftberg.life.values import life_values
 from riftberg.ocean.forcing import Forcing
@@ -90,7 +91,9 @@ class LifeProcess:
         calved = self._calve(model, born, ledger) if self.parameters.footloose.enabled else None
         if self.look_around is not None:
             self.look_around(model)
+        fragment = model.elements.body.berg.copy()
         step = melt_step(model.elements, self.values, born)
+        add_melt(model.remembered, fragment, water_by_process(step))
         if step.gone.any():
             model.remove(step.id[step.gone])
         ledger.melted(step)

@@ -43,7 +43,7 @@ from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.checks import open_checked
 from riftberg.runs.layout import Layout, placed
-from riftberg.runs.ledger_records import define_ledger, ledger_row, write_ledger
+from riftberg.runs.ledger_records import define_ledger, ledger_row, write_fragment_melt, write_ledger
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.texts import define_texts, texts
@@ -559,6 +559,7 @@ def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]
     for kind, variables, rows in tables:
         for v in variables if rows else ():
             file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = _column(rows, v)
+    write_fragment_melt(file, model)
 
 
 def _column(rows: Iterable[dict[str, Any]], v: Variable) -> NDArray[Any]:

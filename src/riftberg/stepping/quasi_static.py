@@ -204,6 +204,7 @@ class LongStep:
         while (left := end - self.now.time) > 1e-9 * dt:
             pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
             longest = min(longest, self._go(left / pieces, dt, may_break))
+            self._peak()
             self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         self._store(self._equilibrium())
 
@@ -232,6 +233,11 @@ class LongStep:
                 return dt
         self._apply(before, taken / dt)
         return dt
+
+    def _peak(self) -> None:
+        """Keep the largest stress of each bond within the long step."""
+        alive, stress = self.structure.alive, self._equilibrium().stress[:, 0]
+        self.bonds.peak_stress[alive] = np.maximum(self.bonds.peak_stress[alive], stress)
 
     def _apply(self, before: Standing, part: float) -> None:
         """Keep the forces of a step: the mean of both ends, by its part of the long step."""

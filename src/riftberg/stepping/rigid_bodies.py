@@ -320,6 +320,52 @@ def contact_slope(body: Ints, motion: Floats, touching: Touching, row: Ints, siz
     return matrix
 
 
+@kernel
+def island_steps(
+    members: Ints, start: Ints, body: Ints, motion: Floats, touching: Touching, w: Floats, p: Floats, slope: Floats,
+    miss: Floats, half: float,
+) -> Floats:  # fmt: skip
+    """One step of Newton's method for all islands of fragments that touch each other, shape (members, 3).
+
+    Parameters
+    ----------
+    members, start : array of int
+        Fragments of all islands one after the other, and where each island begins in them; ``start`` ends with their number.
+    body, motion, touching
+        See `BodyMotion`.
+    w, p, slope : array of float, shape (fragments, 3, 3)
+        W and P M^-1 of the module's text, and minus the derivative of the forces without contact.
+    miss : array of float, shape (fragments, 3)
+        By how much the velocities miss their equation.
+    half : float
+        Half the step, s.
+    """
+    step, row = np.zeros((members.size, 3)), np.full(w.shape[0], -1, np.int64)
+    for k in range(start.size - 1):
+        first, size = start[k], start[k + 1] - start[k]
+        for n in range(size):
+            row[members[first + n]] = n
+        force = contact_slope(body, motion, touching, row, size)
+        matrix, right = np.zeros((3 * size, 3 * size)), np.empty(3 * size)
+        for n in range(size):
+            b, at = members[first + n], 3 * n
+            row[b] = -1
+            for i in range(3):
+                right[at + i] = miss[b, i]
+                for j in range(3):
+                    force[at + i, at + j] += slope[b, i, j]
+            for i in range(3):
+                for c in range(3 * size):
+                    for j in range(3):
+                        matrix[at + i, c] += half * p[b, i, j] * force[at + j, c]
+                for j in range(3):
+                    matrix[at + i, at + j] += w[b, i, j]
+        found = np.linalg.solve(matrix, right)
+        for n in range(3 * size):
+            step[first + n // 3, n % 3] = found[n]
+    return step
+
+
 class BodyMotion(NamedTuple):
     """What one place and time give for the motion of all fragments, before velocities are known.
 
@@ -363,40 +409,32 @@ class BodyMotion(NamedTuple):
             If the velocities do not settle.
         """
         w, p = self._floor_factors(half)
-        islands = self._islands()
+        members, start = self._islands()
         new = rate.copy()
         for _ in range(MOST_PASSES):
             _, total, slope = self.forces(new)
             miss = rate + half * each_times(p, total) - each_times(w, new)
             step: Floats = np.asarray(np.linalg.solve(w + half * (p @ slope), miss[:, :, None])[:, :, 0], np.float64)
-            for members in islands:
-                step[members] = self._together(members, w, p, slope, miss, half)
+            if members.size:
+                step[members] = island_steps(
+                    members, start, self.body, self.elements, self.touching, w, p, slope, miss, half
+                )
             new = new + step
             if np.abs(step).max() <= CLOSE_ENOUGH * (np.abs(new).max() + 1e-30) or _small(step, new):
                 return new
         raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")
 
-    def _islands(self) -> list[Ints]:
-        """Lists of fragments that touch each other."""
+    def _islands(self) -> tuple[Ints, Ints]:
+        """Fragments that touch others, island by island, and where each island begins."""
         if self.touching.first.size == 0:
-            return []
+            return np.zeros(0, np.int64), np.zeros(1, np.int64)
         a, b = self.body[self.touching.first], self.body[self.touching.second]
         count = self.mobility.shape[0]
         part = connected_parts(count, a, b, np.zeros(a.size, np.int64))
-        return [np.flatnonzero(part == k) for k in np.unique(part[a])]
-
-    def _together(self, members: Ints, w: Floats, p: Floats, slope: Floats, miss: Floats, half: float) -> Floats:
-        """One step of Newton's method for fragments that touch."""
-        size = members.size
-        row = np.full(self.mobility.shape[0], -1, np.int64)
-        row[members] = np.arange(size)
-        matrix = contact_slope(self.body, self.elements, self.touching, row, size)
-        for k, b in enumerate(members):
-            here = slice(3 * k, 3 * k + 3)
-            matrix[here, here] += slope[b]
-            matrix[here] = half * (p[b] @ matrix[here])
-            matrix[here, here] += w[b]
-        return np.asarray(np.linalg.solve(matrix, miss[members].ravel()).reshape(size, 3))
+        inside = np.flatnonzero(np.isin(part, part[a]))
+        members = inside[np.argsort(part[inside], kind="stable")]
+        _, sizes = np.unique(part[members], return_counts=True)
+        return members, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
 
 def each_times(matrices: Floats, vectors: Floats) -> Floats:

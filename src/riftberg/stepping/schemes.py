@@ -196,6 +196,10 @@ class MultipleStepper(Forgetful):
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, substeps, plan)
+        if plan.starting:
+            # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
+            slowly = np.append(self._around.acts, True)
+            self._around.applied[:, slowly] *= 0.5
         self._touched = joined([touching_rows(el, slow.collision, sizes, c), *(batch.touched() for batch in batches)])
         settle(run)
         run.time += run.parameters.stepping.time_step

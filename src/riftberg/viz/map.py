@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import xarray as xr
 
+from riftberg.diagnostics.melt import melt_lines
 from riftberg.errors import InputError
 from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
@@ -169,7 +170,8 @@ def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Title that says which run and which currents these are."""
     first = title or str(run.attrs.get("experiment") or "Iceberg drift")
     second = str(run.attrs.get("forcing_title", "")).strip()
-    return f"{first}, {span_text(scene.times)}" + (f"\nForcing: {second}" if second else "")
+    melted = "".join(f"\n{line}" for line in melt_lines(run)[:1])
+    return f"{first}, {span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
 
 
 class Overview:

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from riftberg.diagnostics.melt import melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.background import StoredWater, on_even_grid, stored_water
@@ -220,6 +221,7 @@ class ReplayContent:
         """Return the family tree, largest first at the end."""
         run, zero = self.run, self.scene.times[self.records[0]]
         numbers = run["fragment_number"].values
+        melted = melted_words(run)
         rows = []
         for k, number in enumerate(numbers.tolist()):
             birth = (run["fragment_birth_time"].values[k] - zero) / np.timedelta64(1, "s")
@@ -235,6 +237,7 @@ class ReplayContent:
                     "bonds": int(run["fragment_bonds_broken"].values[k]),
                     "area": float(run["fragment_area"].values[k]),
                     "end": self.scene.area_of(int(number)),
+                    **({"melted": melted[int(number)]} if int(number) in melted else {}),
                 }
             )
         return sorted(rows, key=lambda row: (-row["end"], row["number"]))

@@ -14,7 +14,7 @@ from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
 from riftberg.viz.coast import draw_coast
-from riftberg.viz.colours import GRID, MODEL, OBSERVED, PAIRING
+from riftberg.viz.colours import GRID, MODEL, OBSERVED, PAIRING, SEA
 from riftberg.viz.floor import KnownDepth, SeaFloor
 from riftberg.viz.moments import day_text
 from riftberg.viz.style import date_axis, new_figure, plain_axes
@@ -199,4 +199,5 @@ def _draw_floor(ax: Axes, box: Box, water: KnownDepth | None) -> bool:
     if not floor.known or not floor.shade(ax):
         return False
     floor.draw_isobaths(ax, labels=True)
+    ax.set_facecolor(SEA)  # beyond what the run file knows
     return True

@@ -1,0 +1,73 @@
+"""What a run lost by melting, by process and by fragment, as its file tells and in words."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+NAMED: Final = 6
+"""Fragments that are told of one by one; the others together."""
+
+LEAST: Final = 1e-3
+"""Parts of a loss below this are not told."""
+
+
+def melt_by_fragment(run: xr.Dataset) -> dict[int, dict[str, float]]:
+    """Return the melt water (kg) by process of each fragment that lost any, the one that lost most first.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.runs.run_file.open_run`.
+    """
+    if "fragment_melt_water" not in run:
+        return {}
+    water = run["fragment_melt_water"].transpose("fragment", "process").values
+    numbers = run["fragment_number"].values
+    processes = [str(name) for name in run["process"].values]
+    order = np.argsort(-water.sum(axis=1), kind="stable")
+    return {
+        int(numbers[k]): dict(zip(processes, water[k].tolist(), strict=True))
+        for k in order.tolist()
+        if water[k].sum() > 0.0
+    }
+
+
+def melted_words(run: xr.Dataset) -> dict[int, str]:
+    """Return what each fragment lost, in words."""
+    return {number: _amounts(water) for number, water in melt_by_fragment(run).items()}
+
+
+def melt_lines(run: xr.Dataset) -> list[str]:
+    """Return in words what all and what each of the largest losers lost; nothing where nothing melts."""
+    lost = melt_by_fragment(run)
+    if not lost:
+        return []
+    every = {name: sum(water[name] for water in lost.values()) for name in next(iter(lost.values()))}
+    lines = [f"Melted: {_amounts(every)}."]
+    if len(lost) > 1:
+        shown = list(lost.items())[:NAMED]
+        rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
+        more = f"; {len(lost) - NAMED} others {rest / 1e12:.3g} Gt" if len(lost) > NAMED else ""
+        names = _names(run)
+        lines.append(
+            "Of this " + "; ".join(f"{names[number]} {_amounts(water)}" for number, water in shown) + more + "."
+        )
+    return lines
+
+
+def _names(run: xr.Dataset) -> dict[int, str]:
+    numbers, parents = run["fragment_number"].values.tolist(), run["fragment_parent"].values.tolist()
+    own = run["fragment_name"].values if "fragment_name" in run else np.full(len(numbers), "")
+    return {
+        n: str(name) or f"{'fragment' if parent > 0 else 'berg'} {n}"
+        for n, parent, name in zip(numbers, parents, own, strict=True)
+    }
+
+
+def _amounts(water: dict[str, float]) -> str:
+    whole = sum(water.values())
+    parts = [f"{name.replace('_', ' ')} {w / 1e12:.3g}" for name, w in water.items() if w > LEAST * whole]
+    return f"{whole / 1e12:.3g} Gt ({', '.join(parts)})"

@@ -1,0 +1,62 @@
+"""Melt water by fragment: what the elements of each fragment lost while they belonged to it, by process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, MutableMapping
+from typing import Final
+
+import numpy as np
+
+from riftberg.errors import InputError
+from riftberg.life.ledger import PROCESSES
+from riftberg.state import Floats, Ints
+
+KEPT: Final = "melt_by_fragment"
+"""Name under which a restart keeps the table: a row for each fragment, its number and the water (kg) by process."""
+
+
+def add_melt(remembered: MutableMapping[str, Floats], fragment: Ints, water: Floats) -> None:
+    """Add a step.
+
+    Parameters
+    ----------
+    remembered : mapping
+        Where the table lives.
+    fragment : array of int, shape (elements,)
+        Number of the fragment of each element.
+    water : array, shape (processes, elements)
+        kg.
+    """
+    table = _table(remembered)
+    numbers, rows = np.unique(np.concatenate([table[:, 0].astype(np.int64), fragment]), return_inverse=True)
+    both = np.concatenate([table[:, 1:].T, water], axis=1)
+    sums = [np.bincount(rows, part, minlength=numbers.size) for part in both]
+    remembered[KEPT] = np.stack([numbers.astype(float), *sums], axis=1)
+
+
+def melt_of(remembered: Mapping[str, Floats], numbers: Ints) -> Floats:
+    """Return the melt water (kg) of some fragments, shape (fragments, processes)."""
+    table = _table(remembered)
+    out = np.zeros((len(numbers), len(PROCESSES)))
+    if len(table) and len(numbers):
+        place = np.minimum(np.searchsorted(table[:, 0], numbers), len(table) - 1)
+        known = table[place, 0] == numbers
+        out[known] = table[place[known], 1:]
+    return out
+
+
+def _table(remembered: Mapping[str, Floats]) -> Floats:
+    """Return the table so far.
+
+    Raises
+    ------
+    InputError
+        If a restart file holds something else under its name.
+    """
+    table = np.asarray(remembered.get(KEPT, np.zeros((0, 1 + len(PROCESSES)))))
+    if table.ndim != 2 or table.shape[1] != 1 + len(PROCESSES) or table.dtype.kind not in "fiu":
+        raise InputError(
+            f"a table of shape {table.shape} and type {table.dtype}", where=f"restart file, extra/{KEPT}",
+            remedy="Name a restart file that Riftberg wrote",
+        )  # fmt: skip
+    return table.astype(float)

@@ -1,0 +1,352 @@
+"""The ledger of motion: what momentum and mechanical energy the bergs got, by force, and what became of it.
+
+Momentum is that of the elements, with what the last explicit accelerations still have to give: forces change it to round-off.
+What is left over in a step is what elements did to each other; by Newton's third law that is nothing, but where land stops one.
+
+Work of a force is its momentum times the mean of the velocities before and after it has acted; together they make the change of
+kinetic energy of a single element exactly. What is left over is the work of bonds and contacts: energy that goes into bonds, or
+is dissipated there.
+Sums over spheres are of eastward and northward parts, as the schemes step them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, MutableMapping
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.lattice import Booleans
+from riftberg.errors import InputError
+from riftberg.kernels import kernel, plain
+from riftberg.parameters import Parameters
+from riftberg.physics.bonds import bond_section
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.stepping.media import FORCES, SEA_FLOOR
+from riftberg.stepping.sizes import interaction_sizes
+
+if TYPE_CHECKING:
+    from riftberg.stepping.run_state import RunState
+
+GIVERS: Final = (*FORCES, "elements", "life", "other")
+"""What changes momentum and energy: forces from outside, elements among each other (with land), melt and births, processes of
+the user."""
+
+START, NOW, BONDS = len(GIVERS), len(GIVERS) + 1, len(GIVERS) + 2
+"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start and released by cracks."""
+
+KEPT: Final = "motion_ledger"
+"""Name under which a restart keeps the ledger."""
+
+CLOSES: Final = 1e-9
+"""Largest part of the momentum given that may be left over between bonded elements."""
+
+
+class MotionBalance(NamedTuple):
+    """The ledger of motion between two moments.
+
+    Attributes
+    ----------
+    momentum_start, momentum_now : tuple of float
+        East and north, N s.
+    impulse : dict of str to tuple of float
+        Momentum given by each of `GIVERS`, N s.
+    kinetic_start, kinetic_now : float
+        Kinetic energy, J, with that of spin.
+    work : dict of str to float
+        Work of each of `GIVERS`, J.
+    elastic_start, elastic_now : float or None
+        Elastic energy in bonds, J; None where bonds are not those of a lattice that vibrates (scheme mts, law dem).
+    released : float
+        Elastic energy that bonds held before the step in which they broke; in the quasi-static scheme that of the cracks. J.
+    """
+
+    momentum_start: tuple[float, float]
+    momentum_now: tuple[float, float]
+    impulse: dict[str, tuple[float, float]]
+    kinetic_start: float
+    kinetic_now: float
+    work: dict[str, float]
+    elastic_start: float | None
+    elastic_now: float | None
+    released: float
+
+    @property
+    def momentum_error(self) -> float:
+        """Momentum that elements gave each other, as part of all that was given: 0 but for round-off and land."""
+        given = sum(np.hypot(*self.impulse[name]) for name in FORCES) + np.hypot(*self.momentum_start)
+        return float(np.hypot(*self.impulse["elements"]) / max(given, 1e-30))
+
+    @property
+    def dissipated(self) -> float | None:
+        """Energy lost in dampers, contacts and at land, with the error of the time steps, J; None where bonds are unknown."""
+        if self.elastic_start is None or self.elastic_now is None:
+            return None
+        return -self.work["elements"] - (self.elastic_now - self.elastic_start) - self.released
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the ledger with what follows from it, for a summary."""
+        return {**self._asdict(), "dissipated": self.dissipated, "momentum_error": self.momentum_error}
+
+    def lines(self) -> list[str]:
+        """Return the ledger as two lines of text."""
+        (east, north), (was_east, was_north) = self.momentum_now, self.momentum_start
+        given = [
+            f"{name.replace('_', ' ')} {x:+.3g}, {y:+.3g}"
+            for name, (x, y) in self.impulse.items() if name != "elements" and (x or y)
+        ]  # fmt: skip
+        work = [f"{name.replace('_', ' ')} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
+        ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
+        if self.dissipated is None:
+            ends.append(f"between elements {self.work['elements']:+.3g}")
+        else:
+            ends.append(
+                f"in bonds {self.elastic_start:.3g} to {self.elastic_now:.3g}, dissipated {self.dissipated:.3g}"
+            )
+        ends += [f"released by cracks {self.released:.3g}"] if self.released else []
+        return [
+            f"momentum (east, north; N s): {was_east:.3g}, {was_north:.3g} to {east:.3g}, {north:.3g}; "
+            f"{'; '.join(given) or 'none given'}; left over {self.momentum_error:.0e}",
+            f"mechanical energy (J): {', '.join(ends)}; work of {', '.join(work) or 'nothing'}",
+        ]
+
+
+def stock(elements: Elements, p: Parameters) -> Floats:
+    """Return momentum east and north (N s) and kinetic energy (J), each the sum over all bergs."""
+    body, motion, kicks = elements.body, elements.motion, elements.kicks
+    mass, scaling = body.mass, elements.life.mass_scaling
+    u, v, dt = motion.u, motion.v, p.stepping.time_step
+    out = np.zeros(3)
+    if p.stepping.scheme == "mts":
+        fast = kicks.ax_fast, kicks.ay_fast, kicks.bx_fast, kicks.by_fast
+        _vibrating(
+            mass, scaling, u, v, *fast, motion.spin, kicks.spin_rate, _radius_squared(elements), body.substeps, dt, out
+        )
+    else:
+        _gliding(mass, scaling, u, v, kicks.ax, kicks.ay, motion.spin, _radius_squared(elements), dt, out)
+    return out
+
+
+@kernel
+def _vibrating(
+    mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, bx: Floats, by: Floats, spin: Floats,
+    spin_rate: Floats, square: Floats, substeps: Ints, dt: float, out: Floats,
+) -> None:  # fmt: skip
+    """Add momentum and kinetic energy of elements in sub-steps; spins of the state are half a sub-step ahead of the positions."""
+    for e in range(mass.size):
+        m, half = mass[e] * scaling[e], 0.5 * dt / max(substeps[e], 1)
+        turning = spin[e] - half * spin_rate[e]
+        out[0] += m * (u[e] + half * (ax[e] + bx[e]))
+        out[1] += m * (v[e] + half * (ay[e] + by[e]))
+        out[2] += 0.5 * m * (u[e] * u[e] + v[e] * v[e] + 0.5 * square[e] * turning * turning)
+
+
+@kernel
+def _gliding(
+    mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, spin: Floats, square: Floats, dt: float,
+    out: Floats,
+) -> None:  # fmt: skip
+    """Add momentum and kinetic energy of elements in single steps, whose explicit accelerations have still half to give."""
+    for e in range(mass.size):
+        m, uu, vv = mass[e] * scaling[e], u[e] + 0.5 * dt * ax[e], v[e] + 0.5 * dt * ay[e]
+        out[0] += m * uu
+        out[1] += m * vv
+        out[2] += 0.5 * m * (uu * uu + vv * vv + 0.5 * square[e] * spin[e] * spin[e])
+
+
+@kernel
+def _add_given(
+    mass: Floats, scaling: Floats, u: Floats, v: Floats, u_before: Floats, v_before: Floats, applied: Floats,
+    kicks: Booleans, dt: float, given: Floats,
+) -> None:  # fmt: skip
+    """Add momentum east and north, and work, of each force.
+
+    Work is at the mean of the velocities before and after a force has acted: of those that kick at the start of a step, which
+    ``kicks`` marks, between the first velocity and that after the kicks; of others from there to the end of the step.
+    """
+    for e in range(mass.size):
+        u_kicked, v_kicked = u_before[e], v_before[e]
+        for k in range(applied.shape[1]):
+            if kicks[k]:
+                u_kicked += dt * applied[e, k, 0]
+                v_kicked += dt * applied[e, k, 1]
+        m = mass[e] * scaling[e] * dt
+        for k in range(applied.shape[1]):
+            um = 0.5 * (u_kicked + (u_before[e] if kicks[k] else u[e]))
+            vm = 0.5 * (v_kicked + (v_before[e] if kicks[k] else v[e]))
+            x, y = m * applied[e, k, 0], m * applied[e, k, 1]
+            given[k, 0] += x
+            given[k, 1] += y
+            given[k, 2] += x * um + y * vm
+
+
+def _velocity(elements: Elements, p: Parameters) -> tuple[Floats, Floats]:
+    """Return the velocity of which kinetic energy is: in bonds that vibrate, that at the time of the positions."""
+    motion, kicks = elements.motion, elements.kicks
+    if p.stepping.scheme == "mts":
+        return motion.u, motion.v
+    half = 0.5 * p.stepping.time_step
+    return motion.u + half * kicks.ax, motion.v + half * kicks.ay
+
+
+def _radius_squared(elements: Elements) -> Floats:
+    """Square (m2) of the radius of the disc as which an element spins (equations 5.4)."""
+    body = elements.body
+    part = np.where(body.sides == 6, 1.0 / (2.0 * np.sqrt(3.0)), 0.25)
+    return np.asarray(part * body.length * body.width)
+
+
+class MotionLedger:
+    """Sums over the steps of a run; its numbers live in one array, which a restart keeps with the model.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    """
+
+    def __init__(self, parameters: Parameters) -> None:
+        self.parameters = parameters
+
+    def moved(
+        self, before: Elements, bonds_before: Bonds, run: RunState, applied: Floats,
+        remembered: MutableMapping[str, Floats],
+    ) -> None:  # fmt: skip
+        """Enter a step of motion.
+
+        Parameters
+        ----------
+        before, bonds_before : Elements, Bonds
+            State before it; the rows are those of now.
+        run : RunState
+            The model after it.
+        applied : array, shape (elements, forces, 2)
+            Mean accelerations, m s-2.
+        remembered : mapping
+            Where the numbers live.
+        """
+        p, now = self.parameters, run.elements
+        was, stands = stock(before, p), stock(now, p)
+        kept = self._begun(remembered, before, bonds_before, run, was)
+        _enter(kept, "other", was)
+        given = np.zeros((len(FORCES), 3))
+        _add_given(
+            now.body.mass, now.life.mass_scaling, *_velocity(now, p), *_velocity(before, p), applied,
+            self._kicks(run), p.stepping.time_step, given,
+        )  # fmt: skip
+        kept[: len(FORCES)] += given
+        kept[GIVERS.index("elements")] += stands - was - given.sum(axis=0)
+        kept[NOW] = stands
+        self._cracks(kept, before, bonds_before, run)
+        remembered[KEPT] = kept
+
+    def _kicks(self, run: RunState) -> Booleans:
+        """Return which forces act as kicks at the start of a step: with multiple time steps all but a floor in the sub-steps."""
+        kicks = np.full(len(FORCES), self.parameters.stepping.scheme == "mts")
+        kicks[SEA_FLOOR] &= not run.constants.ground_on_substeps
+        return kicks
+
+    def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
+        """Enter what another process has done, under one of `GIVERS`."""
+        kept = _known(remembered)
+        if kept is not None:
+            _enter(kept, who, stock(run.elements, self.parameters))
+            remembered[KEPT] = kept
+
+    def _begun(
+        self, remembered: MutableMapping[str, Floats], elements: Elements, bonds: Bonds, run: RunState, was: Floats
+    ) -> Floats:
+        known = _known(remembered)
+        if known is not None:
+            return known
+        kept = np.zeros((BONDS + 1, 3))
+        kept[START] = kept[NOW] = was
+        kept[BONDS, 0] = elastic_energy(elements, bonds, run) or 0.0
+        return kept
+
+    def _cracks(self, kept: Floats, before: Elements, bonds_before: Bonds, run: RunState) -> None:
+        """Enter the energy that bonds held that broke in the step."""
+        bonds = run.bonds
+        broke = (bonds_before.status == 0) & (bonds.status != 0)
+        if not broke.any():
+            return
+        if self.parameters.stepping.scheme == "quasi_static":
+            kept[BONDS, 1] += float((bonds.released_energy - bonds_before.released_energy)[broke].sum())
+            return
+        kept[BONDS, 1] += elastic_energy(before, bonds_before.taken(broke), run) or 0.0
+
+    def balance(self, run: RunState, remembered: MutableMapping[str, Floats]) -> MotionBalance:
+        """Return the ledger from the start to now."""
+        now = stock(run.elements, self.parameters)
+        kept = _known(remembered)
+        elastic = elastic_energy(run.elements, run.bonds, run)
+        if kept is None:
+            kept = np.zeros((BONDS + 1, 3))
+            kept[START] = kept[NOW] = now
+            kept[BONDS, 0] = elastic or 0.0
+        _enter(kept, "other", now)
+        rows = kept.tolist()
+        return MotionBalance(
+            (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
+            {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
+            {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
+            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1],
+        )  # fmt: skip
+
+
+def _known(remembered: Mapping[str, Floats]) -> Floats | None:
+    """Return a copy of the numbers so far, None where there are none.
+
+    Raises
+    ------
+    InputError
+        If a restart file holds something else under their name.
+    """
+    if KEPT not in remembered:
+        return None
+    kept = np.array(remembered[KEPT])
+    if kept.shape != (BONDS + 1, 3) or kept.dtype.kind not in "fiu":
+        raise InputError(
+            f"a ledger of shape {kept.shape} and type {kept.dtype}", where=f"restart file, extra/{KEPT}",
+            remedy=f"Name a restart file that Riftberg wrote: it has {BONDS + 1} by 3 numbers there",
+        )  # fmt: skip
+    return kept.astype(float)
+
+
+def _enter(kept: Floats, who: str, now: Floats) -> None:
+    """Enter the difference to the last stock under a name."""
+    kept[GIVERS.index(who)] += now - kept[NOW]
+    kept[NOW] = now
+
+
+def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
+    """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
+
+    Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``.
+    """
+    p, c = run.parameters, run.constants
+    if p.stepping.scheme != "mts" or not c.dem or not c.bonds_on:
+        return None
+    some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
+    i, j = some.first, some.second
+    if i.size == 0:
+        return 0.0
+    sizes = interaction_sizes(elements, c)
+    radius, thickness = sizes.bond_radius, elements.body.thickness
+    x, y = elements.place.lon, elements.place.lat
+    length = np.hypot(*separations(Metric(c.latlon, c.earth_radius, c.period), x[i], y[i], x[j], y[j]))
+    small = np.minimum(radius[i], radius[j])
+    section: Any = plain(bond_section)  # it has no branches, and takes arrays as well
+    width, height = section(
+        small, np.abs(radius[i] - radius[j]), np.minimum(thickness[i], thickness[j]), np.abs(thickness[i] - thickness[j]),
+        0.5 * (some.rest_length - length), length,
+    )  # fmt: skip
+    stiffness = p.bonds.youngs_modulus * height * width / some.rest_length
+    sub_step = p.stepping.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0
+    # The angles of the state are one sub-step ahead of the positions.
+    angle = elements.motion.rotation - sub_step * elements.motion.spin
+    bent = angle[i] - angle[j]
+    bending = 0.5 * bent * bent if p.bonds.linear_bending else 1.0 - np.cos(bent)
+    shear = 0.0 if p.bonds.no_shear else (some.shear_x**2 + some.shear_y**2) * (0.5 / (1.0 + p.bonds.poisson))
+    stretch = length - some.rest_length
+    return float((stiffness * (0.5 * (stretch * stretch + shear) + width * width / 12.0 * bending)).sum())

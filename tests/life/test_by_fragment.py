@@ -1,0 +1,93 @@
+"""What each fragment lost by melting: it adds up to the ledger, and summaries, words and pictures tell it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.diagnostics.melt import melt_by_fragment, melt_lines
+from riftberg.diagnostics.summary import summarize
+from riftberg.diagnostics.why import explain, words
+from riftberg.life.by_fragment import melt_of
+from riftberg.life.ledger import PROCESSES
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.runs.run_file import open_run
+from riftberg.viz.map import draw_map
+from riftberg.viz.replay import write_replay
+
+SEA = Steady(current=(0.4, -0.1), wind=(12.0, 2.0))
+
+
+def two_bergs() -> Model:
+    p = Parameters(
+        stepping={"time_step": 1800.0}, fracture={"enabled": False},
+        melt={"enabled": True, "temperature": 6.0, "salinity": 34.0, "bits_fraction": 0.2},
+    )  # fmt: skip
+    thick = Iceberg.rectangle(6e3, 6e3, thickness=150.0, placement=(-37.0, -56.0))
+    thin = Iceberg.rectangle(3e3, 3e3, thickness=90.0, placement=(-36.5, -56.0))
+    return Model(Iceberg.join([thick, thin], names=["North", "South"]), SEA, p)
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory) -> tuple[Model, Path]:
+    folder, model = tmp_path_factory.mktemp("melt"), two_bergs()
+    model.run(steps=6, output=folder / "run.nc", every_hours=1.0)
+    return model, folder
+
+
+def test_fragments_add_up_to_the_ledger_and_each_loses_its_own_ice(done) -> None:
+    model, folder = done
+    with open_run(folder / "run.nc") as run:
+        lost = melt_by_fragment(run)
+        assert set(lost) == {1, 2}
+        for k, name in enumerate(PROCESSES):
+            total = float(run["melt_water"].isel(process=k, time=-1))
+            assert sum(water[name] for water in lost.values()) == pytest.approx(total, rel=1e-12, abs=1e-6)
+    e = two_bergs().elements
+    for number in (1, 2):
+        now = model.elements.berg == number
+        ice = model.elements.mass[now].sum() + model.elements.mass_of_bits[now].sum()
+        before = e.mass[e.berg == number].sum()
+        assert sum(lost[number].values()) == pytest.approx(before - ice, rel=1e-6)
+
+
+def test_a_fragment_that_has_lost_nothing_has_zeros_and_a_resumed_run_goes_on(done, tmp_path: Path) -> None:
+    assert (melt_of({}, np.array([1, 2])) == 0.0).all()
+    model = two_bergs()
+    model.run(steps=3)
+    model.save(tmp_path / "r.nc")
+    resumed = Model.resume(tmp_path / "r.nc", SEA)
+    resumed.run(steps=3)
+    numbers = np.array([1, 2, 99])
+    np.testing.assert_array_equal(melt_of(resumed.remembered, numbers), melt_of(done[0].remembered, numbers))
+    assert (melt_of(resumed.remembered, numbers)[2] == 0.0).all()
+
+
+def test_summary_words_map_and_replay_tell_of_it(done) -> None:
+    model, folder = done
+    rows = summarize(model)["ledger"]["by_fragment"]
+    assert [row["name"] for row in rows] == ["North", "South"]
+    assert rows[0]["base"] > rows[1]["base"] > 0.0
+    with open_run(folder / "run.nc") as run:
+        first, second = melt_lines(run)
+        assert first.startswith("Melted: ")
+        assert "Gt (base " in first
+        assert "North" in second
+        assert "South" in second
+        assert words(explain(run))[-2:] == [first, second]
+        figure = draw_map(run)
+        assert any("Melted: " in text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
+        write_replay(run, folder / "replay.html")
+    assert '"melted"' in (folder / "replay.html").read_text()
+
+
+def test_a_run_without_melt_says_nothing(tmp_path: Path) -> None:
+    model = Model(Iceberg.rectangle(6e3, 6e3, thickness=150.0), SEA, Parameters(stepping={"time_step": 1800.0}))
+    run = model.run(steps=2)
+    assert melt_lines(run) == []
+    assert summarize(model)["ledger"] is None

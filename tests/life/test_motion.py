@@ -1,0 +1,190 @@
+"""The ledger of momentum and mechanical energy: what forces gave, and what became of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.cli.run import short_summary
+from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.errors import InputError
+from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, elastic_energy, stock
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.runs.run_file import open_run
+from riftberg.stepping.media import FORCES
+from stepping.test_media import SCHEMES
+from stepping.test_media import model as adrift
+from verification.setups import energy, lattice, parameters, shake
+
+ALONE = {"only_interactions": True, "time_step": 600.0}
+
+
+def balance(model: Model) -> MotionBalance:
+    return model.motion.balance(model, model.remembered)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_forces_give_all_momentum_that_there_is_to_round_off(scheme) -> None:
+    """Bonded elements aground in everything; what they give each other sums up to nothing."""
+    model = adrift(scheme)
+    if scheme == "explicit floor":  # which acts for half a sub-step before the first
+        model.step()
+        model.remembered.clear()
+    forces = np.zeros((len(FORCES), 2))
+    for _ in range(5):
+        model.step()
+        forces += model.parameters.stepping.time_step * model.applied_forces().sum(axis=0)
+    b = balance(model)
+    assert b.momentum_error < CLOSES
+    given = np.array([b.impulse[name] for name in FORCES])
+    np.testing.assert_allclose(given, forces, rtol=1e-12)
+    change = np.array(b.momentum_now) - np.array(b.momentum_start)
+    np.testing.assert_allclose(given.sum(axis=0), change, rtol=0.0, atol=1e-9 * np.abs(given).sum())
+    assert (np.abs(given).sum(axis=1) > 0.0).all()
+    assert b.impulse["life"] == b.impulse["other"] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("scheme", ["unbonded", "verlet", "runge_kutta"])
+def test_work_of_the_forces_is_the_kinetic_energy_of_single_elements_to_round_off(scheme) -> None:
+    model = adrift(scheme, depth=5000.0, stepping={"interactions": False}, contact={"on_substeps": False})
+    for _ in range(5):
+        model.step()
+    b = balance(model)
+    scale = sum(abs(b.work[name]) for name in FORCES)
+    assert abs(b.work["elements"]) < 1e-10 * scale
+    assert b.kinetic_now - b.kinetic_start == pytest.approx(sum(b.work.values()), abs=1e-10 * scale)
+    # Water that moves as the ice does gives nothing, and the Coriolis force works as good as not at all.
+    assert abs(b.work["coriolis"]) < 0.2 * scale
+
+
+def test_bonds_and_contacts_make_no_energy_of_drag() -> None:
+    """Sides in the current are pushed more than the middle, and bonds share it: that loses energy and never gains any."""
+    model = adrift("mts", depth=5000.0, grounding={"coefficient": 0.0}, bonds={"damping": 1.0})
+    for _ in range(6):
+        model.step()
+    b = balance(model)
+    assert b.work["elements"] < 0.0
+    assert b.dissipated > 0.0
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0])
+def test_what_dampers_take_is_what_motion_and_bonds_lose(damping: float) -> None:
+    """Against the energy of the tests of the lattice, which is written down anew there."""
+    model = lattice(parameters(stepping=ALONE, bonds={"damping": damping, "linear_bending": True}))
+    shake(model, speed=0.1, spin=5e-5)
+    model.step()
+    first = balance(model)
+    before = energy(model)
+    for _ in range(20):
+        model.step()
+    b = balance(model)
+    assert b.kinetic_now + b.elastic_now == pytest.approx(energy(model), rel=1e-9)
+    lost = b.dissipated - first.dissipated
+    assert lost == pytest.approx(before - energy(model), abs=1e-9 * before)
+    assert (lost > 0.5 * before) if damping else (abs(lost) < 0.1 * before)
+
+
+def test_bonds_that_break_release_what_they_held() -> None:
+    model = lattice(parameters(stepping=ALONE, bonds={"linear_bending": True}, fracture={"enabled": True}))
+    shake(model, speed=0.05, spin=2e-5)
+    for _ in range(2):
+        model.step()
+    assert balance(model).released == 0.0
+    held = elastic_energy(model.elements, model.bonds, model)
+    model.bonds.strength[:] = 1e-9
+    model.step()
+    assert (model.bonds.status != 0).any()
+    b = balance(model)
+    assert 0.0 < b.released <= held * (1.0 + 1e-12)
+    if (model.bonds.status != 0).all():
+        assert b.released == pytest.approx(held, rel=1e-12)
+        assert b.elastic_now == 0.0
+
+
+def melting(**changes) -> Model:
+    p = Parameters(stepping={"time_step": 1800.0}, melt={"enabled": True, "temperature": 5.0, "salinity": 34.0})
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=120.0, placement=(-37.0, -56.0), velocity=(0.3, 0.1))
+    return Model(berg, Steady(current=(0.4, -0.1), wind=(8.0, 2.0)), p.changed(**changes) if changes else p)
+
+
+def test_melt_takes_momentum_and_energy_along_and_others_are_named() -> None:
+    model = melting()
+    for _ in range(3):
+        model.step()
+    b = balance(model)
+    assert b.momentum_error < CLOSES
+    assert b.impulse["life"][0] < 0.0 < b.momentum_now[0]
+    assert b.work["life"] < 0.0
+    by_hand = stock(model.elements, model.parameters)
+    model.elements.u[:] += 0.1
+    after = balance(model)
+    gain = stock(model.elements, model.parameters) - by_hand
+    np.testing.assert_allclose([*after.impulse["other"], after.work["other"]], gain, rtol=1e-12, atol=1e-3)
+    model.step()
+    np.testing.assert_allclose(balance(model).impulse["other"], gain[:2], rtol=1e-12, atol=1e-3)
+    total = np.sum([balance(model).impulse[name] for name in GIVERS], axis=0)
+    change = np.array(balance(model).momentum_now) - np.array(balance(model).momentum_start)
+    np.testing.assert_allclose(total, change, rtol=1e-9)
+
+
+def test_a_resumed_ledger_is_the_same_bit_for_bit(tmp_path: Path) -> None:
+    whole, part = melting(), melting()
+    for _ in range(4):
+        whole.step()
+    for _ in range(2):
+        part.step()
+    part.save(tmp_path / "r.nc")
+    resumed = Model.resume(tmp_path / "r.nc", whole.forcing)
+    for _ in range(2):
+        resumed.step()
+    assert balance(resumed) == balance(whole)
+
+
+def test_a_step_that_fails_is_not_in_the_ledger() -> None:
+    model = melting()
+    model.step()
+    before = balance(model)
+
+    def fail(_: object) -> None:
+        raise RuntimeError("no")
+
+    model.after_step.append(fail)
+    with pytest.raises(RuntimeError):
+        model.step()
+    assert balance(model) == before
+
+
+@pytest.mark.parametrize("name", ["motion_ledger", "melt_by_fragment"])
+def test_something_else_in_a_restart_is_refused_by_name(name: str) -> None:
+    model = melting()
+    model.step()
+    model.remembered[name] = np.zeros(3)
+    with pytest.raises(InputError, match=f"extra/{name}"):
+        model.step()
+
+
+def test_each_run_stores_and_prints_it(tmp_path: Path) -> None:
+    model = melting(melt={"enabled": False})
+    model.run(steps=4, output=tmp_path / "run.nc", every_hours=1.0)
+    b = balance(model)
+    with open_run(tmp_path / "run.nc") as run:
+        assert run["force"].values.tolist() == list(GIVERS)
+        last = run.isel(time=-1)
+        np.testing.assert_array_equal(last["impulse_x"], [b.impulse[name][0] for name in GIVERS])
+        np.testing.assert_array_equal(last["work"], [b.work[name] for name in GIVERS])
+        assert float(last["kinetic_energy"].squeeze()) == b.kinetic_now
+        assert float(last["dissipated_energy"].squeeze()) == b.dissipated
+        assert float(run["impulse_x"].isel(time=0).sum()) == 0.0
+    summary = summarize(model)
+    assert summary["motion"]["impulse"]["water"] == b.impulse["water"]
+    told = "\n".join(short_summary(summary))
+    assert "momentum (east, north; N s)" in told
+    assert "dissipated" in told
+    write_summary(summary, tmp_path / "summary.json")
+    assert json.loads((tmp_path / "summary.json").read_text())["motion"]["kinetic_now"] == b.kinetic_now
