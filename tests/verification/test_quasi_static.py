@@ -303,6 +303,62 @@ def test_laws_that_it_cannot_hold_are_refused() -> None:
             quasi(bonds=bonds)
 
 
+# Landing
+
+
+class Step(Steady):
+    """A floor that rises from below the keel to above it in one step, at an oblique line."""
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        elements.depth[:] = np.where(elements.lon + 0.5 * elements.lat > 12_100.0, 100.0, 1000.0)
+
+
+def landed(scheme: str, dt: float, youngs: float, parts: int = 8) -> tuple[float, float]:
+    """Largest tension (Pa) and speed (m s-1) of a berg half an hour after it began to drift onto the step at 0.2 m s-1."""
+    stepping = {"scheme": scheme, "time_step": dt, "landing_steps": parts}
+    model = lattice(parameters(stepping=stepping, bonds={"youngs_modulus": youngs}), 8, 3, Step())
+    for name in ("u", "u_sync", "u_pair"):
+        getattr(model.elements, name)[:] = 0.2
+    largest = 0.0
+    for _ in range(round(1800.0 / dt)):
+        model.step()
+        largest = max(largest, float(model.bonds.peak_stress.max()))
+    return largest, float(model.elements.u_sync.mean())
+
+
+@pytest.mark.parametrize("parts", [4, 8, 16])
+def test_the_load_of_a_landing_depends_on_neither_its_parts_nor_the_stiffness(agrees, parts) -> None:
+    """The moment of touching is met, and a soft lattice is not thrown off the floor again by its own displacement."""
+    stress, speed = landed("quasi_static", 1800.0, 9e9, 32)
+    for youngs in (5e6, 9e9):
+        got, after = landed("quasi_static", 1800.0, youngs, parts)
+        agrees(f"quasi-static: largest stress of a landing, {parts} parts, {youngs:g} Pa (Pa)", stress, got, rel=0.02)
+        agrees(f"quasi-static: speed after a landing, {parts} parts, {youngs:g} Pa (m s-1)", speed, after, rel=0.05)
+
+
+def test_the_load_of_a_landing_is_the_drag_at_the_moment_of_touching(agrees) -> None:
+    """The peak of a step holds what its parts met, not only what is left at its end."""
+    stress, _ = landed("quasi_static", 1800.0, 9e9)
+    short, _ = landed("quasi_static", 5.0, 9e9, 1)
+    agrees("quasi-static: largest stress of a landing, steps of 5 s (Pa)", short, stress, rel=0.03)
+
+
+@pytest.mark.slow  # the explicit run takes two minutes
+def test_a_landing_goes_as_with_the_explicit_scheme_and_stiff_ice(agrees) -> None:
+    """Ice of 1 GPa in sub-steps of a second: the berg is slowed alike; waves of the blow add up to as much again."""
+    stress, speed = landed("quasi_static", 1800.0, 1e9)
+    explicit, after = landed("mts", 10.0, 1e9)
+    agrees(
+        "quasi-static: speed lost by a landing at 0.2 m s-1, from the explicit scheme",
+        0.2 - after,
+        0.2 - speed,
+        rel=0.01,
+    )
+    assert 1.0 < explicit / stress < 2.2
+
+
 # A68a
 
 

@@ -65,6 +65,9 @@ EVENTS = 64
 CONTACT_PHASE = 1.0
 """Largest step times frequency of the springs of contact, rad; beyond it the step is divided."""
 
+TOUCHDOWN = 64
+"""Part of the shortest landing step within which the moment is found at which an element touches down."""
+
 MOST_CORRECTIONS = 90
 """Columns of Woodbury's formula beyond which the matrix is factored anew."""
 
@@ -184,6 +187,7 @@ class LongStep:
         self.start, self.cracked, self.around = model.time, False, around
         self.applied = np.zeros_like(around.applied)
         self.touched: list[tuple[Ints, Ints]] = []
+        self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
@@ -191,6 +195,7 @@ class LongStep:
         self.now = now or self._moment(bodies, model.time)
         if fresh:
             self._bend()
+        self.seat = self.now.bodies.bend
         self.bonds.peak_stress[self.structure.alive] = self._equilibrium().stress[:, 0]
 
     def run(self) -> None:
@@ -203,7 +208,8 @@ class LongStep:
         longest = dt
         while (left := end - self.now.time) > 1e-9 * dt:
             pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
-            longest = min(longest, self._go(left / pieces, dt, may_break))
+            h, self._soon = min(left / pieces, self._soon), math.inf
+            longest = min(longest, self._go(h, dt, may_break))
             self._peak()
             self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         self._store(self._equilibrium())
@@ -219,31 +225,64 @@ class LongStep:
             # An element has touched down or come off: shorter steps, for the rest of this long step.
             self._back(before, kept)
             return landing
+        landed = False
+        if landing < dt and self._landed(aground):
+            h = taken = self._touchdown(before, kept, h, landing / TOUCHDOWN)
+            landed = self._landed(aground)
         if may_break:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
             place, share = s.criterion.first_break(s.alive, before.bodies.bend, self.now.bodies.bend, limits)
             if place >= 0:
                 least = dt / EVENTS if self.cracked else 0.0
-                if (short := max(share * h, least)) < h * (1.0 - 1e-9):
+                # The load of a landing sets in at its end, not evenly over the step.
+                if (short := max(share * h, least)) < h * (1.0 - 1e-9) and not landed:
                     self._back(before, kept)
                     self._advance(short)
                     taken = short
-                self._apply(before, taken / dt)
+                self._apply(before, taken)
                 self._crack(int(s.alive[s.criterion.bond_at(place, self._equilibrium(), limits)]))
                 return dt
-        self._apply(before, taken / dt)
+        self._apply(before, taken)
         return dt
+
+    def _landed(self, aground: Floats) -> bool:
+        """Whether an element touches the floor that did not by ``aground``."""
+        return bool(((self.now.motion.load.aground > 0.0) & (aground == 0.0)).any())
+
+    def _touchdown(self, before: Standing, kept: list[np.ndarray], h: float, near: float) -> float:
+        """Shorten a step in which an element touches down: it ends before, and the next one just after; returns its length.
+
+        The force of the floor sets in at once and then slows the fragment: stress is largest at the moment of touching. A
+        step that ends within ``near`` s after it begins is left as it is.
+        """
+        free, landed = 0.0, h
+        while landed - free > near:
+            middle = 0.5 * (free + landed)
+            self._back(before, kept)
+            self._advance(middle)
+            free, landed = (free, middle) if self._landed(before.motion.load.aground) else (middle, landed)
+        if h <= near:
+            return h
+        self._back(before, kept)
+        self._advance(free or landed)
+        if free:
+            self._soon = 1.5 * (landed - free)
+        return free or landed
 
     def _peak(self) -> None:
         """Keep the largest stress of each bond within the long step."""
         alive, stress = self.structure.alive, self._equilibrium().stress[:, 0]
         self.bonds.peak_stress[alive] = np.maximum(self.bonds.peak_stress[alive], stress)
 
-    def _apply(self, before: Standing, part: float) -> None:
-        """Keep the forces of a step: the mean of both ends, by its part of the long step."""
-        for moment in (before, self.now):
-            u, v, _ = element_velocities(moment.bodies.body, moment.motion.elements, moment.bodies.rate)
-            keep_body_forces(moment.motion.load, u, v, 0.5 * part, self.applied)
+    def _apply(self, before: Standing, taken: float) -> None:
+        """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
+        half, part = 0.5 * taken, 0.5 * taken / self.model.parameters.stepping.time_step
+        middle = before.motion.opened(before.bodies.rate, half)
+        for moment, after in ((before, middle), (self.now, self.now.bodies.rate)):
+            body, elements, rate = moment.bodies.body, moment.motion.elements, moment.bodies.rate
+            u, v, _ = element_velocities(body, elements, rate)
+            u_held, v_held, _ = element_velocities(body, elements, moment.motion.held(rate, after, half))
+            keep_body_forces(moment.motion.load, u, v, u_held, v_held, part, self.applied)
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -278,7 +317,9 @@ class LongStep:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
         for _ in range(5):
-            place(bodies, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
+            # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
+            seated = bodies._replace(bend=self.seat)
+            place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
             if grid is None:
                 break
             lon, lat = el.lon.copy(), el.lat.copy()
@@ -450,6 +491,7 @@ class LongStep:
         if int(body.max()) + 1 != self.now.bodies.pose.shape[0]:
             load = self.now.motion.load
             bodies = regrouped(self.now.bodies, body, load.mass, load.inertia, self.c.latlon, self.c.earth_radius)
+            self.seat = bodies.bend
             self.structure = self._build(bodies)
             self.now = self._moment(bodies, self.now.time)
         elif s.factors.corrections >= MOST_CORRECTIONS:

@@ -212,8 +212,13 @@ def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, 
 
 
 @kernel
-def keep_body_forces(load: Loading, u: Floats, v: Floats, part: float, applied: Floats) -> None:
-    """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities."""
+def keep_body_forces(
+    load: Loading, u: Floats, v: Floats, u_held: Floats, v_held: Floats, part: float, applied: Floats
+) -> None:
+    """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities.
+
+    ``u_held`` and ``v_held`` are those at which the sea floor has acted (`BodyMotion.held`).
+    """
     for e in range(u.size):
         for m in range(load.media.shape[1]):
             if load.surrounded or (m == SEA_FLOOR and load.touches):
@@ -223,8 +228,8 @@ def keep_body_forces(load: Loading, u: Floats, v: Floats, part: float, applied: 
         if load.surrounded:
             applied[e, CORIOLIS, 0] += part * load.coriolis[e] * v[e]
             applied[e, CORIOLIS, 1] -= part * load.coriolis[e] * u[e]
-        applied[e, SEA_FLOOR, 0] -= part * load.floor[e] * u[e]
-        applied[e, SEA_FLOOR, 1] -= part * load.floor[e] * v[e]
+        applied[e, SEA_FLOOR, 0] -= part * load.floor[e] * u_held[e]
+        applied[e, SEA_FLOOR, 1] -= part * load.floor[e] * v_held[e]
 
 
 @kernel
@@ -423,6 +428,16 @@ class BodyMotion(NamedTuple):
             if np.abs(step).max() <= CLOSE_ENOUGH * (np.abs(new).max() + 1e-30) or _small(step, new):
                 return new
         raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")
+
+    def held(self, rate: Floats, after: Floats, half: float) -> Floats:
+        """Velocities at which the sea floor has acted in half a step that ended with ``after``, other forces at ``rate``.
+
+        What `opened` and `closed` solve, ``W v' = v + h P F``, is ``M (v' - v) = h (F - D (v' + z v' / 2 - h M^-1 F / 2))``
+        with ``z = h M^-1 D``: the momentum that the floor takes is that of its drag D at the velocities in the brackets.
+        """
+        _, total, _ = self.forces(rate)
+        z = half * (self.mobility @ self.floor)
+        return after + 0.5 * each_times(z, after) - 0.5 * half * each_times(self.mobility, total)
 
     def _islands(self) -> tuple[Ints, Ints]:
         """Fragments that touch others, island by island, and where each island begins."""
