@@ -156,6 +156,10 @@ def changed_nc(path: Path, change: Any) -> None:
         file.setncatts(attributes)
         for name, (dtype, dims, values, own) in table.items():
             group = file.createGroup("extra") if name.startswith("extra/") else file
+            if group is not file:  # as `riftberg.runs.restart` does: numbers and tables with dimensions of their own
+                dims = tuple(f"{name.removeprefix('extra/')}_{axis}" for axis in range(np.ndim(values)))
+                for dim, size in zip(dims, np.shape(values), strict=True):
+                    group.createDimension(dim, size)
             variable = group.createVariable(
                 name.removeprefix("extra/"), dtype, dims, fill_value=own.pop("_FillValue", None)
             )

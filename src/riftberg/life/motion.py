@@ -6,8 +6,8 @@ What is left over in a step is what elements did to each other; by Newton's thir
 Work of a force is its momentum times the mean of the velocities before and after it has acted; together they make the change of
 kinetic energy of a single element exactly. What is left over is the work of bonds and contacts: energy that goes into bonds, or
 is dissipated there.
-Sums over spheres are of eastward and northward parts, as the explicit schemes step them. A fragment of the quasi-static scheme keeps
-its own axes on its way, which turn against east and north: that shows as left over, some 1e-4 of what was given.
+Sums over spheres are of eastward and northward parts, as the explicit schemes step them. A fragment of the quasi-static
+scheme keeps its own axes on its way, which turn against east and north: that shows as left over, some 1e-4 of what was given.
 """
 
 from __future__ import annotations
