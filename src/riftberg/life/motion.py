@@ -12,6 +12,7 @@ scheme keeps its own axes on its way, which turn against east and north: that sh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -118,21 +119,25 @@ def stock(elements: Elements, p: Parameters) -> Floats:
     body, motion, kicks = elements.body, elements.motion, elements.kicks
     mass, scaling = body.mass, elements.life.mass_scaling
     u, v, dt = motion.u, motion.v, p.stepping.time_step
-    out = np.zeros(3)
+    out, shape = np.zeros(3), (body.sides, body.length, body.width)
     if p.stepping.scheme == "mts":
         fast = kicks.ax_fast, kicks.ay_fast, kicks.bx_fast, kicks.by_fast
-        _vibrating(
-            mass, scaling, u, v, *fast, motion.spin, kicks.spin_rate, _radius_squared(elements), body.substeps, dt, out
-        )
+        _vibrating(mass, scaling, u, v, *fast, motion.spin, kicks.spin_rate, *shape, body.substeps, dt, out)
     else:
-        _gliding(mass, scaling, u, v, kicks.ax, kicks.ay, motion.spin, _radius_squared(elements), dt, out)
+        _gliding(mass, scaling, u, v, kicks.ax, kicks.ay, motion.spin, *shape, dt, out)
     return out
+
+
+@kernel
+def _radius_squared(sides: int, length: float, width: float) -> float:
+    """Square (m2) of the radius of the disc as which an element spins (equations 5.4)."""
+    return (1.0 / (2.0 * math.sqrt(3.0)) if sides == 6 else 0.25) * length * width
 
 
 @kernel
 def _vibrating(
     mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, bx: Floats, by: Floats, spin: Floats,
-    spin_rate: Floats, square: Floats, substeps: Ints, dt: float, out: Floats,
+    spin_rate: Floats, sides: Ints, length: Floats, width: Floats, substeps: Ints, dt: float, out: Floats,
 ) -> None:  # fmt: skip
     """Add momentum and kinetic energy of elements in sub-steps; spins of the state are half a sub-step ahead of the positions."""
     for e in range(mass.size):
@@ -140,20 +145,22 @@ def _vibrating(
         turning = spin[e] - half * spin_rate[e]
         out[0] += m * (u[e] + half * (ax[e] + bx[e]))
         out[1] += m * (v[e] + half * (ay[e] + by[e]))
-        out[2] += 0.5 * m * (u[e] * u[e] + v[e] * v[e] + 0.5 * square[e] * turning * turning)
+        square = _radius_squared(sides[e], length[e], width[e])
+        out[2] += 0.5 * m * (u[e] * u[e] + v[e] * v[e] + 0.5 * square * turning * turning)
 
 
 @kernel
 def _gliding(
-    mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, spin: Floats, square: Floats, dt: float,
-    out: Floats,
+    mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, spin: Floats, sides: Ints, length: Floats,
+    width: Floats, dt: float, out: Floats,
 ) -> None:  # fmt: skip
     """Add momentum and kinetic energy of elements in single steps, whose explicit accelerations have still half to give."""
     for e in range(mass.size):
         m, uu, vv = mass[e] * scaling[e], u[e] + 0.5 * dt * ax[e], v[e] + 0.5 * dt * ay[e]
         out[0] += m * uu
         out[1] += m * vv
-        out[2] += 0.5 * m * (uu * uu + vv * vv + 0.5 * square[e] * spin[e] * spin[e])
+        square = _radius_squared(sides[e], length[e], width[e])
+        out[2] += 0.5 * m * (uu * uu + vv * vv + 0.5 * square * spin[e] * spin[e])
 
 
 @kernel
@@ -189,13 +196,6 @@ def _velocity(elements: Elements, p: Parameters) -> tuple[Floats, Floats]:
         return motion.u, motion.v
     half = 0.5 * p.stepping.time_step
     return motion.u + half * kicks.ax, motion.v + half * kicks.ay
-
-
-def _radius_squared(elements: Elements) -> Floats:
-    """Square (m2) of the radius of the disc as which an element spins (equations 5.4)."""
-    body = elements.body
-    part = np.where(body.sides == 6, 1.0 / (2.0 * np.sqrt(3.0)), 0.25)
-    return np.asarray(part * body.length * body.width)
 
 
 class MotionLedger:
