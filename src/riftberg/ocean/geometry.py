@@ -69,7 +69,8 @@ def inverse_bilinear(
     a = kappa * beta - gamma * epsilon
     b = (delta * beta - alpha * epsilon) - (kappa * dx - gamma * dy)
     c = alpha * dy - delta * dx
-    if abs(a) > 1e-12:
+    # The equations ask for 1e-12 whatever the units; in cells of some metres, in degrees, that is no small number.
+    if abs(a) > 1e-12 * min(1.0, abs(b)):
         # Far outside a cell the lines eta = const need not reach the point; the nearest one then points the way.
         root = math.sqrt(max(0.25 * b * b - a * c, 0.0))
         q = -(0.5 * b + root) if b >= 0.0 else -(0.5 * b - root)
