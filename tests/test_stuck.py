@@ -85,6 +85,13 @@ def test_the_command_line_gives_up_on_it_in_one_sentence(slow_library: Path, mon
     assert said[0].startswith(f"Error: {slow_library}: has not opened within")
 
 
+def test_a_command_called_by_a_program_leaves_its_warning_behind(tmp_path: Path) -> None:
+    """A notebook that had called a command would have been ended by the next file that does not open."""
+    before = list(stuck._action)
+    CliRunner().invoke(app, ["doctor", str(tmp_path / "none.nc")])
+    assert stuck._action == before
+
+
 def test_a_file_that_opens_is_no_news(slow_library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
     monkeypatch.setattr(stuck, "_action", [told.append])

@@ -150,11 +150,12 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     """
     _LOG.debug("opening %s", source if isinstance(source, str | os.PathLike) else type(source).__name__)
     _refuse_odd(source)
-    engine = options.pop("engine", None) or ("netcdf4" if _is_netcdf(source) else guess_engine(source))
+    on_disk = _is_netcdf(source)
+    engine = options.pop("engine", None) or ("netcdf4" if on_disk else guess_engine(source))
     if engine not in _LOCKED:
         return xr.open_dataset(source, engine=engine, **options)
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
-    with NETCDF, opening(source) if _is_netcdf(source) else nullcontext():
+    with NETCDF, opening(source) if on_disk else nullcontext():
         return xr.open_dataset(source, engine=engine, **{"lock": NETCDF, **options})
 
 

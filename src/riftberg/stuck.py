@@ -30,9 +30,14 @@ def advice() -> str:
     return f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
 
 
-def when_stuck(action: Callable[[str], None]) -> None:
-    """Name what is done when a file does not open; it is called in a thread of its own, with the path."""
-    _action[0] = action
+@contextmanager
+def when_stuck(action: Callable[[str], None]) -> Iterator[None]:
+    """Name what is done when a file does not open within this block; it is called in a thread of its own, with the path."""
+    before, _action[0] = _action[0], action
+    try:
+        yield
+    finally:
+        _action[0] = before
 
 
 @contextmanager

@@ -38,9 +38,9 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
-        when_stuck(_give_up)
         try:
-            return command(*args, **kwargs)
+            with when_stuck(_give_up):
+                return command(*args, **kwargs)
         except RiftbergError as error:
             say(f"Error: {error}")
             raise typer.Exit(EXIT_ERROR) from error

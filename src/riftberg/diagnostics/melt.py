@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
+from riftberg.diagnostics.summary import called
+
 NAMED: Final = 6
 """Fragments that are told of one by one; the others together."""
 
@@ -62,7 +64,7 @@ def _names(run: xr.Dataset) -> dict[int, str]:
     numbers, parents = run["fragment_number"].values.tolist(), run["fragment_parent"].values.tolist()
     own = run["fragment_name"].values if "fragment_name" in run else np.full(len(numbers), "")
     return {
-        n: str(name) or f"{'fragment' if parent > 0 else 'berg'} {n}"
+        n: called({"number": n, "parent": parent, "name": name})
         for n, parent, name in zip(numbers, parents, own, strict=True)
     }
 

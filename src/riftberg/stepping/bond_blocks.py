@@ -18,7 +18,7 @@ from riftberg.kernels import kernel
 LANES: Final = 32
 """Rows of a block."""
 
-QUANTITIES: Final = 48
+QUANTITIES: Final = 47
 """Quantities of a row."""
 
 BLOCK: Final = LANES * QUANTITIES
