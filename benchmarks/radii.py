@@ -3,8 +3,9 @@
 python benchmarks/radii.py             print the table
 python benchmarks/radii.py --write     also put it into docs/explanation/numerics.md
 
-Each lattice runs three times with the quasi-static scheme: at two strengths, and without breaks to see how far the mean
-stress rises, while the tip is aground (until 18 December) and while the current loads the finger (from 19 December on).
+Each lattice runs on two sea floors: that of the story, which holds an element at once, and one whose drag sets in over a
+clearance of 20 m. On each it runs without breaks, to see how far the mean stress rises while the tip is aground (until
+18 December) and while the current loads the finger (from 19 December on), and with a strength.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +30,8 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.
 DISTANCE = 10.7e3
 """Of the mean, m: its disc has a radius of 1.75 spacings of the coarsest lattice, and is of one size for all."""
 
-STRENGTHS = (8e3, 6e3)
-"""Pa."""
+FLOORS = ((0.0, 8e3), (20.0, 2.5e3))
+"""Clearance (m) over which the drag of the floor sets in, and strength (Pa)."""
 
 LATTICES: tuple[tuple[Packing, float], ...] = (
     *(("square", radius) for radius in (1500.0, 1000.0, 750.0, 500.0)),
@@ -49,9 +49,15 @@ NO_LIMIT = 1e9
 HEAD = (
     "lattice",
     "elements",
-    "largest mean stress until 18 December (tip)",
-    "from 19 December (finger)",
-    *(f"breaks off at {1e-3 * strength:g} kPa (day and hour of December)" for strength in STRENGTHS),
+    "largest mean stress: finger",
+    *(
+        words
+        for clearance, strength in FLOORS
+        for words in (
+            f"tip, floor {f'over {clearance:g} m' if clearance else 'at once'}",
+            f"breaks off at {1e-3 * strength:g} kPa (day and hour of December)",
+        )
+    ),
 )
 
 
@@ -67,19 +73,20 @@ class Watched(quasi_static.LongStep):
         Watched.seen.append((self.now.time, NO_LIMIT * ratio))
 
 
-def model_of(packing: Packing, radius: float, strength: float) -> Model:
-    """Build A68a with a strength (Pa) over the distance."""
+def model_of(packing: Packing, radius: float, clearance: float, strength: float) -> Model:
+    """Build A68a on a floor, with a strength (Pa) over the distance."""
     fracture: dict[str, Any] = {"criterion": "averaged", "distance": DISTANCE, "normal_strength": strength}
     if strength == NO_LIMIT:
         fracture["shear_strength"] = NO_LIMIT
-    return story_model(
-        Options({"stepping": {"scheme": "quasi_static"}, "fracture": fracture}), radius=radius, packing=packing
-    )
+    changes = {
+        "stepping": {"scheme": "quasi_static"}, "grounding": {"ramp_height": clearance}, "fracture": fracture
+    }  # fmt: skip
+    return story_model(Options(changes), radius=radius, packing=packing)
 
 
-def largest(packing: Packing, radius: float) -> tuple[float, float]:
+def largest(packing: Packing, radius: float, clearance: float) -> tuple[float, float]:
     """Largest mean stress (Pa) of the landing of the tip, and of the finger under its load."""
-    model = model_of(packing, radius, NO_LIMIT)
+    model = model_of(packing, radius, clearance, NO_LIMIT)
     Watched.seen.clear()
     usual, quasi_static.LongStep = quasi_static.LongStep, Watched  # type: ignore[misc]
     try:
@@ -92,9 +99,8 @@ def largest(packing: Packing, radius: float) -> tuple[float, float]:
     )
 
 
-def told(packing: Packing, radius: float, strength: float) -> str:
+def told(model: Model) -> str:
     """Run and return what breaks off, in words."""
-    model = model_of(packing, radius, strength)
     model.advance(DAYS)
     words = [
         f"{event['area_km2']:.0f} km² {int(event['time'][8:10])}. {event['time'][11:16]}"
@@ -106,16 +112,17 @@ def told(packing: Packing, radius: float, strength: float) -> str:
     return pieces + (f" and {math.fsum(small):.0f} km² in {len(small)} below {SMALL:g} km²" if small else "")
 
 
-def rows() -> Iterator[tuple[str, ...]]:
-    """Run all lattices, and say which is done."""
-    for packing, radius in LATTICES:
-        tip, finger = largest(packing, radius)
-        elements = model_of(packing, radius, NO_LIMIT).elements.size
-        yield (
-            f"{packing}, radius {1e-3 * radius:g} km", f"{elements}", f"{1e-3 * tip:.1f} kPa", f"{1e-3 * finger:.1f} kPa",
-            *(told(packing, radius, strength) for strength in STRENGTHS),
-        )  # fmt: skip
-        print(packing, radius, file=sys.stderr, flush=True)
+def row(packing: Packing, radius: float) -> tuple[str, ...]:
+    """Run a lattice on both floors and return the cells of a row."""
+    cells: list[str] = []
+    for clearance, strength in FLOORS:
+        tip, finger = largest(packing, radius, clearance)
+        model = model_of(packing, radius, clearance, strength)
+        cells += [f"{1e-3 * tip:.1f} kPa", told(model)]
+        if clearance == 0.0:
+            loaded = f"{1e-3 * finger:.1f} kPa"
+    print(packing, radius, cells, file=sys.stderr, flush=True)
+    return (f"{packing}, radius {1e-3 * radius:g} km", f"{model.elements.size}", loaded, *cells)
 
 
 def main() -> None:
@@ -123,7 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
     write = parser.parse_args().write
-    text = table(HEAD, list(rows()))
+    text = table(HEAD, [row(*lattice) for lattice in LATTICES])
     print(text)
     if write:
         PAGE.write_text(put(PAGE.read_text("utf-8"), "radii", text), "utf-8")
