@@ -22,6 +22,7 @@ from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products.doctor import doctor
+from riftberg.products.registry import in_memory, open_all
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)
@@ -837,3 +838,60 @@ def test_a_single_step_is_checked_as_a_run_is(how: str) -> None:
     model = Model(berg, DatasetForcing.from_xarray(ds, START))
     with pytest.raises(ForcingError, match="is on land"):
         model.step() if how == "step" else model.advance(steps=1)
+
+
+HEIGHTS = {
+    "elevation": {"units": "m"},
+    "topo": {"units": "m", "standard_name": "height_above_mean_sea_level"},
+    "ground": {"units": "km", "standard_name": "surface_altitude"},
+    "deptho": {"units": "m", "standard_name": "sea_floor_depth_below_geoid", "positive": "up"},
+}
+
+
+@pytest.mark.parametrize("name", HEIGHTS)
+def test_heights_of_the_sea_floor_become_depths(tmp_path: Path, name: str) -> None:
+    """The sea floor was left out without a word, and no berg ever grounded."""
+    ds = plain()
+    height = -ds["deptho"] / (1000.0 if HEIGHTS[name]["units"] == "km" else 1.0)
+    arrives(written(tmp_path, ds.drop_vars("deptho").assign({name: height.drop_attrs().assign_attrs(HEIGHTS[name])})))
+
+
+UNREAD = {
+    "wind": (("ua", "va"), "wspd", "wind_speed"),
+    "sea level": (("ssh",), "sla", "sea_surface_height_above_mean_sea_level"),
+    "sea floor": (("deptho",), "bed", "sea_floor_depth_below_reference_ellipsoid"),
+    "temperature": (("sst",), "thetao", "sea_water_potential_temperature"),
+}
+
+
+@pytest.mark.parametrize("family", UNREAD)
+def test_what_a_file_holds_and_nothing_reads_is_told(
+    tmp_path: Path, family: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A wind as speed and direction, or a sea level anomaly, was passed over, and the doctor said Ready."""
+    lost, name, said = UNREAD[family]
+    ds = plain()
+    ds[name] = ds[lost[0]].assign_attrs(standard_name=said, units=ds[lost[0]].attrs["units"])
+    path = written(tmp_path, ds.drop_vars(lost))
+    words = f"no {family} is taken from this file; not read: {name} ({said})"
+    assert words in " ".join(doctor([path], needed=()).text().split())
+    with xr.open_dataset(path) as file:
+        forcing = DatasetForcing.from_xarray(file.load(), START)
+    assert any(words in notice for notice in forcing.notices)
+    assert words in caplog.text
+
+
+def test_what_is_read_by_another_name_is_not_called_unread(tmp_path: Path) -> None:
+    ds = plain()
+    ds["wspd"] = ds["ua"].assign_attrs(standard_name="wind_speed")
+    ds["sst_error"] = ds["sst"].assign_attrs(standard_name="sea_surface_temperature standard_error")
+    assert "not read" not in doctor([written(tmp_path, ds)], needed=()).text()
+
+
+@pytest.mark.parametrize("file", ["GLORYS_NA_20120101.nc", "srtm15_coarsened.nc", "ERA5_NA_2012.nc"])
+def test_a_product_in_memory_gives_what_its_file_gives(shared: Path, file: str) -> None:
+    """GLORYS opened by xarray lost its temperature and salinity."""
+    path = shared / "data" / "samples" / file
+    with xr.open_dataset(path) as ds:
+        kept = {str(name) for part in in_memory([ds]) for name in part.data_vars}
+    assert kept == {str(name) for part in open_all(path) for name in part.data_vars}

@@ -5,6 +5,7 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime
 from pathlib import PurePath
@@ -29,10 +30,12 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.ocean.shown import ShownForcing
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
-from riftberg.products.records import check_pairs, in_python
+from riftberg.products.records import check_pairs, in_python, named
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 from riftberg.values import given, moment, number, required
+
+_LOG = logging.getLogger(__name__)
 
 FILLS: Final = {
     "uo": ("uo", "vo", "vorticity"),
@@ -211,7 +214,13 @@ class DatasetForcing(ShownForcing):
         given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several)]
         check_pairs(given)
         begin = begin or _first_date(given)
-        forcing = cls([product_part(ds, begin) for ds in given], **options)
+        for ds in given:
+            if "unread" in ds.attrs:
+                _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
+        said = [
+            f"{named(ds)}: {ds.attrs[key]}" for ds in given for key in ("told", "unread", "doubt") if key in ds.attrs
+        ]
+        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": said, **options})
         forcing.start = begin
         return forcing
 
