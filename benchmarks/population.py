@@ -67,7 +67,8 @@ def population(grid: Grid, count: int, seed: int = 1) -> Iceberg:
     places = [(-171.0 + 18.0 * k, -61.0) for k in range(GIANTS)]
     for west, south in places:
         free &= ~((np.abs(lon - west) < 1.5) & (np.abs(lat - south) < 0.7))
-    chosen = random.choice(np.flatnonzero(free), count, replace=False)
+    # Rising, so that neighbours in memory are neighbours at sea.
+    chosen = np.sort(random.choice(np.flatnonzero(free), count, replace=False))
     length = random.choice(LENGTHS, count, p=SHARES / SHARES.sum())
     width = length / ASPECT
     jitter = random.uniform(-0.05, 0.05, (2, count))
