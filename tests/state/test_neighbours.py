@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, near_pairs
+from riftberg.kernels import plain
+from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, _hash_columns, adjacency, find_pairs, near_pairs
 from twins import geometry
 
 RADIUS = 6_363_827.0
@@ -73,6 +74,26 @@ def test_all_pairs_are_found_on_the_sphere(seed, count, middle):
     reach = r.uniform(1e3, 2e4)
     pairs = find_pairs(x, y, berg, reach, ANY, True, RADIUS, 360.0)
     assert listed(pairs, x, y, reach, True, 360.0) == all_pairs(x, y, berg, reach, ANY, True, 360.0)
+
+
+@pytest.mark.parametrize("start", [10.0, 178.0, 359.5, -0.5, 719.0])
+def test_of_a_circle_only_the_part_is_binned_that_the_elements_cover(start):
+    """A field of bergs 3 degrees wide was searched in bins around the whole earth; the list of pairs is the same."""
+    r = np.random.default_rng(7)
+    x, y = start + r.uniform(0.0, 3.0, 200), -58.0 + r.uniform(0.0, 1.5, 200)
+    wrapped = np.where(r.random(200) < 0.5, x, (x + 180.0) % 360.0 - 180.0)
+    open_ended, circle = (find_pairs(x, y, np.arange(200), 8e3, ANY, True, RADIUS, period) for period in (0.0, 360.0))
+    across = find_pairs(wrapped, y, np.arange(200), 8e3, ANY, True, RADIUS, 360.0)
+    assert open_ended.partner.size > 200
+    for found in (circle, across):
+        np.testing.assert_array_equal(found.start, open_ended.start)
+        np.testing.assert_array_equal(found.partner, open_ended.partner)
+    columns = [
+        plain(_hash_columns)(at, y, 8e3, True, RADIUS, p)[2] for at, p in ((x, 0.0), (x, 360.0), (wrapped, 360.0))
+    ]
+    assert max(columns) <= columns[0] + 2
+    around = plain(_hash_columns)(np.linspace(0.0, 359.9, 3600), np.full(3600, -58.0), 8e3, True, RADIUS, 360.0)
+    assert around[6]  # and bergs all around the pole meet across the ends
 
 
 @pytest.mark.parametrize("count", [1, 2])
