@@ -22,12 +22,14 @@ import numpy as np
 from veros import VerosSetup, veros_routine
 from veros.core.density import get_rho
 from veros.core.operators import at, update
+from veros.tools import get_vinokur_grid_steps
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.coupling.veros import VerosBergs, veros_forcing
 
-LAYERS = (725.0, 650.0, 550.0, 400.0, 250.0, 150.0, 90.0, 60.0, 45.0, 35.0, 25.0, 20.0)
-"""Layers of the water, m, from the floor up."""
+LAYERS = get_vinokur_grid_steps(15, 3000.0, 20.0, refine_towards="lower")
+"""Layers of the water, m, from the floor up. Veros finds their middles from floor to surface, each from the one below: layers
+that do not grow evenly have distances below zero there, and friction between them feeds the shear until the current bursts."""
 KEEL = 200.0
 """Depth of the water that the bergs feel and give to, m."""
 STEP = 1800.0
