@@ -242,7 +242,7 @@ class Fracture(Group):
     toughness: float = quantity(
         0.0,
         "Pa m1/2",
-        "with 'toughness': fracture toughness K_Ic of the ice, 1e5 to 4e5 in laboratories",
+        "with 'toughness': fracture toughness K_Ic of the ice, 5e4 to 1.5e5 in laboratories",
         "Petrovic 2003",
         ge=0,
     )

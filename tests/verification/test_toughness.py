@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
-from riftberg.physics.averaging import DISC, critical_toughness, disc_radius, disc_weight
+from riftberg.physics.averaging import DISC, critical_toughness, disc_of_lattice, disc_radius, disc_weight
 from riftberg.stepping.cracking import Limits
 from riftberg.stepping.criteria import AveragedStress, Equilibrium, element_stresses
 from riftberg.stepping.frames import flat_shape, free_bodies
 from riftberg.stepping.lattice_equilibrium import Factors, Holds, balanced_loads, find_lattice
 from riftberg.stepping.sizes import interaction_sizes
+from verification.notched_beam import NotchedBeam
 
 SIDE = 42e3
 """Of the plates, m."""
@@ -107,24 +109,23 @@ def bending(stress: float, height: float) -> Any:
     return lambda x, y: np.array([[-2.0 * stress * y / height, 0 * x], [0 * x, 0 * x]])
 
 
-def around_the_tip(ahead: float) -> tuple[Any, Any, Any]:
+def around_the_tip(ahead: float, samples: int) -> tuple[Any, Any, Any]:
     """Distances from the tip, angles and weights of a disc of radius 1 whose middle lies ``ahead`` of it; upper half.
 
     The root of the distance is sampled evenly, which takes the singularity out of the integral.
     """
-    root, angle = np.meshgrid(
-        (np.arange(400) + 0.5) / 400 * math.sqrt(1.0 + ahead), (np.arange(400) + 0.5) / 400 * np.pi
-    )
+    even = (np.arange(samples) + 0.5) / samples
+    root, angle = np.meshgrid(even * math.sqrt(1.0 + ahead), even * np.pi)
     r = root**2
     weight = np.clip(1.0 - (r * np.cos(angle) - ahead) ** 2 - (r * np.sin(angle)) ** 2, 0.0, None) * r * root
     return r, angle, weight / weight.sum()
 
 
-def strongest_mean(stresses: Any) -> float:
+def strongest_mean(stresses: Any, samples: int = 400) -> float:
     """Largest principal stress over all discs; ``stresses(r, angle)`` gives xx and yy, xy has no mean by symmetry."""
     found = []
-    for ahead in np.linspace(0.3, 0.7, 21):
-        r, angle, weight = around_the_tip(ahead)
+    for ahead in np.linspace(0.1, 0.7, 31):
+        r, angle, weight = around_the_tip(ahead, samples)
         found.append(max(float((weight * part).sum()) for part in stresses(r, angle)))
     return max(found)
 
@@ -137,6 +138,7 @@ def around_a_crack(x: Any, y: Any, half: float) -> tuple[Any, Any, Any]:
     return first.real - y * slope.imag - 1.0, first.real + y * slope.imag, -y * slope.real
 
 
+@cache
 def mean_at_crack(half: float, radius: float) -> float:
     """Largest principal stress of a crack in an endless plate under unit tension, averaged over the disc."""
     return strongest_mean(
@@ -203,21 +205,95 @@ def test_a_cracked_plate_breaks_at_the_load_of_theory(agrees, spacing, packing, 
     agrees(f"plate, {spacing:g} m, {packing}, turned {turn:g}", asked, got, rel=0.10)
 
 
+HEIGHT, NOTCH, BENDING = 48e3, 16e3, 1e4
+"""Of the beam and its notch (m), and stress at its edges (Pa)."""
+
+
+class LatticeBeam:
+    """A beam in bending with a notch of a third of its height, as a lattice has it, and the theory of that very beam.
+
+    Between its elements the lattice knows edge and tip to half a spacing, and the load hangs on both: a notch of 18 km
+    instead of 16 has a stress intensity that is 11 % larger. So theory is asked about the beam that the lattice is: its
+    height and the depth of its notch are the sums of the faces across the line of the notch (for a stepped line, of their
+    parts along it), and the tip lies halfway between the last bond that is cut and the first one that holds.
+    """
+
+    def __init__(self, spacing: float, packing: str, turn: float) -> None:
+        self.sheet = Sheet(spacing, packing, turn, 120e3, HEIGHT)
+        self.alive = self.sheet.without(-HEIGHT, NOTCH - 0.5 * HEIGHT, upright=True)
+        self.force = self.sheet.traction(bending(BENDING, HEIGHT))
+        depth, self.height, tip = self._faces()
+        lower, upper = tip - depth, tip - depth + self.height
+        self.theory = NotchedBeam(
+            depth / self.height, 60e3 / self.height, *(-2.0 * BENDING * y / HEIGHT for y in (lower, upper))
+        )
+
+    def _faces(self) -> tuple[float, float, float]:
+        """Depth of the notch, height of the beam and place of the tip, m."""
+        el, bonds = self.sheet.berg.elements, self.sheet.berg.bonds
+        across, along = (np.stack([v[bonds.first], v[bonds.second]]) for v in (el.lon, el.lat))
+        line = np.flatnonzero(across[0] * across[1] < 0.0)
+        x, y = across[:, line], along[:, line]
+        width, rise = x[0] - x[1], y[0] - y[1]
+        place = y[0] - rise * x[0] / width
+        face = self.sheet.spacing * (1.0 if self.sheet.faces == 4 else 1.0 / math.sqrt(3.0))
+        face = face * np.abs(width) / np.hypot(width, rise)
+        cut = ~np.isin(line, self.alive)
+        return face[cut].sum(), face.sum(), 0.5 * (place[cut].max() + place[~cut].min())
+
+    def overload(self, distance: float) -> float:
+        """Largest averaged stress over the strength."""
+        return self.sheet.overload(self.force, self.alive, distance)
+
+    def strongest_mean(self, radius: float) -> float:
+        """Largest mean stress (Pa) over a disc, by theory."""
+        r = radius / self.height
+        return strongest_mean(lambda d, angle: self.theory.stress(r * d * np.cos(angle), r * d * np.sin(angle)), 40)
+
+    @property
+    def intensity(self) -> float:
+        """Stress intensity factor (Pa m1/2), by theory."""
+        return self.theory.intensity * math.sqrt(self.height)
+
+
+def handbook(part: float) -> float:
+    """``K / (sigma sqrt(pi a))`` of a single edge notch in pure bending (Tada, Paris and Irwin 2000), to half a percent."""
+    return 1.122 - 1.40 * part + 7.33 * part**2 - 13.08 * part**3 + 14.0 * part**4
+
+
+@pytest.mark.parametrize("part", [0.25, 1.0 / 3.0, 0.5])
+def test_the_theory_of_the_notched_beam_is_that_of_the_handbook(agrees, part) -> None:
+    got = NotchedBeam(part, 1.25, 1.0, -1.0).intensity
+    agrees(f"theory of a notch of {part:.2f} of the height", math.sqrt(math.pi * part) * handbook(part), got, rel=0.01)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("turn", [0.0, 15.0, 30.0, 45.0])
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_a_notched_beam_breaks_at_the_load_of_theory(agrees, spacing, packing, turn) -> None:
+    """Bending; the disc of 5 km is not small against the notch, so theory is the mean of the whole field over the disc."""
+    beam, distance = LatticeBeam(spacing, packing, turn), 10.6e3
+    radius, scale = disc_of_lattice(distance, spacing)
+    asked = beam.strongest_mean(radius)
+    got = scale * STRENGTH * beam.overload(distance)
+    agrees(f"notched beam, {spacing:g} m, {packing}, turned {turn:g} (Pa)", asked, got, rel=0.10)
+
+
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("turn", [0.0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (15.0, 30.0, 45.0))])
-@pytest.mark.parametrize("spacing", [1e3, pytest.param(500.0, marks=pytest.mark.slow)])
-def test_a_notched_beam_breaks_at_the_load_of_theory(agrees, spacing, packing, turn) -> None:
-    """Bending, with a notch of a third of the height; the lattice is coarse for the toughness, which holds all the same."""
-    height, notch, stress = 48e3, 16e3, 1e4
-    part = notch / height
-    # Tada, Paris and Irwin (2000), The Stress Analysis of Cracks Handbook: single edge notch, pure bending.
-    shape = 1.122 - 1.40 * part + 7.33 * part**2 - 13.08 * part**3 + 14.0 * part**4
-    asked = stress * math.sqrt(math.pi * notch) * shape
-    sheet, distance = Sheet(spacing, packing, turn, 120e3, height), 100.0
-    alive = sheet.without(-height, notch - 0.5 * height, upright=True)
-    ratio = sheet.overload(sheet.traction(bending(stress, height)), alive, distance)
-    got = ratio * critical_toughness(distance, STRENGTH)
-    agrees(f"notched beam, {spacing:g} m, {packing}, turned {turn:g}", asked, got, rel=0.10)
+@pytest.mark.parametrize(
+    "spacing", [1e3, *(pytest.param(spacing, marks=pytest.mark.slow) for spacing in (500.0, 250.0))]
+)
+def test_a_notched_beam_breaks_at_the_toughness_of_its_ice(agrees, spacing, packing, turn) -> None:
+    """The lattice is coarse for the toughness, whose distance is 100 m, and holds it all the same.
+
+    As long as the disc, of 1.75 spacings then, is small against the notch: the field of the tip must fill it.
+    """
+    beam, distance = LatticeBeam(spacing, packing, turn), 100.0
+    got = critical_toughness(distance, STRENGTH) * beam.overload(distance)
+    agrees(
+        f"notched beam, toughness, {spacing:g} m, {packing}, turned {turn:g} (Pa m1/2)", beam.intensity, got, rel=0.10
+    )
 
 
 @pytest.mark.parametrize("wrong", [{"criterion": "averaged"}, {"criterion": "toughness"}])
