@@ -1,11 +1,10 @@
 """A68a and small bergs in a channel of the ocean model Veros: they drift and melt, and their fresh water drifts with them.
 
     python docs/examples/veros_channel.py               3 days: figures on the screen, the fresh pool in veros-channel.png
-    python docs/examples/veros_channel.py --days 1
+    python docs/examples/veros_channel.py --days 30
 
 Needs `pip install riftberg[veros]`, and no data: front, wind and floor are formulas. The channel is a piece of the Southern
-Ocean, 30 degrees long and joined at its ends, without any source of heat or water but the bergs. Its current becomes
-unsteady after some four days, with and without bergs: it is an example of coupling, not of the ocean.
+Ocean, 30 degrees long and joined at its ends, without any source of heat or water but the bergs.
 """
 
 from __future__ import annotations
