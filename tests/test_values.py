@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from pydantic import BaseModel
 
 import riftberg
 from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, Steady
@@ -392,3 +393,27 @@ def test_more_of_the_wrong_kind_is_refused_in_words(tmp_path: Path) -> None:
     ):
         with pytest.raises(BergError, match="placement: no place"):
             make()
+
+
+def _whole_numbers() -> list[tuple[str, str]]:
+    groups = ((name, field.annotation) for name, field in Parameters.model_fields.items())
+    return [
+        (name, key)
+        for name, group in groups
+        if isinstance(group, type) and issubclass(group, BaseModel)
+        for key, field in group.model_fields.items()
+        if field.annotation in (int, int | None)
+    ]
+
+
+@pytest.mark.parametrize(("group", "key"), _whole_numbers())
+def test_whole_numbers_beyond_any_array_are_refused(group: str, key: str) -> None:
+    """``contact.max_iterations = 1e30`` ended in a TypingError of numba; 1e30 parts of a landing would never have ended."""
+    with pytest.raises(InputError, match=rf"{group}\.{key}"):
+        Parameters(**{group: {key: 10**30}})
+
+
+def test_all_whole_numbers_are_tried() -> None:
+    assert {("contact", "max_iterations"), ("stepping", "landing_steps"), ("footloose", "seed")} <= set(
+        _whole_numbers()
+    )

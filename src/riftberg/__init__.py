@@ -22,7 +22,7 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
-    from riftberg.ensembles.result import open_sweep
+    from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
@@ -46,6 +46,7 @@ _HOMES = {
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.ready_made",
     "open_run": "riftberg.runs.run_file",
+    "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
     "sweep": "riftberg.ensembles.sweep",
     "draw_map": "riftberg.viz.map",
@@ -66,6 +67,7 @@ __all__ = [
     "__version__",
     "draw_map",
     "draw_sweep",
+    "open_cells",
     "open_run",
     "open_sweep",
     "sweep",

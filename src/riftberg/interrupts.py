@@ -9,6 +9,7 @@ Python gives signals to the main thread only, so in other threads there is nothi
 
 from __future__ import annotations
 
+import _thread
 import signal
 import sys
 import threading
@@ -19,6 +20,9 @@ from typing import Any, Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 """Ctrl-C, and what batch systems send before they kill."""
+
+AGAIN: Final = 1.0
+"""Seconds after which a Ctrl-C that a library has lost comes again."""
 
 
 class Hold:
@@ -39,7 +43,7 @@ class Hold:
         """Take over the signals; a program that ignores them, or handles them itself, goes on doing so."""
         for number in SIGNALS:
             handler = signal.getsignal(number)
-            if handler in (signal.SIG_DFL, signal.default_int_handler):
+            if handler in (signal.SIG_DFL, signal.default_int_handler) or _insisting(handler):
                 self._before[number] = handler
                 signal.signal(number, self._note)
 
@@ -75,6 +79,73 @@ class Hold:
         if self._then is not None:
             self._then()
         say("Stopping after this step; press Ctrl-C again to stop at once.")
+
+
+class _Insistence:
+    """A Ctrl-C that comes again every second until the block that it is to end has ended."""
+
+    def __init__(self) -> None:
+        self.came = False
+        self._over = False
+        self._ended = threading.Event()
+        self._sending = threading.Lock()
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        if self._over:
+            return
+        if not self.came:
+            self.came = True
+            threading.Thread(target=self._again, daemon=True).start()
+        raise KeyboardInterrupt
+
+    def _again(self) -> None:
+        while not self._ended.wait(AGAIN):
+            with self._sending:
+                if not self._over:
+                    _thread.interrupt_main(signal.SIGINT)
+
+    def end(self) -> None:
+        """Send no more; what is on its way is not heard."""
+        self._over = True
+        self._ended.set()
+        with self._sending:
+            pass
+
+
+def _insisting(handler: Any) -> bool:
+    return isinstance(getattr(handler, "__self__", None), _Insistence)
+
+
+@contextmanager
+def insisting() -> Iterator[None]:
+    """Let one Ctrl-C end this block, also where a library loses it.
+
+    The compiled parts of netCDF4 throw about one in a hundred away, and those of matplotlib make errors of their own of
+    them ("Invalid bounding box"). So the interrupt comes again until the block has ended, and any error that follows it
+    counts as the interrupt.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After Ctrl-C.
+    """
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield
+        return
+    insistence = _Insistence()
+    signal.signal(signal.SIGINT, insistence.handle)
+    try:
+        yield
+    except Exception as error:
+        if insistence.came:
+            raise KeyboardInterrupt from error
+        raise
+    finally:
+        insistence.end()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def say(text: str) -> None:

@@ -261,12 +261,15 @@ class BareModel(RunState):
         ------
         RunError
             If the contact iteration does not settle, or a position is no longer a number.
+        ForcingError
+            Before the first step, where the forcing does not serve the berg.
         """
         with held():
             self._step()
 
     def _step(self) -> None:
         if self.step_number == 0 and not self._visited:
+            self._check_forcing(1)
             self._first_visit()
         self._follow_changes()
         before = (
@@ -347,6 +350,12 @@ class BareModel(RunState):
             count_bonds(self.elements, self.bonds)
             self.fragments.update(self.elements, self.bonds, self.time, self.constants)
 
+    def _check_forcing(self, steps: int) -> None:
+        """Raise `ForcingError` unless the forcing serves the berg for some steps from now."""
+        if self.forcing.grid is not None and self.step_number == 0:
+            self.forcing.grid.locate(self.elements)
+        self.forcing.check(self.elements, self.time, self.time + steps * self.parameters.stepping.time_step)
+
     def _first_visit(self) -> None:
         """Place the elements on the grid, number the bergs and take the first environment."""
         if self.forcing.grid is not None:
@@ -367,10 +376,7 @@ class BareModel(RunState):
         count = self._number_of_steps(days, steps)
         check_recorders(recorders)
         check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
-        dt = self.parameters.stepping.time_step
-        if self.forcing.grid is not None and self.step_number == 0:
-            self.forcing.grid.locate(self.elements)
-        self.forcing.check(self.elements, self.time, self.time + count * dt)
+        self._check_forcing(count)
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()

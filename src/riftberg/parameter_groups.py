@@ -182,7 +182,9 @@ class Contact(Group):
     tolerance: float = quantity(
         1e-4, "1", "tolerance of that iteration", "equations 6.4, KID's convergence_tolerance", gt=0
     )
-    max_iterations: int = quantity(10_000, "1", "the run stops with an error beyond this many", "Riftberg", ge=1)
+    max_iterations: int = quantity(
+        10_000, "1", "the run stops with an error beyond this many", "Riftberg", ge=1, le=10**9
+    )
 
 
 class BondParameters(Group):
@@ -277,7 +279,12 @@ class Stepping(Group):
     scheme: Scheme = quantity("mts", "", "mts, verlet, runge_kutta or quasi_static", "equations 6; Riftberg")
     time_step: float = quantity(1800.0, "s", "long step", "equations 10.5", gt=0)
     substeps: int | None = quantity(
-        None, "1", "sub-steps in a long step; none means the stable number", "equations 6.4, KID's mts_sub_steps", ge=1
+        None,
+        "1",
+        "sub-steps in a long step; none means the stable number",
+        "equations 6.4, KID's mts_sub_steps",
+        ge=1,
+        le=10**12,
     )
     safety: float = quantity(
         0.8,
@@ -297,6 +304,7 @@ class Stepping(Group):
         "with quasi_static: parts of a long step in which an element touches down on the sea floor or comes off it",
         "Riftberg",
         ge=1,
+        le=10_000,
     )
     skip_first_long_force: bool = quantity(
         False, "", "the first long step has no long-step forces", "equations 6.4, KID's skip_first_outer_mts_step"
@@ -435,7 +443,7 @@ class Footloose(Group):
     berg_mass: float = quantity(
         1e12, "kg", "mass of bits from which a berg is made", "files 2.3 new_berg_from_fl_bits_mass_thres", gt=0
     )
-    seed: int = quantity(0, "1", "of the random places on the rim", "Riftberg", ge=0)
+    seed: int = quantity(0, "1", "of the random places on the rim", "Riftberg", ge=0, le=2**63 - 1)
 
 
 class ClassTable(Group):

@@ -17,7 +17,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
-from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_sweep, sweep
+from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
@@ -239,6 +239,101 @@ def test_a_lost_worker_costs_time_and_nothing_else(alone: xr.Dataset, tmp_path: 
     result = sweep(dying, vary, days="6 h", every_hours=1, workers=2, output=tmp_path / "out")
     assert (tmp_path / "died").exists()
     assert same(result, alone)
+
+
+def melting(west: float, folder: str = "") -> Model:
+    """Return one of two parts of a population, whose process is killed once where a folder is named."""
+    small = Iceberg.from_points(
+        west + np.array([0.1, 0.9, 1.3]), [-56.1, -55.6, -56.2], thickness=120.0, radius=300.0, pieces=[0, 1, 2]
+    )
+    parameters = Parameters(melt={"enabled": True, "temperature": 3.0, "salinity": 34.0})
+    model = Model(small, Steady(current=(0.2, 0.1), wind=(8.0, 0.0)), parameters, start="2020-12-31 18:00")
+    if folder and west == WESTS[1]:
+        model.after_step.append(_killer(Path(folder)))
+    return model
+
+
+def _killer(folder: Path) -> Any:
+    def die(now: Any) -> None:
+        if now.step_number == 9 and not (folder / "died").exists():
+            (folder / "died").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return die
+
+
+WESTS = [-40.0, -38.5]
+
+
+@pytest.fixture(scope="module")
+def on_cells(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """Fresh water of the parts of a population, computed in this process."""
+    folder = tmp_path_factory.mktemp("parts")
+    sweep(melting, {"west": WESTS, "folder": [""]}, days="12 h", workers=0, output=folder, cells=0.5)
+    return open_cells(folder)
+
+
+def test_parts_of_a_population_sum_up_to_the_whole(on_cells: xr.Dataset, tmp_path: Path) -> None:
+    """The fresh water of each part, over its cells, is that of its bergs, by month and process."""
+    assert on_cells.sizes["member"] == 2
+    assert on_cells.sizes["time"] == 2  # December and January
+    total = (on_cells["ficeberg_process"] * on_cells["areacello"]).sum(["lat", "lon", "process"])
+    seconds = (on_cells["time_bnds"][:, 1] - on_cells["time_bnds"][:, 0]) / np.timedelta64(1, "s")
+    for k, west in enumerate(WESTS):
+        model = melting(west)
+        before = model.elements.mass.sum()
+        model.advance("12 h")
+        given = float((total.isel(member=k) * seconds).sum())
+        np.testing.assert_allclose(given, before - model.elements.mass.sum(), rtol=1e-9)
+    whole = on_cells.sum("member")
+    np.testing.assert_allclose(
+        (whole["ficeberg"] * on_cells["areacello"]).sum(),
+        float((on_cells["ficeberg"] * on_cells["areacello"]).sum()),
+        rtol=1e-12,
+    )
+
+
+def test_a_lost_part_of_a_population_is_done_again_with_the_same_fresh_water(
+    on_cells: xr.Dataset, tmp_path: Path
+) -> None:
+    """Two workers, of which one is killed in the middle of a part."""
+    (tmp_path / "out").mkdir()
+    result = sweep(
+        melting, {"west": WESTS, "folder": [str(tmp_path)]}, days="12 h", workers=2, output=tmp_path / "out", cells=0.5
+    )
+    assert (tmp_path / "died").exists()
+    assert result["status"].values.tolist() == [0, 0]
+    xr.testing.assert_identical(open_cells(tmp_path / "out"), on_cells)
+
+
+def test_cells_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+    for cells, output, words in (
+        (0.5, None, "need a folder"),
+        (0.0, tmp_path, "0.01 to 10"),
+        ("wide", tmp_path, "cells"),
+    ):
+        with pytest.raises(InputError, match=words):
+            sweep(melting, {"west": WESTS}, days="1 h", every_hours=1, workers=0, output=output, cells=cells)
+    with pytest.raises(InputError, match="holds no monthly files"):
+        open_cells(tmp_path)
+
+
+def test_a_failed_part_leaves_no_cells(tmp_path: Path) -> None:
+    result = sweep(broken_off, {"west": WESTS}, days="3 h", every_hours=1, workers=0, output=tmp_path, cells=0.5)
+    assert result["status"].values.tolist() == [0, 1]
+    assert {path.name[:5] for path in (tmp_path / "cells").iterdir()} == {"00000"}
+
+
+def broken_off(west: float) -> Model:
+    """Return a part of a population that fails in its third step, the second one."""
+    model = melting(west)
+
+    def fail(now: Any) -> None:
+        if now.step_number == 3 and west == WESTS[1]:
+            raise RunError("this part cannot be")
+
+    model.after_step.append(fail)
+    return model
 
 
 def test_members_run_on_the_workers_of_a_scheduler(alone: xr.Dataset) -> None:

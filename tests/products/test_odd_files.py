@@ -16,11 +16,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from riftberg import Forcing, Iceberg, Model
 from riftberg.errors import ForcingError
 from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products.doctor import doctor
+from riftberg.products.registry import in_memory, open_all
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)
@@ -743,3 +745,153 @@ def test_a_record_without_any_value_is_no_calm_sea_in_python() -> None:
     ds["uo"][1] = np.nan
     with pytest.raises(ForcingError, match="uo has no value at 2020-12-16T12:00"):
         DatasetForcing.from_xarray(ds, START).check(elements(), 0.0, 86400.0)
+
+
+def _counted(ds: xr.Dataset, kind: str) -> xr.Dataset:
+    """Dates as numbers like 20201216.75."""
+    days = ds["time"].values.astype("datetime64[D]")
+    part = (ds["time"].values - days) / np.timedelta64(1, "D")
+    numbers = np.array([float(str(day).replace("-", "")) for day in days]) + part
+    return ds.drop_vars("time").assign_coords(time=("time", numbers.astype(kind), {"units": "day as %Y%m%d.%f"}))
+
+
+def test_parts_of_days_in_numbers_that_read_as_dates(tmp_path: Path) -> None:
+    """The day of 20201216.75 was rounded to the 17th before its three quarters were added: wrong by a day, and no word."""
+    ds = plain()
+    ds = ds.assign_coords(time=ds["time"].values + np.timedelta64(6, "h"))
+    with xr.open_dataset(written(tmp_path, _counted(ds, "f8"))) as file:
+        forcing = Forcing.from_xarray(file.load())
+    np.testing.assert_array_equal(forcing.parts[0].records.ds["time"].values, ds["time"].values)
+    arrives(written(tmp_path, _counted(ds, "f8")))
+
+
+def test_dates_counted_in_single_precision_are_refused(tmp_path: Path) -> None:
+    """In 32 bits 20201216 and 20201217 are one number: such dates were taken, wrong by a day."""
+    refused(written(tmp_path, _counted(plain(), "f4")), "time")
+
+
+def test_a_latitude_that_stands_twice_is_told_as_such(tmp_path: Path) -> None:
+    """The remedy was to sort, which does not help."""
+    ds = plain()
+    lat = ds["lat"].values.copy()
+    lat[4] = lat[3]
+    refused(
+        written(tmp_path, ds.assign_coords(lat=("lat", lat, {"units": "degrees_north"}))),
+        f"lat has {lat[3]:g} twice", remedy="ds.drop_duplicates('lat')",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_layer_that_begins_at_the_surface_by_its_bounds_is_taken(tmp_path: Path, levels: int) -> None:
+    """A mean from 0 to 100 m has its middle at 50 m, and was refused: nothing was known above."""
+    ds = plain()
+    for name in ("uo", "vo"):
+        told = ds[name].attrs
+        ds[name] = ds[name].expand_dims({"layer": levels}, axis=1).assign_attrs(told)
+    depth = np.array([50.0, 1050.0])[:levels]
+    ds = ds.assign_coords(layer=("layer", depth, {"units": "m", "positive": "down", "bounds": "edges"}))
+    ds["edges"] = (("layer", "two"), np.array([[0.0, 100.0], [100.0, 2000.0]])[:levels])
+    arrives(written(tmp_path, ds))
+    ds["edges"] = ds["edges"] + 40.0
+    refused(written(tmp_path, ds), "begins at")
+
+
+def _with_calendar(ds: xr.Dataset, calendar: str) -> xr.Dataset:
+    return ds.assign_coords(time=xr.date_range("2020-12-16", periods=4, freq="12h", calendar=calendar, use_cftime=True))
+
+
+DATES = {
+    "text": lambda ds: ds.assign_coords(time=("time", texts(ds, "iso"))),
+    "numbers": lambda ds: _counted(ds, "f8"),
+    "no leap years": lambda ds: _with_calendar(ds, "noleap"),
+    "issued earlier": lambda ds: ds.assign_coords(forecast_reference_time=np.datetime64("2020-12-14", "ns")),
+    "bounds": lambda ds: ds.assign(
+        edges=(("time", "two"), ds["time"].values[:, None] + np.array([-3, 3]) * np.timedelta64(1, "h"))
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", DATES)
+def test_time_0_is_by_default_the_first_date_however_dates_are_written(tmp_path: Path, kind: str) -> None:
+    """It was the least of whichever variable of dates came first: bounds, or the day on which a forecast was issued."""
+    with xr.open_dataset(written(tmp_path, DATES[kind](plain()))) as ds:
+        for forcing in (Forcing.from_xarray(ds.load()), DatasetForcing.from_xarray(ds)):
+            assert forcing.start == datetime(2020, 12, 16)
+
+
+def test_data_without_currents_are_refused_unless_a_formula_gives_them() -> None:
+    """In Python a berg stood still in the wind alone, without a word."""
+    wind = DatasetForcing.from_xarray(plain(names=("ua", "va")), START)
+    with pytest.raises(ForcingError, match="nothing gives currents, only ua"):
+        wind.check(elements(), 0.0, 8640.0)
+    both = wind + Forcing.uniform(current=(0.3, 0.0))
+    both.check(elements(), 0.0, 8640.0)
+    assert both.currents(np.array([CENTRE]), np.array([-55.5]), 0.0)[0].tolist() == [0.3]
+
+
+@pytest.mark.parametrize("how", ["step", "advance"])
+def test_a_single_step_is_checked_as_a_run_is(how: str) -> None:
+    """``model.step()`` took currents of 0 on land, and dates beyond the data."""
+    ds = plain()
+    ds["uo"] = ds["uo"].where(ds["lon"] > CENTRE)
+    berg = Iceberg.rectangle(9e3, 9e3, thickness=200.0, placement=(CENTRE - 2.0, -55.5))
+    model = Model(berg, DatasetForcing.from_xarray(ds, START))
+    with pytest.raises(ForcingError, match="is on land"):
+        model.step() if how == "step" else model.advance(steps=1)
+
+
+HEIGHTS = {
+    "elevation": {"units": "m"},
+    "topo": {"units": "m", "standard_name": "height_above_mean_sea_level"},
+    "ground": {"units": "km", "standard_name": "surface_altitude"},
+    "deptho": {"units": "m", "standard_name": "sea_floor_depth_below_geoid", "positive": "up"},
+}
+
+
+@pytest.mark.parametrize("name", HEIGHTS)
+def test_heights_of_the_sea_floor_become_depths(tmp_path: Path, name: str) -> None:
+    """The sea floor was left out without a word, and no berg ever grounded."""
+    ds = plain()
+    height = -ds["deptho"] / (1000.0 if HEIGHTS[name]["units"] == "km" else 1.0)
+    arrives(written(tmp_path, ds.drop_vars("deptho").assign({name: height.drop_attrs().assign_attrs(HEIGHTS[name])})))
+
+
+UNREAD = {
+    "wind": (("ua", "va"), "wspd", "wind_speed"),
+    "sea level": (("ssh",), "sla", "sea_surface_height_above_mean_sea_level"),
+    "sea floor": (("deptho",), "bed", "sea_floor_depth_below_reference_ellipsoid"),
+    "temperature": (("sst",), "thetao", "sea_water_potential_temperature"),
+}
+
+
+@pytest.mark.parametrize("family", UNREAD)
+def test_what_a_file_holds_and_nothing_reads_is_told(
+    tmp_path: Path, family: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A wind as speed and direction, or a sea level anomaly, was passed over, and the doctor said Ready."""
+    lost, name, said = UNREAD[family]
+    ds = plain()
+    ds[name] = ds[lost[0]].assign_attrs(standard_name=said, units=ds[lost[0]].attrs["units"])
+    path = written(tmp_path, ds.drop_vars(lost))
+    words = f"no {family} is taken from this file; not read: {name} ({said})"
+    assert words in " ".join(doctor([path], needed=()).text().split())
+    with xr.open_dataset(path) as file:
+        forcing = DatasetForcing.from_xarray(file.load(), START)
+    assert any(words in notice for notice in forcing.notices)
+    assert words in caplog.text
+
+
+def test_what_is_read_by_another_name_is_not_called_unread(tmp_path: Path) -> None:
+    ds = plain()
+    ds["wspd"] = ds["ua"].assign_attrs(standard_name="wind_speed")
+    ds["sst_error"] = ds["sst"].assign_attrs(standard_name="sea_surface_temperature standard_error")
+    assert "not read" not in doctor([written(tmp_path, ds)], needed=()).text()
+
+
+@pytest.mark.parametrize("file", ["GLORYS_NA_20120101.nc", "srtm15_coarsened.nc", "ERA5_NA_2012.nc"])
+def test_a_product_in_memory_gives_what_its_file_gives(shared: Path, file: str) -> None:
+    """GLORYS opened by xarray lost its temperature and salinity."""
+    path = shared / "data" / "samples" / file
+    with xr.open_dataset(path) as ds:
+        kept = {str(name) for part in in_memory([ds]) for name in part.data_vars}
+    assert kept == {str(name) for part in open_all(path) for name in part.data_vars}

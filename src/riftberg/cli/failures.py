@@ -12,6 +12,7 @@ from typing import Final, ParamSpec, TypeVar
 import typer
 
 from riftberg.errors import RiftbergError
+from riftberg.interrupts import insisting
 from riftberg.interrupts import say as say
 from riftberg.stuck import advice, when_stuck
 
@@ -39,7 +40,7 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            with when_stuck(_give_up):
+            with insisting(), when_stuck(_give_up):
                 return command(*args, **kwargs)
         except RiftbergError as error:
             say(f"Error: {error}")

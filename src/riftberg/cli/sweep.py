@@ -50,6 +50,12 @@ def sweep(
             "--every", help="Hours of model time between positions of the tracks.  [default: 6, or the length of the runs]"
         ),
     ] = None,
+    cells: Annotated[
+        float | None,
+        typer.Option(
+            "--cells", help="Write fresh water, heat and mass of each member on cells this wide (degrees), into the folder cells."
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
     ] = None,
@@ -73,13 +79,15 @@ def sweep(
         if resume is not None:
             store = _resumed(resume, experiment, vary, output)
         else:
-            store = _new(experiment, vary, output, make_options(settings, days, data, without, numerics), every)
+            options = make_options(settings, days, data, without, numerics)
+            store = _new(experiment, vary, output, options, every, cells)
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
 def _new(
-    experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None
-) -> Store:
+    experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None,
+    cells: float | None,
+) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
 
@@ -89,7 +97,7 @@ def _new(
         )
     if options.numerics == "both":
         raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    plan = planned(experiment, vary or [], options, every)
+    plan = planned(experiment, vary or [], options, every).with_cells(cells, "a folder")
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)
     return Store(folder, plan, resume=False)
@@ -113,6 +121,7 @@ def _resumed(folder: Path, experiment: str | None, vary: list[str] | None, outpu
         without=frozenset(known["without"]), numerics=known["numerics"],
     )  # fmt: skip
     plan = planned(known["experiment"], known["vary"], options, known["every"] / 3600.0)
+    plan = plan.with_cells(known.get("cells"), folder)
     return Store(folder, plan, resume=True)
 
 
@@ -130,7 +139,7 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
             say(f"{len(store.done)} of {len(store.plan.members)} members are done. "
                 f"Go on with: riftberg sweep --resume {store.folder}")  # fmt: skip
             raise
-    files = ["sweep.nc", "sweep.json"]
+    files = ["sweep.nc", "sweep.json", *(["cells/"] if store.plan.cells is not None else [])]
     if draw and (result["status"] == 0).any():
         from riftberg.viz.sweep import draw_sweep
 

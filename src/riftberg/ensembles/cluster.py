@@ -61,6 +61,8 @@ def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any
         "distributed.nanny.pre-spawn-environ": alone,
         "distributed.scheduler.allowed-failures": LOST_TIMES,
         "distributed.worker.daemon": True,
+        # Its look at every worker a hundred times a second costs a member a tenth of its time, and nobody sees the result.
+        "distributed.worker.profile.enabled": False,
         "logging.distributed": "critical",
     }
     with (

@@ -23,7 +23,7 @@ from riftberg.limits import allow_large
 from riftberg.stepping.fragments import centroid
 
 if TYPE_CHECKING:
-    from riftberg.model import BareModel
+    from riftberg.model import BareModel, Recorder
     from riftberg.runs.model import Model
 
 Maker = Callable[..., "Model"]
@@ -34,6 +34,9 @@ STOP: Final = "stop"
 
 LOOK_SECONDS: Final = 0.5
 """Wall time between two looks for that file."""
+
+CELLS: Final = "cells"
+"""Folder of fresh water, heat and mass on cells, beside that of the members."""
 
 _REMEMBERED: Final = "sweep_track"
 _TOLERANCE: Final = 1e-6  # s
@@ -63,6 +66,8 @@ class Job:
         Wall time between two saved states, s.
     large : bool
         Runs beyond the limits are allowed.
+    cells : float or None
+        Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `cells_folder`.
     """
 
     number: int
@@ -74,6 +79,12 @@ class Job:
     folder: Path
     save_seconds: float = 60.0
     large: bool = False
+    cells: float | None = None
+
+    @property
+    def cells_path(self) -> Path:
+        """Begin of the names of the member's files on cells."""
+        return self.folder.parent / CELLS / f"{self.number:05d}"
 
     @property
     def state_file(self) -> Path:
@@ -160,9 +171,11 @@ def run_member(job: Job) -> Outcome:
             job.state_file.unlink(missing_ok=True)
             outcome = outcome_of(job.number, model, track)
     except StoppedError:
+        _forget_cells(job)
         return Outcome(job.number, "stopped")
     except Exception as error:  # a failed member is a result too: the others go on
         outcome = Outcome(job.number, "failed", _sentence(error))
+        _forget_cells(job)
     outcome.wall_seconds = clock.perf_counter() - began
     return outcome
 
@@ -191,10 +204,26 @@ def _begun(job: Job) -> Model:
 def _advance(model: Model, days: float, track: Tracks, job: Job) -> None:
     keeper = Keeper(job, track)
     try:
-        model.advance(days, recorders=[track, keeper])
+        model.advance(days, recorders=[track, *_on_cells(job), keeper])
     except (StoppedError, KeyboardInterrupt, SystemExit):
         keeper.save(model)
         raise
+
+
+def _on_cells(job: Job) -> list[Recorder]:
+    """Return the recorder of fresh water, heat and mass on cells, if they are asked for."""
+    if job.cells is None:
+        return []
+    from riftberg.coupling.gridded import GridRecorder
+
+    job.cells_path.parent.mkdir(exist_ok=True)
+    return [GridRecorder(job.cells_path, job.cells)]
+
+
+def _forget_cells(job: Job) -> None:
+    """Remove the files on cells of a member that did not come to its end."""
+    for file in job.cells_path.parent.glob(f"{job.cells_path.name}-*.nc") if job.cells is not None else ():
+        file.unlink(missing_ok=True)
 
 
 class Tracks:
@@ -263,7 +292,8 @@ class Keeper:
     def save(self, model: BareModel) -> None:
         """Save state and track, where the folder of the sweep can be reached."""
         self._saved = clock.monotonic()
-        if self.job.folder.is_dir() and hasattr(model, "save"):
+        # The months on cells are written at the end, so that a member with them begins anew.
+        if self.job.folder.is_dir() and hasattr(model, "save") and self.job.cells is None:
             model.remembered[_REMEMBERED] = np.array(self.track.rows, dtype=np.float64)
             model.save(self.job.state_file)
             del model.remembered[_REMEMBERED]

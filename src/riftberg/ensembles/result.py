@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg.ensembles.member import FRAGMENT, Outcome
+from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, is_folder, reading
@@ -255,4 +255,58 @@ def open_sweep(path: str | Path) -> xr.Dataset:
             ds.close()
     if "member" not in ds.dims or "status" not in ds:
         raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
+    return ds
+
+
+def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
+    """Open what the members of a sweep wrote on cells (``cells``).
+
+    Parameters
+    ----------
+    path : path
+        The folder of the sweep.
+    kind : {"monthly", "instantaneous"}, optional
+        Which of the files of each member.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory, with dimensions ``member``, ``time``, ``lat``, ``lon`` (and ``process``) on all cells that any member has; 0
+        where a member has no bergs. Where the members are parts of one population, ``.sum("member")`` is the whole.
+
+    Raises
+    ------
+    InputError
+        If the folder holds none.
+    """
+    required(path, (str, Path), "the folder of a sweep", where="open_cells")
+    if kind not in ("monthly", "instantaneous"):
+        raise InputError(f"{kind!r}", where="open_cells, kind", remedy="Give monthly or instantaneous")
+    files = sorted((Path(path) / CELLS).glob(f"*-{kind}.nc"))
+    if not files:
+        raise InputError(
+            f"holds no {kind} files of members on cells", where=str(path), remedy="Sweep with --cells, or cells=0.25"
+        )
+    members = [_on_axes(file) for file in files]
+    shared = xr.merge(
+        [xr.Dataset({"areacello": ds["areacello"].isel(lon=0, drop=True), "time_bnds": ds["time_bnds"]}) for ds in members],
+        join="outer", compat="no_conflicts",
+    )  # fmt: skip
+    fields = xr.align(*(ds.drop_vars(["areacello", "time_bnds"]) for ds in members), join="outer", fill_value=0.0)
+    whole: xr.Dataset = xr.concat(fields, dim="member")
+    numbers = [int(file.name[:5]) for file in files]
+    return whole.assign_coords(member=numbers, areacello=shared["areacello"], time_bnds=shared["time_bnds"])
+
+
+def _on_axes(file: Path) -> xr.Dataset:
+    """Return a file of one member with its cells, which are regular, on axes."""
+    with reading(file, "not readable as NetCDF", "Do the member again"):
+        ds: xr.Dataset = open_lazily(file).load()
+        ds.close()
+    lon, lat = ds["lon"].isel(j=0, drop=True), ds["lat"].isel(i=0, drop=True)
+    area = ds["areacello"]
+    ds = ds.drop_vars(["lon", "lat", "areacello"]).assign(areacello=area.drop_vars(["lon", "lat"]))
+    ds = ds.rename(i="lon", j="lat").assign_coords(
+        lon=("lon", lon.values, lon.attrs), lat=("lat", lat.values, lat.attrs)
+    )
     return ds

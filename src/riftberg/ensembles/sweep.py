@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
@@ -70,8 +70,12 @@ class SweepOptions(WorkerOptions, total=False):
         Parameters by group and name.
     without, data, numerics
         As for ``riftberg run``.
+    cells : float
+        Write fresh water, heat and mass of each member on cells this wide (degrees), as ``riftberg run --cells``, into the
+        folder ``cells`` of ``output``. A member that is stopped or lost begins anew then.
     """
 
+    cells: float | None
     changes: Mapping[str, Mapping[str, Any]] | None
     without: Iterable[str]
     data: str | Path | None
@@ -110,7 +114,7 @@ def sweep(
     progress : bool, optional
         Show how many members are done.
     **options
-        What is the same for all members (changes, without, data, numerics), and where they run (scheduler, workers,
+        What is the same for all members (changes, without, data, numerics, cells), and where they run (scheduler, workers,
         save_seconds): `SweepOptions`.
 
     Returns
@@ -138,7 +142,7 @@ def sweep(
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
-    plan = planned(experiment, vary, _common(days, options), every)
+    plan = planned(experiment, vary, _common(days, options), every).with_cells(options.get("cells"), output)
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)
@@ -172,6 +176,8 @@ class Plan:
         Of the first member, at its start.
     days, every : float
         Length of the runs, days, and interval of the tracks, s.
+    cells : float or None
+        Width (degrees) of the cells on which each member writes.
     """
 
     experiment: str | Maker
@@ -181,6 +187,20 @@ class Plan:
     first: Model
     days: float
     every: float
+    cells: float | None = None
+
+    def with_cells(self, width: float | None, output: object) -> Plan:
+        """Return the plan with output on cells; refuses what cannot be written."""
+        if width is None:
+            return self
+        width = number(width, "degree", where="cells")
+        if not 0.01 <= width <= 10.0:
+            raise InputError(f"cells of {width:g} degrees", where="cells", remedy="Give 0.01 to 10 degrees")
+        if output is None:
+            raise InputError("files on cells need a folder", where="cells", remedy="Give output")
+        if not self.first.parameters.earth.latlon:
+            raise InputError("the runs are in metres, cells in degrees", where="cells", remedy="Leave cells out")
+        return replace(self, cells=width)
 
     @property
     def named(self) -> str:
@@ -200,6 +220,7 @@ class Plan:
             "without": sorted(o.without),
             "data": None if o.data is None else str(o.data),
             "numerics": o.numerics,
+            "cells": self.cells,
             "vary": {v.name: list(v.values) for v in self.varied},
         }
 
@@ -207,7 +228,7 @@ class Plan:
         """Return what a worker must know of a member."""
         return Job(
             number, self.members[number], self.experiment, self.options, self.days, self.every, folder, save_seconds,
-            large_allowed(),
+            large_allowed(), self.cells,
         )  # fmt: skip
 
 
@@ -251,8 +272,6 @@ def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_h
 
 
 def _first_options(options: Options, values: Mapping[str, Any]) -> Options:
-    from dataclasses import replace
-
     merged = {group: dict(inner) for group, inner in options.changes.items()}
     for group, inner in grouped(values).items():
         merged[group] = {**merged.get(group, {}), **inner}

@@ -5,6 +5,7 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime
 from pathlib import PurePath
@@ -29,10 +30,12 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.ocean.shown import ShownForcing
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
-from riftberg.products.records import check_pairs, in_python
+from riftberg.products.records import check_pairs, in_python, named
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 from riftberg.values import given, moment, number, required
+
+_LOG = logging.getLogger(__name__)
 
 FILLS: Final = {
     "uo": ("uo", "vo", "vorticity"),
@@ -156,7 +159,7 @@ class DatasetForcing(ShownForcing):
     def from_xarray(
         cls,
         datasets: xr.Dataset | Sequence[xr.Dataset],
-        start: datetime | date | str | np.datetime64,
+        start: datetime | date | str | np.datetime64 | None = None,
         *,
         max_gap: Any = None,
         hold: Any = None,
@@ -169,8 +172,9 @@ class DatasetForcing(ShownForcing):
         datasets : xarray.Dataset or sequence of them
             Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
             its own grid and at its own times.
-        start : date
-            Date of the model's time 0 (UTC), as `riftberg.Model` takes it; give the same to `riftberg.Model`.
+        start : date, optional
+            Date of the model's time 0 (UTC), as `riftberg.Model` takes it; by default the first at which all of them have
+            records. A model with this forcing starts then.
         max_gap : float or str, optional
             Longest gap between records that is interpolated across (s, or text with a unit: ``"3 d"``), else 2.5 intervals of
             the records.
@@ -200,7 +204,7 @@ class DatasetForcing(ShownForcing):
         wanted = "an xarray.Dataset, or a list of them"
         required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
         several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
-        begin = moment(start, where="start")
+        begin = None if start is None else moment(start, where="start")
         limits = {"max_gap_seconds": (max_gap, "max_gap"), "hold_seconds": (hold, "hold")}
         rules = {
             key: number(value, "s", where=name, kind=ForcingError)
@@ -209,7 +213,14 @@ class DatasetForcing(ShownForcing):
         }
         given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several)]
         check_pairs(given)
-        forcing = cls([product_part(ds, begin) for ds in given], **options)
+        begin = begin or _first_date(given)
+        for ds in given:
+            if "unread" in ds.attrs:
+                _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
+        said = [
+            f"{named(ds)}: {ds.attrs[key]}" for ds in given for key in ("told", "unread", "doubt") if key in ds.attrs
+        ]
+        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": said, **options})
         forcing.start = begin
         return forcing
 
@@ -292,9 +303,18 @@ class DatasetForcing(ShownForcing):
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless every part serves these elements from ``start`` to ``end`` (s).
 
-        Refused are elements outside of the data or on land, keels below the levels, times that no record covers, and
-        values that cannot be.
+        Refused are data without currents, elements outside of the data or on land, keels below the levels, times that no
+        record covers, and values that cannot be.
         """
+        if self._serving("uo") is None:
+            raise ForcingError(
+                f"nothing gives currents, only {', '.join(part for each in self.parts for part in each.serves)}",
+                where=self.title, remedy="Add data of them, or say what they are: + Forcing.uniform(current=(0.0, 0.0))",
+            )  # fmt: skip
+        self.check_fields(elements, start, end)
+
+    def check_fields(self, elements: Elements, start: float, end: float) -> None:
+        """Raise `ForcingError` unless every part serves these elements; currents may come from elsewhere."""
         for part, places in self._placed(elements):
             part.records.check(start, end)
             for name in part.serves:
@@ -334,8 +354,8 @@ class DatasetForcing(ShownForcing):
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
         part = self._serving("uo")
-        if part is None:
-            return np.full(np.shape(lon), np.nan), np.full(np.shape(lon), np.nan)
+        if part is None:  # those of a sum come from its formulas
+            return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
         x, y = _flat(lon), _flat(lat)
         draft = np.full(x.size, min(self.draft, float(part.records.limits[-1]))) if part.records.has_levels else None
         places = part.mesh.locate(x, y)
@@ -372,6 +392,16 @@ def _nodes(part: Part, name: str, time: float) -> Floats:
     """Return a field at all points of an unstructured product (its uppermost level)."""
     moment = part.records.moment(name, time)
     return np.asarray((1.0 - moment.weight) * moment.before[0, 0] + moment.weight * moment.after[0, 0])
+
+
+def _first_date(products: Sequence[xr.Dataset]) -> datetime:
+    """Return the first date at which all canonical datasets have begun; refuses datasets without dates."""
+    first = [ds["time"].values.min() for ds in products if "time" in ds and ds["time"].size]
+    if not first:
+        raise ForcingError(
+            "no dataset has dates", where="Forcing.from_xarray", remedy="Give start, the date of the model's time 0"
+        )
+    return moment(max(first), where="start")
 
 
 def _flat(values: Floats) -> Floats:

@@ -214,7 +214,10 @@ def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ..
     """Return what the files leave out, and doubts about them, in a line each."""
     held = {str(name) for ds in datasets for name in ds.data_vars}
     notices = [
-        f"{records.named(ds)}: {ds.attrs[key]}" for ds in datasets for key in ("told", "doubt") if key in ds.attrs
+        f"{records.named(ds)}: {ds.attrs[key]}"
+        for ds in datasets
+        for key in ("told", "unread", "doubt")
+        if key in ds.attrs
     ]
     if "ssh" not in held and settings.sea_level == "files":
         notices.append(

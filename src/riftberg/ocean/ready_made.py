@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
@@ -59,7 +58,7 @@ class Forcing(formulas.Formula):
             As for `riftberg.DatasetForcing`.
         """
         products = list_of_datasets(datasets)
-        return DatasetForcing.from_xarray(products, start or first_date(products), **options)
+        return DatasetForcing.from_xarray(products, start, **options)
 
 
 def list_of_datasets(datasets: Any) -> list[xr.Dataset]:
@@ -71,17 +70,3 @@ def list_of_datasets(datasets: Any) -> list[xr.Dataset]:
             where="Forcing.from_xarray", kind=ForcingError,
         )  # fmt: skip
     return several
-
-
-def first_date(datasets: Sequence[xr.Dataset]) -> datetime:
-    """Return the first date at which all datasets have begun; refuses datasets without dates."""
-    first = []
-    for ds in datasets:
-        dates = [v.values.ravel() for v in ds.variables.values() if np.issubdtype(v.dtype, np.datetime64) and v.size]
-        first += [values.min() for values in dates[:1]]
-    if not first:
-        raise ForcingError(
-            "no dataset has dates", where="Forcing.from_xarray", remedy="Give start, the date of the model's time 0"
-        )
-    seconds = (max(first) - np.datetime64(0, "s")) / np.timedelta64(1, "s")
-    return datetime.fromtimestamp(float(seconds), tz=UTC).replace(tzinfo=None)

@@ -7,6 +7,7 @@ projected and curvilinear grids. Documentation only: each file is taken at its w
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 import xarray as xr
 
@@ -32,8 +33,14 @@ _STANDARD: dict[str, tuple[str, ...]] = {
     "wave_height": ("sea_surface_wave_significant_height",),
     "wave_period": ("sea_surface_wave_mean_period",),
     "wave_direction": ("sea_surface_wave_from_direction",),
-    "depth_below_surface": ("sea_floor_depth_below_geoid", "sea_floor_depth_below_sea_level", "sea_floor_depth"),
-}
+    "depth_below_surface": (
+        "sea_floor_depth_below_geoid", "sea_floor_depth_below_mean_sea_level", "sea_floor_depth_below_sea_level",
+        "sea_floor_depth",
+    ),
+}  # fmt: skip
+_HEIGHTS = ("height_above_mean_sea_level", "height_above_geoid", "surface_altitude", "bedrock_altitude", "altitude")
+"""Standard names of the height of the ground, which is the sea floor where it is negative."""
+
 _USUAL: dict[str, tuple[str, ...]] = {
     "uo": ("uo", "water_u", "u_eastward", "uoe", "ugo", "unod", "ssu"),
     "vo": ("vo", "water_v", "v_northward", "von", "vgo", "vnod", "ssv"),
@@ -51,7 +58,7 @@ _USUAL: dict[str, tuple[str, ...]] = {
     "wave_height": ("VHM0", "swh", "hs"),
     "wave_period": ("VTM02", "mwp"),
     "wave_direction": ("VMDR", "mwd"),
-    "depth_below_surface": ("deptho", "depth_below_surface", "bathymetry"),
+    "depth_below_surface": ("deptho", "depth_below_surface", "bathymetry", "elevation"),
 }
 
 
@@ -89,12 +96,16 @@ _WORDS_OF_SPREAD = re.compile(
 def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
     """Return the variables that may hold a quantity: by standard name (true components first), else by usual name."""
     held = [name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"]
-    for names in (_STANDARD[quantity], _ALONG_THE_GRID.get(quantity, ())):
+    heights = _HEIGHTS if quantity == "depth_below_surface" else ()
+    for names in (_STANDARD[quantity], _ALONG_THE_GRID.get(quantity, heights)):
         by_name = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
         by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)] or by_name
+        if names is _HEIGHTS:  # an axis of heights is none of the ground
+            by_name = [name for name in by_name if ds.variables[name].ndim > 1]
         if by_name:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
     usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
+    usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
 
 
@@ -114,6 +125,66 @@ def turned_away(ds: xr.Dataset) -> str:
     """Return which variables have a usual name and a standard name of something else, in words; empty if none."""
     names = [name for name in map(str, ds.variables) if name in USUAL_NAMES and not _near_enough(ds, name)]
     return "; ".join(f"{name} is {standard_name(ds.variables[name])}, which is none of these" for name in names[:4])
+
+
+def is_height(variable: xr.Variable | xr.DataArray, name: str) -> bool:
+    """Tell whether a variable is the height of the ground, positive up, rather than the depth of the sea floor."""
+    said = standard_name(variable)
+    return said in _HEIGHTS or (name == "elevation" and not said) or str(variable.attrs.get("positive", "")) == "up"
+
+
+_FAMILIES: dict[str, tuple[tuple[str, ...], re.Pattern[str]]] = {
+    "current": (("uo",), re.compile(r"sea_water_(\w+_)?(velocity|speed)|sea_water_speed|\bcurrents?\b")),
+    "sea level": (("ssh",), re.compile(r"sea_surface_(height|elevation)|sea_level|dynamic_topography")),
+    "wind": (("ua", "taux"), re.compile(r"wind|surface_(downward|upward)_\w*stress")),
+    "sea floor": (("depth_below_surface",), re.compile(r"sea_floor|bathymetr|topograph|elevation|height_above_mean_sea")),
+    "sea ice": (("ice_fraction", "ice_thickness", "ui"), re.compile(r"sea_?ice")),
+    "temperature": (("sst",), re.compile(r"sea_(water|surface)_(\w+_)?temperature")),
+    "salinity": (("sss",), re.compile(r"sea_(water|surface)_(\w+_)?salinity")),
+}  # fmt: skip
+"""What a run takes: the quantities of which one is enough, and the words that speak of it."""
+
+_ASIDE = re.compile(r"error|deviation|quality|flag|mask|number_of|_at_|status|uncertainty")
+"""Words of what stands beside a field and says nothing of its own."""
+
+
+def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> list[str]:
+    """Return in words which variables speak of something that a run takes and that nothing else in the file gives.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        Decoded file.
+    quantities : iterable of str
+        Canonical names that are read.
+    names : iterable of str
+        Variables that are read.
+    """
+    taken, read = set(quantities), set(names)
+    said: dict[str, list[str]] = {}
+    for name in map(str, ds.data_vars):
+        variable = ds.variables[name]
+        if name in read or variable.ndim < 2 or variable.dtype.kind not in "iuf":
+            continue
+        words = (standard_name(variable) or f"{name} {variable.attrs.get('long_name', '')}").lower().replace(" ", "_")
+        if not _ASIDE.search(words):
+            said.setdefault(_family(name, words, taken), []).append(_shown(variable, name))
+    said.pop("", None)
+    return [f"no {family} is taken from this file; not read: {', '.join(held[:4])}" for family, held in said.items()]
+
+
+def _family(name: str, words: str, taken: set[str]) -> str:
+    """Return what a variable speaks of, if a run takes it and nothing gives it yet."""
+    for family, (quantities, speaks) in _FAMILIES.items():
+        usual = any(name in _USUAL[quantity] for quantity in quantities)
+        if (usual or speaks.search(words)) and not taken & set(quantities):
+            return family
+    return ""
+
+
+def _shown(variable: xr.Variable, name: str) -> str:
+    said = standard_name(variable)
+    return f"{name} ({said})" if said else name
 
 
 def statistic(variable: xr.Variable | xr.DataArray, quantity: str) -> str:

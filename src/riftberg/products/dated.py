@@ -124,7 +124,8 @@ def _counted(variable: xr.DataArray) -> Any:
     values = np.atleast_1d(np.asarray(variable.values, float))
     if not values.size or not np.isfinite(values).all():
         return None
-    texts = [f"{value:.0f}" for value in values]
+    whole = np.floor(values)
+    texts = [f"{value:.0f}" for value in whole]
     if not all(
         re.fullmatch(r"(18|19|20|21)\d{2}(0[1-9]|1[0-2])([0-2]\d|3[01])([01]\d|2[0-3])?", text) for text in texts
     ):
@@ -133,9 +134,11 @@ def _counted(variable: xr.DataArray) -> Any:
         days = [np.datetime64(f"{t[:4]}-{t[4:6]}-{t[6:8]}T{t[8:10] or '00'}", "ns") for t in texts]
     except ValueError:
         return None
-    parts = values - np.floor(values)  # GrADS and OSI SAF write day as %Y%m%d.%f
-    dates = np.array(days) + (parts * 86400e9).astype("timedelta64[ns]")
-    return dates.reshape(variable.shape)
+    if variable.dtype.itemsize < 8 and variable.dtype.kind == "f" and values.max() > 2.0**24:
+        return None  # its steps are 2 days and more: 9 December cannot be told from 10 December
+    parts = values - whole  # GrADS and OSI SAF write day as %Y%m%d.%f, good to a third of a millisecond
+    dates = np.array(days) + np.round(parts * 86400.0).astype("timedelta64[s]")
+    return dates.astype("datetime64[ns]").reshape(variable.shape)
 
 
 def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:

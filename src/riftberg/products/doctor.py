@@ -192,7 +192,7 @@ def _examined(
         product=product.name,
         title=product.title,
         checked_against=product.checked(ds.data_vars),
-        notes=[*product.notes, *(str(ds.attrs[key]) for key in ("told", "doubt") if key in ds.attrs)],
+        notes=[*product.notes, *(str(ds.attrs[key]) for key in ("told", "unread", "doubt") if key in ds.attrs)],
         space=extent_text(ds),
         time=_time_cover(ds),
     )

@@ -10,7 +10,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, canonicalise
-from riftberg.products.cf import by_standard_name, statistic, turned_away
+from riftberg.products.cf import by_standard_name, is_height, statistic, turned_away, unread
 from riftberg.products.dated import dated
 from riftberg.products.levels import judged
 from riftberg.products.packing import VALID
@@ -35,7 +35,8 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     levels: dict[tuple[object, ...], bytes] = {}
     remarks_by_field: dict[tuple[object, ...], list[str]] = {}
     wkt: dict[tuple[object, ...], str] = {}
-    for quantity, name, remark in _chosen(ds, product, where):
+    chosen = list(_chosen(ds, product, where))
+    for quantity, name, remark in chosen:
         field, remarks = _canonical(ds, product, quantity, name, where)
         key = _key(field)
         depth = field["depth"].values.tobytes() if "depth" in field.dims else b""
@@ -44,12 +45,14 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         wkt[key] = str(field.attrs.pop("crs_wkt", ""))
         groups.setdefault(key, {})[quantity] = field
         remarks_by_field.setdefault(key, []).extend(filter(None, [remark, *remarks]))
-    parts = []
+    parts: list[xr.Dataset] = []
     for key, fields in groups.items():
         part = xr.Dataset(fields)
         away = turned_away(ds) if product.select is not None else ""
         told = "; ".join(dict.fromkeys([*remarks_by_field[key], *([away] if away else [])]))
         attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": told}
+        if not parts:  # what concerns the whole file is said once
+            attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
         if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
             attributes["longest_step"] = DAY_SECONDS
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
@@ -126,6 +129,8 @@ def _canonical(
         field = with_angle(ds, field, name, place, where=where)
     if LEVEL in field.dims:
         field = on_depths(ds, field, _levels(ds, name), place, where=where)
+    if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
+        field = (-field).where(field < 0.0)
     along = field.attrs.get("along")
     field = field.drop_vars([c for c in field.coords if c not in _KEPT])
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")

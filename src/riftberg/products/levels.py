@@ -72,7 +72,7 @@ def judged(
             remedy=f"Choose one entry first, in Python: ds.isel({dims[-1]}=0)",
         )  # fmt: skip
     for scalar in [c for c in levels if ds[c].ndim == 0]:
-        remarks += _judge_single(ds[scalar], name, quantity, where)
+        remarks += _judge_single(ds[scalar], _edges(ds, scalar), name, quantity, where)
         field = field.drop_vars(scalar, errors="ignore")
     if not dims:
         return field, remarks
@@ -81,9 +81,9 @@ def judged(
     if axis is None:
         return _unplaced(field, name, dim, quantity, where), remarks
     if field.sizes[dim] == 1:
-        remarks += _judge_single(ds[axis].isel({dim: 0}), name, quantity, where)
+        remarks += _judge_single(ds[axis].isel({dim: 0}), _edges(ds, axis), name, quantity, where)
         return field.isel({dim: 0}, drop=True).drop_vars(axis, errors="ignore"), remarks
-    field, more = _several(field, ds[axis], name, dim, quantity, where)
+    field, more = _several(field, ds[axis], _edges(ds, axis), name, dim, quantity, where)
     return field, remarks + more
 
 
@@ -153,7 +153,17 @@ def _level_value(axis: xr.DataArray) -> float:
     return float(value[0]) if value.dtype.kind in "iuf" else float("nan")
 
 
-def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> list[str]:
+def _edges(ds: xr.Dataset, axis: str) -> Floats | None:
+    """Return the edges of the layers that a vertical coordinate stands for, lowest and highest number of them all."""
+    stated = ds[axis].attrs.get("bounds", ds[axis].encoding.get("bounds"))
+    bounds = ds.variables.get(str(stated)) if stated else None
+    if bounds is None or bounds.dtype.kind not in "iuf" or bounds.shape != (*ds[axis].shape, 2):
+        return None
+    edges = np.abs(np.asarray(bounds.values, float))
+    return np.array([edges.min(), edges.max()]) if np.isfinite(edges).all() else None
+
+
+def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity: str, where: str) -> list[str]:
     """Refuse a field on a single level elsewhere than it is needed; return a remark where the level is worth one."""
     kind, value, units = kind_of(axis), _level_value(axis), units_of(axis)
     place = f"{axis.name} = {value:g} {units}".rstrip()
@@ -171,6 +181,9 @@ def _judge_single(axis: xr.DataArray, name: str, quantity: str, where: str) -> l
     if quantity in _WATER or quantity == "ssh":
         if kind in ("depth", "height"):
             depth = abs(value) * _metres(units)
+            if edges is not None and depth > SURFACE and edges[0] * _metres(units) <= SURFACE:
+                top, bottom = edges * _metres(units)
+                return [f"{name} is the mean from {top:.3g} to {bottom:.3g} m: taken for all depths"]
             if depth <= SURFACE:
                 return [f"{name} holds at {depth:.3g} m: taken as the surface"] if depth > 0.0 else []
             raise _too_deep(name, place, where)
@@ -215,7 +228,7 @@ def _unplaced(field: xr.DataArray, name: str, dim: str, quantity: str, where: st
 
 
 def _several(
-    field: xr.DataArray, axis: xr.DataArray, name: str, dim: str, quantity: str, where: str
+    field: xr.DataArray, axis: xr.DataArray, edges: Floats | None, name: str, dim: str, quantity: str, where: str
 ) -> tuple[xr.DataArray, list[str]]:
     """Return a field with several levels: all of a current, the one at 10 m of a wind, the uppermost of the rest."""
     kind, values = kind_of(axis), np.asarray(axis.values, float)
@@ -241,7 +254,8 @@ def _several(
             raise _too_deep(name, f"{axis.name} = {values.max():g}", where)
         return field.isel({dim: int(values.argmax())}, drop=True), [f"{name} is of the uppermost layer"]
     depth = depths(axis, where=where)
-    if float(depth.min()) > SURFACE:
+    top = float(depth.min()) if edges is None else float(edges[0]) * _metres(units_of(axis))
+    if top > SURFACE:
         raise _too_deep(name, f"{axis.name} = {depth.min():g} m", where)
     field = field.drop_vars(str(axis.name), errors="ignore").rename({dim: "depth"} if dim != "depth" else {})
     field = field.assign_coords(depth=("depth", depth, {"units": "m"})).sortby("depth")

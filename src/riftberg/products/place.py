@@ -178,9 +178,10 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
         )  # fmt: skip
     steps = np.diff(north.values)
     if steps.size and not ((steps > 0.0).all() or (steps < 0.0).all()):
-        raise ForcingError(
-            f"{lat} neither rises nor falls throughout", where=where, remedy="Sort it: ds.sortby('" + lat + "')"
-        )
+        twice = np.sort(north.values)[1:][np.diff(np.sort(north.values)) == 0.0]
+        fault = f"has {twice[0]:g} twice" if twice.size else "neither rises nor falls throughout"
+        sort = "Keep one of each: ds.drop_duplicates" if twice.size else "Sort it: ds.sortby"
+        raise ForcingError(f"{lat} {fault}", where=where, remedy=f"{sort}('{lat}')")
     bare = all(not units_of(ds[name]) and not standard_name(ds[name]) for name in (lat, lon))
     counted = all(
         any(np.array_equal(axis.values, np.arange(axis.size) + first) for first in (0, 1)) for axis in (north, east)

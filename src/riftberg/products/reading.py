@@ -245,7 +245,9 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }
     kept = {
-        key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds", "longest_step", "told", "doubt") if key in ds.attrs
+        key: ds.attrs[key]
+        for key in ("crs_wkt", "stated_seconds", "longest_step", "told", "unread", "doubt")
+        if key in ds.attrs
     }
     ds = ds.copy(deep=False)
     ds.attrs = {**attributes, **kept}

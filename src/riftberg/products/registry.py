@@ -86,9 +86,8 @@ def recognise(path: str | Path) -> Product:
         If no product matches; the message lists what the file holds.
     """
     with open_raw(str(path), chunked=False) as ds:
-        for product in PRODUCTS:
-            if _belongs(ds, product):
-                return product
+        if product := product_of(ds):
+            return product
         held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
         away = cf.turned_away(ds)
     if not held and (group := _group_with_fields(str(path))):
@@ -103,6 +102,11 @@ def recognise(path: str | Path) -> Product:
         if away
         else "Name the product (--product), or give the variables CF standard names",
     )
+
+
+def product_of(ds: xr.Dataset) -> Product | None:
+    """Return the product that an open dataset belongs to, told by its attributes, variables and dimensions."""
+    return next((product for product in PRODUCTS if _belongs(ds, product)), None)
 
 
 def _group_with_fields(path: str) -> str:
@@ -212,25 +216,25 @@ def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: b
 
 
 def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Return canonical datasets of others that are open already and follow CF, one for each grid and set of records.
+    """Return canonical datasets of others that are open already, one for each grid and set of records.
 
     Parameters
     ----------
     datasets : sequence of xarray.Dataset
-        With CF standard names, or usual names and units.
+        Of a product that is known, or with CF standard names, or usual names and units.
 
     Raises
     ------
     ForcingError
         If one holds nothing that is known, or does not say enough of it.
     """
-    product = cf.PRODUCT
     parts = [
-        part
+        _settled(part, product)
         for number, ds in enumerate(datasets, 1)
+        for product in [product_of(ds) or cf.PRODUCT]
         for part in canonical_parts(ds.copy(), product, _name_of(ds, number))
     ]
-    return together(_merged([_settled(part, product) for part in parts]))
+    return together(_merged(parts))
 
 
 def _name_of(ds: xr.Dataset, number: int) -> str:
@@ -304,8 +308,9 @@ def _merge(parts: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
-    told_text = "; ".join(dict.fromkeys(str(part.attrs["told"]) for part in parts if "told" in part.attrs))
-    ds = ds.assign_attrs(told=told_text) if told_text else ds
+    for key in ("told", "unread"):
+        if said := "; ".join(dict.fromkeys(str(part.attrs[key]) for part in parts if key in part.attrs)):
+            ds = ds.assign_attrs({key: said})
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
 
 

@@ -149,6 +149,81 @@ def _find_pairs(
     return start, partner[:total].copy()
 
 
+@kernel
+def near_pairs(
+    x: Floats, y: Floats, berg: Ints, reach: Floats, latlon: bool, radius: float, period: float
+) -> tuple[Ints, Ints]:
+    """Find the pairs of different bergs that are nearer than the sum of their own reaches; each once, in order.
+
+    Elements are searched by classes of reach, each twice as wide as the next: a few that reach far make the search for
+    the many others no dearer.
+
+    Parameters
+    ----------
+    x, y, berg, latlon, radius, period
+        See `find_pairs`.
+    reach : array of float
+        Of each element, m; above zero.
+
+    Returns
+    -------
+    first, second : array of int
+        Rows of the pairs, ``first < second``, in rising order.
+    """
+    count = x.size
+    level = np.empty(count, np.int64)
+    least = reach.min() if count else 1.0
+    for e in range(count):
+        level[e] = int(np.floor(np.log2(reach[e] / least)))
+    first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
+    total = 0
+    top = level.max() if count else -1
+    for k in range(top, -1, -1):
+        asking = np.flatnonzero(level == k)
+        if asking.size == 0:
+            continue
+        asked = np.flatnonzero(level <= k)
+        ax, ay = x[asked], y[asked]
+        width_x, width_y, columns, rows, x0, y0 = _hash_columns(
+            ax, ay, 2.0 * reach[asking].max(), latlon, radius, period
+        )
+        cell, bin_start, member = _bin(ax, ay, width_x, width_y, columns, rows, x0, y0, period)
+        for one in range(asked.size):
+            e = asked[one]
+            if level[e] != k:
+                continue
+            row, column = cell[one] // columns, cell[one] % columns
+            for r in range(max(row - 1, 0), min(row + 2, rows)):
+                for shift in range(-1, 2) if columns > 2 else range(columns):
+                    c = column + shift if columns > 2 else shift
+                    if period > 0.0:
+                        c %= columns
+                    elif c < 0 or c >= columns:
+                        continue
+                    for n in range(bin_start[r * columns + c], bin_start[r * columns + c + 1]):
+                        f = asked[member[n]]
+                        # Two of one class meet twice.
+                        if berg[e] == berg[f] or (level[f] == k and f <= e):
+                            continue
+                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
+                        far = reach[e] + reach[f]
+                        if rx * rx + ry * ry < far * far:
+                            if total == first.size:
+                                first, second = _longer(first), _longer(second)
+                            first[total], second[total] = min(e, f), max(e, f)
+                            total += 1
+    order = np.argsort(first[:total] * count + second[:total])
+    return first[:total][order], second[:total][order]
+
+
+@kernel
+def _longer(values: Ints) -> Ints:
+    """Return the values at the beginning of an array twice as long."""
+    bigger = np.empty(2 * values.size, np.int64)
+    bigger[: values.size] = values
+    return bigger
+
+
 def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[PairList, Ints]:
     """Partners of each element over unbroken bonds, in order of bond number, and the bonds themselves.
 

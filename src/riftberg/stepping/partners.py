@@ -7,14 +7,17 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, no_pairs
+from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
 from riftberg.stepping.sizes import Sizes
 
 NEWBORN_CHILD = -1.0
 """Foot of a child of footloose calving that takes no part in contact yet."""
 
-MARGIN = 1.5
-"""Times the distance that bergs can come nearer in a long step, within which pairs that may meet are looked for."""
+NEAR, MISSED = 1.5, 0.3
+"""Pairs may meet that come within so many distances of contact, or within so much of what their speed carries them."""
+
+MARGIN = 1.001
+"""Times the distance within which pairs may meet, in which they are looked for: round-off must not hide one."""
 
 
 class Neighbourhood:
@@ -58,12 +61,20 @@ class Neighbourhood:
         if not c.interactions or el.size < 2 or not (el.berg != el.berg[0]).any():
             return none, none
         u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
-        touching = max(2.0 * float(radius.max()), c.contact_distance)
-        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        near = self.find(el, MARGIN * (touching + fastest * dt), OTHER_BERG, c)
-        first = np.repeat(np.arange(el.size), np.diff(near.start))
-        once = first < near.partner
-        return will_touch(el, first[once], near.partner[once], radius, dt, c)
+        touching = np.maximum(radius, 0.5 * c.contact_distance)
+        speed = np.hypot(u - u.mean(), v - v.mean())
+        # Each as far as it can come by itself: one that is large or quick must not make all others look far.
+        reach = NEAR * touching + (1.0 + MISSED) * speed * dt
+        shown = el.shown
+        first, second = near_pairs(
+            shown.lon_pair, shown.lat_pair, el.berg, MARGIN * reach, c.latlon, c.earth_radius, c.period
+        )
+        # A child of footloose calving lies on the rim of its parent until it has drifted off.
+        newborn = el.life.fl_k == NEWBORN_CHILD
+        if newborn.any():
+            grown = ~(newborn[first] | newborn[second])
+            first, second = first[grown], second[grown]
+        return will_touch(el, first, second, radius, dt, c)
 
     def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
@@ -75,8 +86,8 @@ def will_touch(
 ) -> tuple[Ints, Ints]:
     """Return those pairs that may come into contact within ``dt`` s.
 
-    Along straight paths they come within one and a half distances of contact, or miss that by less than a third of what
-    their relative speed carries them: velocities change within the step.
+    Along straight paths they come within `NEAR` distances of contact, or miss that by less than `MISSED` of what their
+    relative speed carries them: velocities change within the step.
     """
     shown = el.shown
     metric = Metric(c.latlon, c.earth_radius, c.period)
@@ -88,7 +99,7 @@ def will_touch(
     when = np.clip(-(dx * du + dy * dv) / np.where(squared > 0.0, squared, 1.0), 0.0, dt)
     nearest = np.hypot(dx + when * du, dy + when * dv)
     touching = np.maximum(radius[first] + radius[second], c.contact_distance)
-    near = nearest < 1.5 * touching + 0.3 * np.sqrt(squared) * dt
+    near = nearest < NEAR * touching + MISSED * np.sqrt(squared) * dt
     return first[near], second[near]
 
 
