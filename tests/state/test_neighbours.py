@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs
+from riftberg.kernels import plain
+from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, _hash_columns, adjacency, find_pairs, near_pairs
 from twins import geometry
 
 RADIUS = 6_363_827.0
@@ -75,6 +76,26 @@ def test_all_pairs_are_found_on_the_sphere(seed, count, middle):
     assert listed(pairs, x, y, reach, True, 360.0) == all_pairs(x, y, berg, reach, ANY, True, 360.0)
 
 
+@pytest.mark.parametrize("start", [10.0, 178.0, 359.5, -0.5, 719.0])
+def test_of_a_circle_only_the_part_is_binned_that_the_elements_cover(start):
+    """A field of bergs 3 degrees wide was searched in bins around the whole earth; the list of pairs is the same."""
+    r = np.random.default_rng(7)
+    x, y = start + r.uniform(0.0, 3.0, 200), -58.0 + r.uniform(0.0, 1.5, 200)
+    wrapped = np.where(r.random(200) < 0.5, x, (x + 180.0) % 360.0 - 180.0)
+    open_ended, circle = (find_pairs(x, y, np.arange(200), 8e3, ANY, True, RADIUS, period) for period in (0.0, 360.0))
+    across = find_pairs(wrapped, y, np.arange(200), 8e3, ANY, True, RADIUS, 360.0)
+    assert open_ended.partner.size > 200
+    for found in (circle, across):
+        np.testing.assert_array_equal(found.start, open_ended.start)
+        np.testing.assert_array_equal(found.partner, open_ended.partner)
+    columns = [
+        plain(_hash_columns)(at, y, 8e3, True, RADIUS, p)[2] for at, p in ((x, 0.0), (x, 360.0), (wrapped, 360.0))
+    ]
+    assert max(columns) <= columns[0] + 2
+    around = plain(_hash_columns)(np.linspace(0.0, 359.9, 3600), np.full(3600, -58.0), 8e3, True, RADIUS, 360.0)
+    assert around[6]  # and bergs all around the pole meet across the ends
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_one_place_and_few_elements(count):
     """Elements in one point, which no bin can part."""
@@ -101,3 +122,27 @@ def test_positions_of_a_run_gone_wrong_do_not_lead_out_of_the_bins(period):
     found = find_pairs(x, y, np.arange(5), 5e3, ANY, True, 6.371e6, period)
     assert found.start[-1] == found.partner.size
     assert 3 in found.partner[found.start[0] : found.start[1]]
+
+
+@pytest.mark.compiled
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 60), case=st.sampled_from(["plane", "ring", "sphere", "pole"]))
+def test_pairs_with_a_reach_of_their_own_are_found_each_once_and_in_order(seed, count, case):
+    """Reaches over three orders of magnitude, so that several classes of them are searched."""
+    r = np.random.default_rng(seed)
+    latlon, period = case in ("sphere", "pole"), {"plane": 0.0, "ring": 20_000.0}.get(case, 360.0)
+    if latlon:
+        y = (-89.3 if case == "pole" else -62.0) + r.uniform(-0.3, 0.3, count)
+        x = 359.7 + r.uniform(-0.5, 0.5, count) / np.cos(np.radians(y))
+        x = np.where(r.random(count) < 0.5, x, x % 360.0)
+    else:
+        x, y = r.uniform(-3e3, 23e3, count), r.uniform(0, 15e3, count)
+    berg, reach = r.integers(0, 20, count), 10.0 ** r.uniform(1.0, 4.0, count)
+    first, second = near_pairs(x, y, berg, reach, latlon, RADIUS, period)
+    wanted = []
+    for e in range(count):
+        for c in range(e + 1, count):
+            apart = np.linalg.norm(geometry.separation((x[e], y[e]), (x[c], y[c]), latlon, RADIUS, period))
+            if berg[e] != berg[c] and apart < reach[e] + reach[c]:
+                wanted.append((e, c))
+    assert list(zip(first.tolist(), second.tolist(), strict=True)) == wanted

@@ -32,10 +32,28 @@ def no_pairs(count: int) -> PairList:
 
 
 @kernel
+def _covered(x: Floats, period: float) -> tuple[float, float]:
+    """Where the elements begin on the circle, and how much of it they cover: the whole, or from one of two cuts less."""
+    low, low_across = np.inf, np.inf
+    high, high_across = -np.inf, -np.inf
+    for at in x:
+        along = at - period * np.floor(at / period)
+        across = along - period if along >= 0.5 * period else along
+        low, high = min(low, along), max(high, along)
+        low_across, high_across = min(low_across, across), max(high_across, across)
+    if high_across - low_across < high - low:
+        return low_across, high_across - low_across
+    return low, high - low
+
+
+@kernel
 def _hash_columns(
     x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float
-) -> tuple[float, float, int, int, float, float]:
-    """Width of a column and a row in units of x and y, their numbers, and the origin."""
+) -> tuple[float, float, int, int, float, float, bool]:
+    """Width of a column and a row in units of x and y, their numbers, the origin, and whether the last meets the first.
+
+    On a circle only the part is binned that the elements cover, where the gap is wider than their reach.
+    """
     high = 0.0
     for lat in y:
         high = max(high, abs(lat))
@@ -43,16 +61,21 @@ def _hash_columns(
     # The largest cosine deficit makes columns wide enough everywhere; near the pole one column holds all.
     cosine = max(fast_cos_latitude(min(high + reach / per_unit, 90.0)), 1e-3) if latlon else 1.0
     width_x, width_y = reach / (per_unit * cosine), reach / per_unit
-    x0, y0 = (0.0 if period > 0.0 else x.min()), y.min()
-    span = period if period > 0.0 else x.max() - x0
+    x0, y0 = x.min(), y.min()
+    span, closed = x.max() - x0, period > 0.0
+    if closed:
+        begin, covered = _covered(x, period)
+        closed = not covered + 3.0 * width_x < period
+        # Half a column before the first, so that round-off does not carry it once around.
+        x0, span = (0.0, period) if closed else (begin - 0.5 * width_x, covered + width_x)
     rows = int(min(max((y.max() - y0) / width_y + 1.0, 1.0), _MAX_COLUMNS))
     # Bergs far apart must not make a grid of mostly empty cells that costs more than the search.
     most = max(_FEWEST_CELLS, _CELLS_PER_ELEMENT * x.size) // rows
     columns = int(min(max(span / width_x, 1.0), min(most, _MAX_COLUMNS)))
-    width_x = max(width_x, span / columns) if period <= 0.0 else span / columns
-    if period <= 0.0:
+    width_x = span / columns if closed else max(width_x, span / columns)
+    if not closed:
         columns = min(columns + 1, _MAX_COLUMNS + 1)
-    return width_x, max(width_y, (y.max() - y0) / rows), columns, rows + 1, x0, y0
+    return width_x, max(width_y, (y.max() - y0) / rows), columns, rows + 1, x0, y0, closed
 
 
 @kernel
@@ -117,7 +140,7 @@ def _find_pairs(
     start = np.zeros(count + 1, np.int64)
     if count == 0:
         return start, np.zeros(0, np.int64)
-    width_x, width_y, columns, rows, x0, y0 = _hash_columns(x, y, reach, latlon, radius, period)
+    width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(x, y, reach, latlon, radius, period)
     cell, bin_start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
     partner = np.empty(8 * count, np.int64)
     total = 0
@@ -127,7 +150,7 @@ def _find_pairs(
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for shift in range(-side if side else 0, (side + 1) if side else columns):
                 c = column + shift if side else shift
-                if period > 0.0:
+                if closed:
                     c %= columns
                 elif c < 0 or c >= columns:
                     continue
@@ -174,7 +197,7 @@ def near_pairs(
     level = np.empty(count, np.int64)
     least = reach.min() if count else 1.0
     for e in range(count):
-        level[e] = int(np.floor(np.log2(reach[e] / least)))
+        level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     top = level.max() if count else -1
@@ -184,7 +207,7 @@ def near_pairs(
             continue
         asked = np.flatnonzero(level <= k)
         ax, ay = x[asked], y[asked]
-        width_x, width_y, columns, rows, x0, y0 = _hash_columns(
+        width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(
             ax, ay, 2.0 * reach[asking].max(), latlon, radius, period
         )
         cell, bin_start, member = _bin(ax, ay, width_x, width_y, columns, rows, x0, y0, period)
@@ -196,7 +219,7 @@ def near_pairs(
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 for shift in range(-1, 2) if columns > 2 else range(columns):
                     c = column + shift if columns > 2 else shift
-                    if period > 0.0:
+                    if closed:
                         c %= columns
                     elif c < 0 or c >= columns:
                         continue

@@ -13,6 +13,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
+from riftberg.state.numbering import numbered
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes
@@ -37,19 +38,27 @@ def substeps_of_meeting(run: RunState, sizes: Sizes, first: Ints, second: Ints) 
     first, second : array of int
         Rows of the pairs that may come into contact.
     """
-    el, c, own = run.elements, run.constants, run.elements.body.substeps
+    el, own = run.elements, run.elements.body.substeps
     if first.size == 0:
         return own
-    rest = sizes.radius[first] + sizes.radius[second]
-    stiffness = np.full(first.size, c.contact_spring) if c.contact_spring >= 0.0 else c.modulus / rest**2
-    needed = run.parameters.stepping.time_step * np.sqrt(stiffness) / CONTACT_STEP
-    needed = 2.0 ** np.ceil(np.log2(np.maximum(needed, 1.0)))  # powers of 2: groups of like numbers go together
-    numbers, berg = np.unique(el.berg, return_inverse=True)
+    needed = substeps_of_contact(run, sizes, first, second)
+    numbers, berg = numbered(el.berg)
     group = connected_parts(numbers.size, berg[first], berg[second], np.zeros(first.size, np.int64))[berg]
     most = np.zeros(int(group.max()) + 1, np.int64)
     np.maximum.at(most, group, own)
-    np.maximum.at(most, group[first], needed.astype(np.int64))
+    np.maximum.at(most, group[first], needed)
     return most[group]
+
+
+def substeps_of_contact(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> Ints:
+    """Return the sub-steps that a long step must have for the contact of each pair: a power of 2.
+
+    So groups of like numbers go together, and hardly two meetings of one pair have different ones.
+    """
+    c, rest = run.constants, sizes.radius[first] + sizes.radius[second]
+    stiffness = np.full(first.size, c.contact_spring) if c.contact_spring >= 0.0 else c.modulus / rest**2
+    needed = run.parameters.stepping.time_step * np.sqrt(stiffness) / CONTACT_STEP
+    return np.asarray(2.0 ** np.ceil(np.log2(np.maximum(needed, 1.0)))).astype(np.int64)
 
 
 def touching_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParameters) -> tuple[Ints, Ints]:
@@ -90,7 +99,7 @@ def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: Kernel
     """
     if (el.body.berg == el.body.berg[:1]).all():
         return np.zeros(0, np.int64)
-    numbers, berg = np.unique(el.body.berg, return_inverse=True)
+    numbers, berg = numbered(el.body.berg)
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
     owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[near]

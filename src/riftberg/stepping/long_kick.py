@@ -31,14 +31,14 @@ def begin_substeps(
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
     radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
-    active, aground, spin_rate = scratch.active, scratch.aground, scratch.ground_spin_rate
+    active, waits, aground, spin_rate = scratch.active, scratch.waits, scratch.aground, scratch.ground_spin_rate
     linear, quadratic, rate = scratch.ground_linear, scratch.ground_quadratic, scratch.ground_rate
     in_substeps = not around.acts[SEA_FLOOR]
     acts = varies = False
     scratch.stopped_x[:] = 0.0
     scratch.stopped_y[:] = 0.0
     for e in range(active.size):
-        active[e] = 1.0 if static[e] < 0.5 else 0.0
+        active[e] = 1.0 if static[e] < 0.5 and waits[e] == 0.0 else 0.0
         fraction = grounded_part(thickness[e], depth[e], p)
         aground[e] = fraction
         turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)

@@ -19,6 +19,7 @@ from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
 from riftberg.stepping.interactions import Partners, pair_law
+from riftberg.stepping.lone_bergs import collide, find_islands
 from riftberg.stepping.long_kick import closing_half_kick
 from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings, find_surroundings
 from riftberg.stepping.multiple import (
@@ -178,11 +179,17 @@ class MultipleStepper(Forgetful):
         dt = run.parameters.stepping.time_step
         slow = self._collisions(run, sizes)
         meeting = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
+        islands, general = find_islands(run, sizes, *meeting, POLAR_LATITUDE)
+        meeting = meeting[0][general], meeting[1][general]
         substeps = substeps_of_meeting(run, sizes, *meeting)
         batches = self._batches(run, substeps)
+        waits = np.zeros(el.size)
+        if islands is not None:
+            waits[islands.rows] = 1.0
         for batch in batches:
             self._gather_pairs(batch, dt, c)
             batch.add_meetings(*meeting)
+            batch.room.scratch.waits[:] = batch.of_all(waits)
         inner = [self._inner_partners(batch, batch.of_all(slow.group), run) for batch in batches]
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:
@@ -196,11 +203,14 @@ class MultipleStepper(Forgetful):
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, substeps, plan)
+        met = NOBODY if islands is None else collide(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
             # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
             slowly = np.append(self._around.acts, True)
             self._around.applied[:, slowly] *= 0.5
-        self._touched = joined([touching_rows(el, slow.collision, sizes, c), *(batch.touched() for batch in batches)])
+        self._touched = joined(
+            [touching_rows(el, slow.collision, sizes, c), met, *(batch.touched() for batch in batches)]
+        )
         settle(run)
         run.time += run.parameters.stepping.time_step
         self.surround(run)

@@ -24,11 +24,13 @@ from riftberg.stepping.wear import damage_rows
 class Scratch(NamedTuple):
     """Room for one value per element in the sub-steps.
 
-    1 where it moves; how far it is aground (0 to 1); sums of bonds; drag of the sea floor: its linear rate (s-1), quadratic
-    coefficient (m-1), rate at the velocity now, rotational rate, and sum of its decelerations (m s-2); accelerations.
+    1 where it moves; 1 where it waits for sub-steps of its own; how far it is aground (0 to 1); sums of bonds; drag of the sea
+    floor: its linear rate (s-1), quadratic coefficient (m-1), rate at the velocity now, rotational rate, and sum of its
+    decelerations (m s-2); accelerations.
     """
 
     active: Floats
+    waits: Floats
     aground: Floats
     force_x: Floats
     force_y: Floats
