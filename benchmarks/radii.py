@@ -35,7 +35,7 @@ FLOORS = ((0.0, 8e3), (20.0, 2.5e3))
 
 LATTICES: tuple[tuple[Packing, float], ...] = (
     *(("square", radius) for radius in (1500.0, 1000.0, 750.0, 500.0)),
-    *(("hexagonal", radius) for radius in (1500.0, 1000.0, 750.0, 500.0)),
+    *(("hexagonal", radius) for radius in (1500.0, 1000.0, 750.0)),
 )
 DAYS = 12.5
 """Length of the runs: to 22 December."""

@@ -1,7 +1,8 @@
 """The story of the built-in A68a and its controls: what breaks off, when, where, aground or afloat.
 
-python benchmarks/story.py             print the tables
-python benchmarks/story.py --write     also put them into docs/explanation/a68a-story.md
+python benchmarks/story.py                   print the tables
+python benchmarks/story.py --write           also put them into docs/explanation/a68a-story.md
+python benchmarks/story.py --equilibrium     only the table of the quasi-static scheme
 """
 
 from __future__ import annotations
@@ -107,6 +108,30 @@ RUNS = (
     Run("radius 1.0 km, hexagonal packing", radius=1000.0, packing="hexagonal"),
     Run("`--numerics reference`, in the ocean fitted to it", numerics="reference"),
 )
+
+
+def in_equilibrium(name: str, changes: dict[str, dict[str, Any]] | None = None, **others: Any) -> Run:
+    """Return a row with the quasi-static scheme."""
+    return Run(name, changes={"stepping": {"scheme": "quasi_static"}} | (changes or {}), **others)
+
+
+EQUILIBRIUM = (
+    in_equilibrium("`--set stepping.scheme=quasi_static`"),
+    in_equilibrium("`--without shoal`", without=frozenset({"shoal"})),
+    in_equilibrium("`--without shear`", without=frozenset({"shear"})),
+    in_equilibrium("`--without shoal --without shear`", without=frozenset({"shoal", "shear"})),
+    *(in_equilibrium(f"strength {value} kPa", strength(value)) for value in (10, 14, 20)),
+    in_equilibrium("long step of 450 s", {"stepping": {"scheme": "quasi_static", "time_step": 450.0}}),
+    in_equilibrium("stiffness of ice, 9 GPa", {"bonds": {"youngs_modulus": 9e9}}),
+    *(in_equilibrium(f"radius {1e-3 * radius:g} km", radius=radius) for radius in (1000.0, 750.0, 500.0)),
+    *(
+        in_equilibrium(f"radius {1e-3 * radius:g} km, hexagonal packing", radius=radius, packing="hexagonal")
+        for radius in (1500.0, 1000.0, 750.0)
+    ),
+    in_equilibrium("radius 1.5 km, hexagonal packing, strength 15 kPa", strength(15), packing="hexagonal"),
+)
+"""Rows with the quasi-static scheme; its tip goes with the elements that hold it, so it is told in all its pieces."""
+
 HEAD = (
     "run",
     "breaks off (area, day and hour of December, water)",
@@ -286,22 +311,29 @@ def put(page: str, name: str, text: str) -> str:
     return f"{before}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
 
 
-def told_rows() -> Iterator[tuple[str, ...]]:
+def told_rows(runs: Iterable[Run]) -> Iterator[tuple[str, ...]]:
     """Run all rows, and say which is done."""
-    for run in RUNS:
-        yield row(run)
-        print(run.name, file=sys.stderr, flush=True)
+    for run in runs:
+        cells = row(run)
+        print(*cells, sep=" | ", file=sys.stderr, flush=True)
+        yield cells
 
 
 def main() -> int:
     """Run all, print the tables and perhaps write them."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--write", action="store_true", help="put the tables into the documentation")
-    write = parser.parse_args().write
-    line, runs = table(ASKED, storyline()), table(HEAD, told_rows())
-    print(line, runs, sep="\n\n")
-    if write:
-        PAGE.write_text(put(put(PAGE.read_text("utf-8"), "storyline", line), "story", runs), "utf-8")
+    parser.add_argument("--equilibrium", action="store_true", help="only the table of the quasi-static scheme")
+    asked = parser.parse_args()
+    tables = {"equilibrium": table(HEAD, told_rows(EQUILIBRIUM))}
+    if not asked.equilibrium:
+        tables |= {"storyline": table(ASKED, storyline()), "story": table(HEAD, told_rows(RUNS))}
+    page = PAGE.read_text("utf-8")
+    for name, text in tables.items():
+        print(text, end="\n\n")
+        page = put(page, name, text)
+    if asked.write:
+        PAGE.write_text(page, "utf-8")
     return 0
 
 

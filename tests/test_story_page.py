@@ -30,6 +30,10 @@ def test_the_page_has_all_rows_in_their_order() -> None:
     assert [row[0] for row in rows("story")] == [run.name for run in SCRIPT.RUNS], AGAIN
 
 
+def test_the_page_has_all_rows_in_equilibrium() -> None:
+    assert [row[0] for row in rows("equilibrium")] == [run.name for run in SCRIPT.EQUILIBRIUM], AGAIN
+
+
 def test_the_storyline_is_what_comes_now() -> None:
     assert rows("storyline") == SCRIPT.storyline(), AGAIN
 
@@ -42,6 +46,12 @@ def test_the_first_row_is_what_comes_now() -> None:
 @pytest.mark.parametrize("k", range(1, len(SCRIPT.RUNS)), ids=[run.name for run in SCRIPT.RUNS[1:]])
 def test_a_row_is_what_comes_now(k: int) -> None:
     assert rows("story")[k] == SCRIPT.row(SCRIPT.RUNS[k]), AGAIN
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k", range(len(SCRIPT.EQUILIBRIUM)), ids=[run.name for run in SCRIPT.EQUILIBRIUM])
+def test_a_row_in_equilibrium_is_what_comes_now(k: int) -> None:
+    assert rows("equilibrium")[k] == SCRIPT.row(SCRIPT.EQUILIBRIUM[k]), AGAIN
 
 
 def test_the_observed_axes_are_those_of_the_outlines(shared: Path) -> None:

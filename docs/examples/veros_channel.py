@@ -1,11 +1,10 @@
 """A68a and small bergs in a channel of the ocean model Veros: they drift and melt, and their fresh water drifts with them.
 
     python docs/examples/veros_channel.py               3 days: figures on the screen, the fresh pool in veros-channel.png
-    python docs/examples/veros_channel.py --days 1
+    python docs/examples/veros_channel.py --days 30
 
 Needs `pip install riftberg[veros]`, and no data: front, wind and floor are formulas. The channel is a piece of the Southern
-Ocean, 30 degrees long and joined at its ends, without any source of heat or water but the bergs. Its current becomes
-unsteady after some four days, with and without bergs: it is an example of coupling, not of the ocean.
+Ocean, 30 degrees long and joined at its ends, without any source of heat or water but the bergs.
 """
 
 from __future__ import annotations
@@ -22,12 +21,14 @@ import numpy as np
 from veros import VerosSetup, veros_routine
 from veros.core.density import get_rho
 from veros.core.operators import at, update
+from veros.tools import get_vinokur_grid_steps
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.coupling.veros import VerosBergs, veros_forcing
 
-LAYERS = (725.0, 650.0, 550.0, 400.0, 250.0, 150.0, 90.0, 60.0, 45.0, 35.0, 25.0, 20.0)
-"""Layers of the water, m, from the floor up."""
+LAYERS = get_vinokur_grid_steps(15, 3000.0, 20.0, refine_towards="lower")
+"""Layers of the water, m, from the floor up. Veros finds their middles from floor to surface, each from the one below: layers
+that do not grow evenly have distances below zero there, and friction between them feeds the shear until the current bursts."""
 KEEL = 200.0
 """Depth of the water that the bergs feel and give to, m."""
 STEP = 1800.0

@@ -321,7 +321,7 @@ class BareModel(RunState):
     def _look(self) -> None:
         """Note what must be followed up when it changes: which rows there are, mass and sizes."""
         body, population = self.elements.body, self.population
-        self._seen_rows = population.version, population.next_bond
+        self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
         self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
         self._seen_coarse = coarse_sizes(self.elements)
 
@@ -344,10 +344,14 @@ class BareModel(RunState):
 
     def _follow_rows(self, ids: Ints) -> None:
         """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
-        surround_newborn(self, ~np.isin(self.elements.body.id, ids), self._visited)
+        newborn = ~np.isin(self.elements.body.id, ids)
+        surround_newborn(self, newborn, self._visited)
         complete_state(self)
-        if self._visited:
-            count_bonds(self.elements, self.bonds)
+        if not self._visited:
+            return
+        count_bonds(self.elements, self.bonds)
+        # Where lone elements went and nothing else, every fragment that is left is as it was.
+        if newborn.any() or not np.array_equal(self.bonds.id, self._seen_bonds):
             self.fragments.update(self.elements, self.bonds, self.time, self.constants)
 
     def _check_forcing(self, steps: int) -> None:

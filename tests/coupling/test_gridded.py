@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.coupling.exchange import ocean_grid
+from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.gridded import GridRecorder, cells_of
 from riftberg.errors import InputError
 from riftberg.life.thermodynamics import scaled_mass
@@ -172,3 +173,21 @@ def test_the_command_line_writes_both_files(tmp_path) -> None:
     refused = CliRunner().invoke(app, [*words, "--cells", "0.7"])
     assert refused.exit_code == 2
     assert "divides 360" in refused.output
+
+
+def test_cells_of_the_forcing_itself_are_known_without_a_search(tmp_path) -> None:
+    """The same grid as the forcing's, and one equal to it whose cells are looked for: the same fields bit for bit."""
+    lon, lat = np.meshgrid(np.arange(-180.0, 180.5, 2.0), np.arange(-64.0, -51.5, 1.0))
+    here = ocean_grid(lon, lat)
+    fields = {"uo": 0.4, "vo": -0.1, "ua": 8.0, "va": 3.0, "sst": 3.0, "sss": 34.0}
+    around = {name: np.full((lon.shape[0] - 1, lon.shape[1] - 1), value) for name, value in fields.items()}
+    forcing = OceanForcing(here, here.fields(**around))
+    m = Model(Iceberg.from_points(LON, LAT, thickness=200.0, radius=9000.0), forcing, ALONE)
+    assert m.forcing.grid is here
+    recorders = [
+        GridRecorder(tmp_path / f"g{k}", g, every_hours=12.0) for k, g in enumerate((here, ocean_grid(lon, lat)))
+    ]
+    m.advance(2.0, recorders=recorders)
+    assert float(recorders[0].monthly()["ficeberg"].max()) > 0.0
+    xr.testing.assert_identical(*(recorder.monthly() for recorder in recorders))
+    xr.testing.assert_identical(*(recorder.moments() for recorder in recorders))

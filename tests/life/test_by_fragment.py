@@ -19,6 +19,7 @@ from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
 from riftberg.viz.map import draw_map
 from riftberg.viz.replay import write_replay
+from riftberg.viz.why import draw_reasons
 
 SEA = Steady(current=(0.4, -0.1), wind=(12.0, 2.0))
 
@@ -84,6 +85,34 @@ def test_summary_words_map_and_replay_tell_of_it(done) -> None:
         assert any("Melted: " in text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
         write_replay(run, folder / "replay.html")
     assert '"melted"' in (folder / "replay.html").read_text()
+
+
+def test_bits_and_children_are_told_in_words_maps_replay_and_reasons(tmp_path: Path) -> None:
+    """Bergs by footloose calving belong to no fragment that melts yet, and bits to none at all: both were told nowhere."""
+    p = Parameters(
+        stepping={"time_step": 1800.0}, footloose={"enabled": True, "style": "bergs"},
+        melt={"enabled": True, "temperature": 8.0, "salinity": 34.0, "bits_fraction": 0.5},
+    )  # fmt: skip
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=150.0, radius=1500.0, placement=(-37.0, -56.0))
+    berg.elements.fl_k[:] = 3e5
+    model = Model(berg, SEA, p)
+    model.run(steps=4, output=tmp_path / "run.nc", every_hours=0.5)
+    life = model.elements.life
+    children = int((life.fl_k < 0.0).sum())
+    assert children > 1
+    with open_run(tmp_path / "run.nc") as run:
+        bits = float(run["ice_in_bits"].isel(time=-1).sum())
+        assert bits == pytest.approx(float((life.mass_of_bits * life.mass_scaling).sum()), rel=1e-12)
+        line = melt_lines(run)[0]
+        assert f"; {bits / 1e12:.3g} Gt more are afloat as bits; {children} bergs of " in line
+        assert line.endswith(" born on the way.")
+        reasons = explain(run)
+        assert line in words(reasons)
+        draw_reasons(reasons, tmp_path / "why.svg")
+        figure = draw_map(run)
+        assert any(line in text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
+        write_replay(run, tmp_path / "replay.html")
+    assert "afloat as bits" in (tmp_path / "replay.html").read_text()
 
 
 def test_a_run_without_melt_says_nothing(tmp_path: Path) -> None:

@@ -32,11 +32,12 @@ def balance(model: Model) -> MotionBalance:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_forces_give_all_momentum_that_there_is_to_round_off(scheme) -> None:
-    """Bonded elements aground in everything; what they give each other sums up to nothing."""
+    """Bonded elements aground in everything; what they give each other sums up to nothing.
+
+    The explicit floor acts for half a sub-step before the first, which the ledger did not know: a berg that started aground
+    had a part of its momentum go nowhere.
+    """
     model = adrift(scheme)
-    if scheme == "explicit floor":  # which acts for half a sub-step before the first
-        model.step()
-        model.remembered.clear()
     forces = np.zeros((len(FORCES), 2))
     for _ in range(5):
         model.step()

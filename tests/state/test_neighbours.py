@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from riftberg.kernels import plain
-from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, _hash_columns, adjacency, find_pairs
+from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, _hash_columns, adjacency, find_pairs, near_pairs
 from twins import geometry
 
 RADIUS = 6_363_827.0
@@ -122,3 +122,27 @@ def test_positions_of_a_run_gone_wrong_do_not_lead_out_of_the_bins(period):
     found = find_pairs(x, y, np.arange(5), 5e3, ANY, True, 6.371e6, period)
     assert found.start[-1] == found.partner.size
     assert 3 in found.partner[found.start[0] : found.start[1]]
+
+
+@pytest.mark.compiled
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 60), case=st.sampled_from(["plane", "ring", "sphere", "pole"]))
+def test_pairs_with_a_reach_of_their_own_are_found_each_once_and_in_order(seed, count, case):
+    """Reaches over three orders of magnitude, so that several classes of them are searched."""
+    r = np.random.default_rng(seed)
+    latlon, period = case in ("sphere", "pole"), {"plane": 0.0, "ring": 20_000.0}.get(case, 360.0)
+    if latlon:
+        y = (-89.3 if case == "pole" else -62.0) + r.uniform(-0.3, 0.3, count)
+        x = 359.7 + r.uniform(-0.5, 0.5, count) / np.cos(np.radians(y))
+        x = np.where(r.random(count) < 0.5, x, x % 360.0)
+    else:
+        x, y = r.uniform(-3e3, 23e3, count), r.uniform(0, 15e3, count)
+    berg, reach = r.integers(0, 20, count), 10.0 ** r.uniform(1.0, 4.0, count)
+    first, second = near_pairs(x, y, berg, reach, latlon, RADIUS, period)
+    wanted = []
+    for e in range(count):
+        for c in range(e + 1, count):
+            apart = np.linalg.norm(geometry.separation((x[e], y[e]), (x[c], y[c]), latlon, RADIUS, period))
+            if berg[e] != berg[c] and apart < reach[e] + reach[c]:
+                wanted.append((e, c))
+    assert list(zip(first.tolist(), second.tolist(), strict=True)) == wanted

@@ -63,3 +63,19 @@ def test_a_berg_present_at_the_start_has_no_parent_whatever_numbers_its_elements
     assert [(f.number, f.parent) for f in tree.rows] == [(1, 0), (2, 0)]
     assert tree.breakups == []
     assert elements.berg.tolist() == [1, 1, 1, 2, 2, 2]
+
+
+def test_thousands_of_pieces_of_one_name_are_numbered_in_one_go() -> None:
+    """Each piece looked through the names of all others: 50,000 bergs took minutes before the first step."""
+    count = 20_000
+    elements, bonds = row_of_ice(count)
+    bonds.status[:] = 2
+    tree = FragmentTree(bergs=[("field", count)])
+    assert tree.update(elements, bonds, 0.0, CONSTANTS) == count
+    assert [row.name for row in tree.rows[:3]] == ["field", "field.1", "field.2"]
+    assert len({row.name for row in tree.rows}) == count
+    assert tree.rows[-1].name == f"field.{count - 1}"
+    elements.berg[[2, 5]] = 1  # three parts of one number: the first of equals keeps it
+    tree.update(elements, bonds, 1800.0, CONSTANTS)
+    assert elements.berg[[0, 2, 5]].tolist() == [1, count + 1, count + 2]
+    assert [row.name for row in tree.rows[-2:]] == [f"field.{count}", f"field.{count + 1}"]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
@@ -19,6 +20,9 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.physics.drag import ocean_drag
 from riftberg.runs.model import Model
+from riftberg.stepping.frames import flat_shape, free_bodies
+from riftberg.stepping.lattice_equilibrium import bond_stresses, find_lattice
+from riftberg.stepping.sizes import interaction_sizes
 from verification.setups import RADIUS, lattice, parameters, turn
 
 POISSON = 0.3
@@ -345,9 +349,45 @@ def test_the_load_of_a_landing_is_the_drag_at_the_moment_of_touching(agrees) -> 
     agrees("quasi-static: largest stress of a landing, steps of 5 s (Pa)", short, stress, rel=0.03)
 
 
+def undamped_blow(youngs: float) -> float:
+    """Largest tension (Pa) of `landed` by the linear equations of motion of the lattice, without any damping but the floor's.
+
+    ``M x'' + C x' + K x = 0`` from the speed at which the first element touches, by the exponential of its matrix. No
+    other element touches within the half hour.
+    """
+    model = lattice(quasi(bonds={"youngs_modulus": youngs}), 8, 3, Step())
+    el, bonds, c = model.elements, model.bonds, model.constants
+    body = np.zeros(el.mass.size, np.int64)
+    bodies = free_bodies(el.lon, el.lat, body, el.mass, False, 1.0, 0.0)
+    springs = find_lattice(bonds, flat_shape(bodies.shape, False, 1.0), el.thickness, interaction_sizes(el, c), c)
+    alive, n = np.arange(bonds.first.size), 3 * el.mass.size
+    stiffness = np.zeros((n, n))
+    for b in alive:
+        i, j = bonds.first[b], bonds.second[b]
+        at = np.concatenate([3 * i + np.arange(3), 3 * j + np.arange(3)])
+        stiffness[np.ix_(at, at)] += springs.rows[b].T @ np.diag(springs.stiffness[b]) @ springs.rows[b]
+    mass, floor = np.repeat(el.mass, 3), np.zeros(n)
+    mass[2::3] *= 0.5  # turns are paths at the rim
+    first = int((el.lon + 0.5 * el.lat).argmax())
+    floor[3 * first : 3 * first + 2] = model.parameters.grounding.coefficient * (el.length * el.width)[first]
+    rates = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -np.diag(floor / mass)]])
+    on = expm(0.2 * rates)
+    state, largest = np.zeros(2 * n), 0.0
+    state[n::3] = 0.2
+    for _ in range(6000):
+        state = on @ state
+        bend = state[:n].reshape(-1, 3) / np.array([1.0, 1.0, RADIUS])
+        largest = max(largest, float(bond_stresses(springs, alive, bend, c)[:, 0].max()))
+    return largest
+
+
 @pytest.mark.slow  # the explicit run takes two minutes
 def test_a_landing_goes_as_with_the_explicit_scheme_and_stiff_ice(agrees) -> None:
-    """Ice of 1 GPa in sub-steps of a second: the berg is slowed alike; waves of the blow add up to as much again."""
+    """Ice of 1 GPa in sub-steps of a second: the berg is slowed alike, and waves of the blow go beyond equilibrium.
+
+    Each mode goes to twice its share, and at one bond modes add up: the exact waves reach 2.7 times the stress of
+    equilibrium here. (Bug once: the bound was 2.2, as if twice were the most, and the explicit run reaches 2.3.)
+    """
     stress, speed = landed("quasi_static", 1800.0, 1e9)
     explicit, after = landed("mts", 10.0, 1e9)
     agrees(
@@ -356,7 +396,7 @@ def test_a_landing_goes_as_with_the_explicit_scheme_and_stiff_ice(agrees) -> Non
         0.2 - speed,
         rel=0.01,
     )
-    assert 1.0 < explicit / stress < 2.2
+    assert stress < explicit < undamped_blow(1e9)
 
 
 # A68a
@@ -364,11 +404,8 @@ def test_a_landing_goes_as_with_the_explicit_scheme_and_stiff_ice(agrees) -> Non
 
 def story(dt: float, *, fracture: bool = True, without: tuple[str, ...] = (), **groups: Any) -> Model:
     """The built-in A68a with the quasi-static scheme."""
-    model = story_model(Options(without=without))
     stepping = {"scheme": "quasi_static", "time_step": dt, **groups.pop("stepping", {})}
-    p = model.parameters.changed(stepping=stepping, fracture={"enabled": fracture}, **groups)
-    berg = Iceberg(model.elements, model.bonds, packing="square", latlon=True, earth_radius=p.earth.radius)
-    return Model(berg, model.forcing, p)
+    return story_model(Options({"stepping": stepping, "fracture": {"enabled": fracture}, **groups}, without=without))
 
 
 def azimuth(model: Model) -> float:
@@ -434,3 +471,40 @@ def test_the_story_does_not_depend_on_the_long_step(agrees, dt) -> None:
     assert len(told[0]) == 2
     for (one, area), (two, _) in zip(*told, strict=True):
         agrees(f"quasi-static: break-up of {area:.0f} km2 at {dt:g} s (h)", one, two, abs=1.0)
+
+
+@pytest.mark.slow
+def test_the_stress_of_the_story_does_not_depend_on_youngs_modulus(agrees) -> None:
+    """A68a for twelve days without breaks, its landing included: all bonds every twelve hours, and the largest of all steps."""
+    hours, peaks = [], []
+    for youngs in (9e9, 5e6):
+        model = story(1800.0, fracture=False, bonds={"youngs_modulus": youngs})
+        stress, peak = [], []
+        for _ in range(24):
+            for _ in range(24):
+                model.step()
+                peak.append(float(model.bonds.peak_stress.max()))
+            stress.append(model.bonds.normal_stress.copy())
+        hours.append(np.array(stress))
+        peaks.append(np.array(peak))
+    largest = float(hours[0].max())
+    agrees("quasi-static: A68a at 5 MPa and 9 GPa, largest at records (Pa)", largest, float(hours[1].max()), rel=0.01)
+    for what, part in (("landing", slice(None, 400)), ("load of the finger", slice(450, None))):
+        one, two = (float(peak[part].max()) for peak in peaks)
+        agrees(f"quasi-static: A68a at 5 MPa and 9 GPa, {what} (Pa)", one, two, rel=0.01)
+    off = float(np.sqrt(np.mean((hours[1] - hours[0]) ** 2)) / largest)
+    agrees("quasi-static: A68a at 5 MPa and 9 GPa, all bonds, rms over largest", 0.0, off, abs=0.01)
+
+
+@pytest.mark.slow
+def test_the_story_does_not_depend_on_youngs_modulus(agrees) -> None:
+    """What the landing takes off, pieces and splinters together, and what the current does; in kilometres squared and hours."""
+    told = []
+    for youngs in (9e9, 5e6):
+        model = story(1800.0, bonds={"youngs_modulus": youngs})
+        model.advance(days=12)
+        landed, *_, finger = (f.birth_time / 3600.0 for f in model.fragments.breakups)
+        tip = sum(f.area for f in model.fragments.breakups if f.birth_time / 3600.0 < landed + 1.0)
+        told.append((landed, tip / 1e6, finger, model.fragments.breakups[-1].area / 1e6))
+    for name, one, two in zip(("tip off (h)", "tip (km2)", "finger off (h)", "finger (km2)"), *told, strict=True):
+        agrees(f"quasi-static: A68a at 5 MPa and 9 GPa, {name}", one, two, rel=0.01)

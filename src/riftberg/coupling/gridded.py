@@ -21,6 +21,7 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.names import GIVEN
 from riftberg.coupling.shares import Shares, shares_of
 from riftberg.errors import InputError
+from riftberg.kernels import kernel
 from riftberg.life.ledger import PROCESSES, water_by_process
 from riftberg.life.process import LifeModel
 from riftberg.life.thermodynamics import scaled_mass
@@ -29,6 +30,7 @@ from riftberg.netcdf_lock import write_dataset
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.numbering import numbered
 from riftberg.values import number
 from riftberg.version import __version__
 
@@ -71,9 +73,19 @@ class _Sums(NamedTuple):
 
     def added(self, cells: Ints, rows: Floats) -> _Sums:
         """Return these sums with amounts added, in a fixed order."""
-        every, where = np.unique(np.concatenate([self.cells, cells]), return_inverse=True)
-        both = np.concatenate([self.rows, rows], axis=1)
-        return _Sums(every, np.stack([np.bincount(where, row, minlength=every.size) for row in both]))
+        every, where = numbered(np.concatenate([self.cells, cells]))
+        sums = np.zeros((len(rows), every.size))
+        sums[:, where[: self.cells.size]] = self.rows
+        _add_columns(where[self.cells.size :], rows, sums)
+        return _Sums(every, sums)
+
+
+@kernel
+def _add_columns(where: Ints, rows: Floats, sums: Floats) -> None:
+    """Add amounts to their columns, in their order."""
+    for k in range(rows.shape[0]):
+        for n in range(where.size):
+            sums[k, where[n]] += rows[k, n]
 
 
 class _Span(NamedTuple):
@@ -128,7 +140,7 @@ class GridRecorder:
         self._month_began = self._passed_began = datetime.min
         self._months: list[_Span] = []
         self._moments: list[_Span] = []
-        self._seen: tuple[Shares, Elements] | None = None
+        self._seen: tuple[Shares, Floats] | None = None
         self._before: Callable[[LifeModel], None] | None = None
         self._times = self._sums = ""
 
@@ -225,11 +237,14 @@ class GridRecorder:
         self._month, self._month_began = _nothing(ROWS), end
 
     def _look(self, model: BareModel) -> None:
-        elements = self._placed(model.elements)
-        self._seen = shares_of(elements, model.bonds, self.grid, model.parameters), elements.copy()
+        elements = self._placed(model)
+        self._seen = shares_of(elements, model.bonds, self.grid, model.parameters), _stock(elements)
 
-    def _placed(self, elements: Elements) -> Elements:
-        """Return the elements with their cells of this grid."""
+    def _placed(self, model: BareModel) -> Elements:
+        """Return the elements with their cells of this grid; those of the forcing's own grid are known."""
+        elements = model.elements
+        if self.grid is model.forcing.grid and (elements.place.cell_i >= 0).all():
+            return self._unwrapped(elements)
         count = elements.size
         i, j = np.zeros(count, np.int64), np.zeros(count, np.int64)
         lon, lat, g = elements.place.lon, elements.place.lat, self.grid.arrays
@@ -240,16 +255,22 @@ class GridRecorder:
                 f"element {elements.body.id[row]} at ({lon[row]:.6g}, {lat[row]:.6g}) is outside the cells",
                 where="gridded output", remedy="Give a grid that holds all bergs of the run",
             )  # fmt: skip
-        turns = np.round((lon - g.lon_centre[j, i]) / g.period) * g.period if g.period > 0.0 else 0.0
-        return elements.replaced(cell_i=i, cell_j=j, lon=lon - turns)
+        return self._unwrapped(elements.replaced(cell_i=i, cell_j=j))
+
+    def _unwrapped(self, elements: Elements) -> Elements:
+        """Return the elements with the longitudes that lie in their cells."""
+        g, place = self.grid.arrays, elements.place
+        if g.period <= 0.0:
+            return elements
+        turns = np.round((place.lon - g.lon_centre[place.cell_j, place.cell_i]) / g.period) * g.period
+        return elements.replaced(lon=place.lon - turns)
 
     def _of_step(self, model: BareModel) -> tuple[Ints, Floats]:
         """Return cells and rows of a long step: what melted where the bergs stood, and mass and area times its length."""
         assert self._seen is not None
-        shares, elements = self._seen
-        dt, amounts = model.parameters.stepping.time_step, np.zeros((ROWS, elements.size))
-        amounts[MASS] = scaled_mass(elements.life, elements.body.mass) * dt
-        amounts[AREA] = _plan(elements) * dt
+        shares, stock = self._seen
+        dt, amounts = model.parameters.stepping.time_step, np.zeros((ROWS, stock.shape[1]))
+        amounts[[MASS, AREA]] = stock * dt
         last = model.life.last if model.life is not None else None
         if last is not None:
             amounts[:MASS] = water_by_process(last.melt)
@@ -257,10 +278,9 @@ class GridRecorder:
         return shares.cells, _shared(shares, amounts)
 
     def _state(self, model: BareModel) -> _Sums:
-        elements = self._placed(model.elements)
+        elements = self._placed(model)
         shares = shares_of(elements, model.bonds, self.grid, model.parameters)
-        amounts = np.stack([scaled_mass(elements.life, elements.body.mass), _plan(elements)])
-        return _nothing(2).added(shares.cells, _shared(shares, amounts))
+        return _nothing(2).added(shares.cells, _shared(shares, _stock(elements)))
 
     def _box(self, spans: list[_Span]) -> tuple[slice, slice]:
         """Return rows and columns with bergs, and one more on each side."""
@@ -343,8 +363,10 @@ def _variable(values: Floats, name: str, how: str, meaning: str | None = None) -
     return ("time", "j", "i"), values, {**attributes, **({"standard_name": name} if q.standard else {})}
 
 
-def _plan(elements: Elements) -> Floats:
-    return np.asarray(elements.body.length * elements.body.width * elements.life.mass_scaling)
+def _stock(elements: Elements) -> Floats:
+    """Return ice (kg) with all bits, and plan area (m2), of all bergs that each element stands for."""
+    body, life = elements.body, elements.life
+    return np.stack([scaled_mass(life, body.mass), body.length * body.width * life.mass_scaling])
 
 
 def _shared(shares: Shares, amounts: Floats) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from riftberg.kernels import kernel
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.physics.geometry import separation
@@ -63,21 +64,24 @@ def element_axes(elements: Elements, bonds: Bonds, p: Parameters) -> Floats:
     earth = p.earth
     unbroken = np.flatnonzero(bonds.status == 0)
     a, b = bonds.first[unbroken], bonds.second[unbroken]
-    apart = np.array(
-        [
-            separation(x2, y2, x1, y1, earth.latlon, earth.radius, earth.period)
-            for x1, y1, x2, y2 in zip(
-                elements.lon[a].tolist(), elements.lat[a].tolist(), elements.lon[b].tolist(), elements.lat[b].tolist(),
-                strict=True,
-            )
-        ]
-    ).reshape(-1, 2)  # fmt: skip
+    dx, dy = _apart(elements.lon, elements.lat, a, b, earth.latlon, earth.radius, earth.period)
     angle = np.empty(elements.size)
     folds = 6 if p.bonds.packing == "hexagonal" else 4
-    dx, dy = np.ascontiguousarray(apart[:, 0]), np.ascontiguousarray(apart[:, 1])
     sums = np.zeros((2, elements.size))
     lattice_angle(a, b, bonds.status[unbroken], dx, dy, folds, sums, elements.motion.rotation, angle)
     return angle
+
+
+@kernel
+def _apart(
+    lon: Floats, lat: Floats, first: Ints, second: Ints, latlon: bool, radius: float, period: float
+) -> tuple[Floats, Floats]:
+    """Return the way (m) from the first to the second end of each bond."""
+    dx, dy = np.empty(first.size), np.empty(first.size)
+    for k in range(first.size):
+        a, b = first[k], second[k]
+        dx[k], dy[k] = separation(lon[b], lat[b], lon[a], lat[a], latlon, radius, period)
+    return dx, dy
 
 
 def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Shares:

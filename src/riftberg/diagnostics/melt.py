@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.diagnostics.summary import called
+from riftberg.places import area_text
 
 NAMED: Final = 6
 """Fragments that are told of one by one; the others together."""
@@ -43,12 +44,16 @@ def melted_words(run: xr.Dataset) -> dict[int, str]:
 
 
 def melt_lines(run: xr.Dataset) -> list[str]:
-    """Return in words what all and what each of the largest losers lost; nothing where nothing melts."""
+    """Return in words what all and what each of the largest losers lost; nothing where nothing melts.
+
+    The first line tells of bits that have not melted yet too, and of bergs born on the way: children of footloose calving
+    and of land.
+    """
     lost = melt_by_fragment(run)
     if not lost:
         return []
     every = {name: sum(water[name] for water in lost.values()) for name in next(iter(lost.values()))}
-    lines = [f"Melted: {_amounts(every)}."]
+    lines = ["; ".join([f"Melted: {_amounts(every)}", *_bits(run, sum(every.values())), *_births(run)]) + "."]
     if len(lost) > 1:
         shown = list(lost.items())[:NAMED]
         rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
@@ -58,6 +63,21 @@ def melt_lines(run: xr.Dataset) -> list[str]:
             "Of this " + "; ".join(f"{names[number]} {_amounts(water)}" for number, water in shown) + more + "."
         )
     return lines
+
+
+def _bits(run: xr.Dataset, melted: float) -> list[str]:
+    """Return what is afloat as bits at the last record; files of earlier versions do not say."""
+    ice = float(run["ice_in_bits"].isel(time=-1).sum()) if "ice_in_bits" in run and run.sizes["time"] else 0.0
+    return [f"{ice / 1e12:.3g} Gt more are afloat as bits"] if ice > LEAST * melted else []
+
+
+def _births(run: xr.Dataset) -> list[str]:
+    """Return how many bergs were born after the first record without breaking off from one."""
+    if not run.sizes["time"]:
+        return []
+    added = (run["fragment_parent"].values <= 0) & (run["fragment_birth_time"].values > run["time"].values[0])
+    count, area = int(added.sum()), area_text(float(run["fragment_area"].values[added].sum()))
+    return [f"{count} berg{'s' if count > 1 else ''} of {area} born on the way"] if count else []
 
 
 def _names(run: xr.Dataset) -> dict[int, str]:

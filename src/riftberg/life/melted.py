@@ -25,6 +25,7 @@ from riftberg.physics.melting import (
 )
 from riftberg.physics.rolling import roll
 from riftberg.state import Elements, Environment, Floats
+from riftberg.state.numbering import numbered
 
 
 class Melted(NamedTuple):
@@ -283,7 +284,7 @@ def base_spans(elements: Elements, values: LifeValues) -> Floats:
     body = elements.body
     if values.element_length or elements.size == 0:
         return body.length
-    number, berg = np.unique(body.berg, return_inverse=True)
+    number, berg = numbered(body.berg)
     area = np.bincount(berg, body.length * body.width)[berg]
     alone = np.bincount(berg, minlength=number.size)[berg] == 1
     return np.where(alone, body.length, np.sqrt(area))

@@ -111,6 +111,11 @@ def _let_bits_replace(
     life.start_year[rows], life.start_day[rows] = born
 
 
+def mass_in_bits(life: Life) -> float:
+    """Ice in bits of all kinds and of all bergs, kg."""
+    return float(((life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits) * life.mass_scaling).sum())
+
+
 def scaled_mass(life: Life, mass: Floats) -> Floats:
     """Ice in all bergs of each element with all bits, kg."""
     bits = life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits

@@ -10,6 +10,7 @@ import numpy as np
 from riftberg.life.by_fragment import melt_of
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.life.motion import GIVERS
+from riftberg.life.thermodynamics import mass_in_bits
 from riftberg.runs.texts import define_texts, texts
 from riftberg.state import Floats
 
@@ -27,6 +28,7 @@ SERIES: Final = {
 
 TOTALS: Final = {
     "ice_mass": ("kg", "ice in all bergs and bits"),
+    "ice_in_bits": ("kg", "ice in bergy bits and footloose bits"),
     "ice_gained": ("kg", "ice that came since the start other than by melt and freezing, negative where it went"),
     "ledger_error": ("1", "what is left over in the ledger of mass, as part of what it turns over"),
     "ledger_heat_error": ("1", "the same in the ledger of heat"),
@@ -63,6 +65,7 @@ def ledger_row(model: BareModel) -> Row:
         "melt_water": np.array([balance.water[name] for name in PROCESSES]),
         "melt_heat": np.array([balance.heat[name] for name in PROCESSES]),
         "ice_mass": np.array([balance.now]),
+        "ice_in_bits": np.array([mass_in_bits(model.elements.life)]),
         "ice_gained": np.array([sum(balance.gained[name] for name in SOURCES)]),
         "ledger_error": np.array([balance.error]),
         "ledger_heat_error": np.array([balance.heat_error]),

@@ -197,7 +197,7 @@ def near_pairs(
     level = np.empty(count, np.int64)
     least = reach.min() if count else 1.0
     for e in range(count):
-        level[e] = int(np.floor(np.log2(reach[e] / least)))
+        level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     top = level.max() if count else -1
@@ -207,7 +207,7 @@ def near_pairs(
             continue
         asked = np.flatnonzero(level <= k)
         ax, ay = x[asked], y[asked]
-        width_x, width_y, columns, rows, x0, y0 = _hash_columns(
+        width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(
             ax, ay, 2.0 * reach[asking].max(), latlon, radius, period
         )
         cell, bin_start, member = _bin(ax, ay, width_x, width_y, columns, rows, x0, y0, period)
@@ -219,7 +219,7 @@ def near_pairs(
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 for shift in range(-1, 2) if columns > 2 else range(columns):
                     c = column + shift if columns > 2 else shift
-                    if period > 0.0:
+                    if closed:
                         c %= columns
                     elif c < 0 or c >= columns:
                         continue

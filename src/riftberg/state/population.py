@@ -195,26 +195,31 @@ def _extended(room: dict[str, NDArray[Any]], used: int, new: dict[str, NDArray[A
     return room
 
 
-def cut_out(elements: Elements, bonds: Bonds, rows: Ints) -> tuple[Elements, Bonds, Ints]:
-    """Return a copy of some elements and of the bonds between them, and the rows of these bonds.
+def cut_out(elements: Elements, bonds: Bonds, rows: Ints, block: slice | None = None) -> tuple[Elements, Bonds, Ints]:
+    """Return some elements and a copy of the bonds between them, and the rows of these bonds.
 
     Parameters
     ----------
     elements, bonds : Elements, Bonds
     rows : array of int
         Rows of the elements, rising.
+    block : slice, optional
+        The same rows where they follow one another: then the elements are no copy, but show those of ``elements``.
     """
     place = np.full(elements.size, -1, np.int64)
     place[rows] = np.arange(rows.size)
     inside = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
     part = bonds.taken(inside)
     part.first[:], part.second[:] = place[part.first], place[part.second]
-    return elements.taken(rows), part, inside
+    return elements.taken(rows) if block is None else elements.shown_in(block), part, inside
 
 
-def put_back(elements: Elements, bonds: Bonds, rows: Ints, bond_rows: Ints, part: Elements, part_bonds: Bonds) -> None:
+def put_back(
+    elements: Elements, bonds: Bonds, rows: Ints, bond_rows: Ints, part: Elements, part_bonds: Bonds,
+    block: slice | None = None,
+) -> None:  # fmt: skip
     """Write what `cut_out` gave, and what was done with it since, back into its rows."""
-    for name, array in part.arrays().items():
+    for name, array in part.arrays().items() if block is None else ():
         getattr(elements, name)[rows] = array
     for name, array in part_bonds.arrays().items():
         if name not in ("first", "second"):

@@ -231,9 +231,14 @@ class Elements(NamedTuple):
         """Return elements that share no memory with these; once a long step, so by group and not by name."""
         return Elements(*(kind(*[a.copy() for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
+    def shown_in(self, block: slice) -> Elements:
+        """Return some rows that follow one another, in the memory of these elements."""
+        return Elements(*(kind(*[a[block] for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
+
     def taken(self, rows: Any) -> Elements:
         """Return a copy of some rows (numbers or a mask)."""
-        return elements_of({name: array[rows].copy() for name, array in self.arrays().items()})
+        view = isinstance(rows, slice)  # rows by number or mask are a copy already
+        return elements_of({name: a[rows].copy() if view else a[rows] for name, a in self.arrays().items()})
 
 
 class Bonds(NamedTuple):

@@ -21,6 +21,8 @@ class Batch:
 
     def __init__(self, run: RunState, rows: Ints | None) -> None:
         self.rows = rows
+        # Rows that follow one another are looked at where they stand; others are copied out and back.
+        self._block = None if rows is None or rows[-1] - rows[0] + 1 != rows.size else slice(rows[0], rows[-1] + 1)
         self._bond_rows: Ints = np.zeros(0, np.int64)
         self.near = Neighbourhood()
         self._inside = 0
@@ -32,21 +34,23 @@ class Batch:
         if self.rows is None:
             self.elements, self.bonds = run.elements, run.bonds
         else:
-            self.elements, self.bonds, self._bond_rows = cut_out(run.elements, run.bonds, self.rows)
+            self.elements, self.bonds, self._bond_rows = cut_out(run.elements, run.bonds, self.rows, self._block)
 
     def surroundings(self, of_all: Surroundings) -> Surroundings:
         """Return what acts on its elements."""
         if self.rows is None:
             return of_all
+        mine = self.rows if self._block is None else self._block
         return Surroundings(
-            **{name: values if name == "acts" else values[self.rows] for name, values in of_all._asdict().items()}
+            **{name: values if name == "acts" else values[mine] for name, values in of_all._asdict().items()}
         )
 
     def give(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
         """Give the state, and the forces that were applied, back to the run."""
         if self.rows is not None:
-            put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds)
-            of_all.applied[self.rows] = around.applied
+            put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds, self._block)
+            if self._block is None:
+                of_all.applied[self.rows] = around.applied
 
     def add_meetings(self, first: Ints, second: Ints) -> None:
         """List the pairs of different bergs that may come into contact, behind those inside bergs.

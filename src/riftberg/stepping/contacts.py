@@ -57,8 +57,10 @@ class ContactLog:
         self._latest = {(row.first, row.second): k for k, row in enumerate(self.rows)}
 
     def saved(self) -> ContactLog:
-        """Return a copy to go back to."""
-        return ContactLog(self.rows, self.quiet)
+        """Return a copy to go back to; made before each long step, so that nothing is looked for anew."""
+        copy = ContactLog()
+        copy.rows, copy.quiet, copy._latest = self.rows.copy(), self.quiet.copy(), self._latest.copy()
+        return copy
 
     def update(
         self,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import count
 
 import numpy as np
 
@@ -110,12 +109,14 @@ class FragmentTree:
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))
-        known = {row.number for row in self.rows}
+        known = len(self.rows)
+        names = _Names(self.rows) if newborn.size else None
         for k in newborn:
             rows = order[ends[k - 1] if k else 0 : ends[k]]
             parent = int(elements.body.berg[rows[0]])
-            parent = parent if parent in known else 0
-            name = self._name(parent, int(rows[0]), len(known) == 0)
+            parent = parent if 0 < parent <= known else 0
+            assert names is not None
+            name = names.free(self._berg_name(parent, int(rows[0]), known == 0))
             row = Fragment(
                 len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
                 bool(touching[rows].any() or cuts.grounded[k] > 0), name,
@@ -131,8 +132,8 @@ class FragmentTree:
             number = self.rows[number - 1].parent
         return number
 
-    def _name(self, parent: int, row: int, at_start: bool) -> str:
-        """Return the name of a newborn: that of its berg, for the first piece, or with the number of the fragment.
+    def _berg_name(self, parent: int, row: int, at_start: bool) -> str:
+        """Return the name of the berg that a newborn comes from; empty for one without.
 
         Parameters
         ----------
@@ -144,17 +145,11 @@ class FragmentTree:
             Whether it was there at the start.
         """
         if parent > 0:
-            berg = self.rows[self.origin(parent) - 1].name
-        elif at_start and self.bergs:
+            return self.rows[self.origin(parent) - 1].name
+        if at_start and self.bergs:
             last = np.cumsum([count for _, count in self.bergs])
-            berg = self.bergs[min(int(np.searchsorted(last, row, side="right")), last.size - 1)][0]
-        else:
-            return ""
-        if not berg:
-            return ""
-        taken = {other.name for other in self.rows}
-        # The pieces of a berg that lie apart at the start are numbered as its fragments are.
-        return berg if berg not in taken else next(f"{berg}.{n}" for n in count(1) if f"{berg}.{n}" not in taken)
+            return self.bergs[min(int(np.searchsorted(last, row, side="right")), last.size - 1)][0]
+        return ""
 
     def _inherited(self, part: Ints, mass: Floats, berg: Ints) -> Ints:
         """Give the heaviest part of each known fragment its number; 0 for all other parts."""
@@ -162,14 +157,31 @@ class FragmentTree:
         if not self.rows:
             return number
         first = np.unique(part, return_index=True)[1]
-        heaviest: dict[int, int] = {}
-        for k in np.flatnonzero(berg[first] > 0).tolist():
-            old = int(berg[first[k]])
-            if old not in heaviest or mass[k] > mass[heaviest[old]]:
-                heaviest[old] = k
-        for old, k in heaviest.items():
-            number[k] = old
+        old = berg[first]
+        some = np.flatnonzero(old > 0)
+        # By number, then from the heaviest to the lightest; of equals the first goes first.
+        some = some[np.lexsort((-mass[some], old[some]))]
+        heaviest = some[np.unique(old[some], return_index=True)[1]]
+        number[heaviest] = old[heaviest]
         return number
+
+
+class _Names:
+    """Names that are taken, and the next number to try for each berg: thousands of pieces may be born at once."""
+
+    def __init__(self, rows: Sequence[Fragment]) -> None:
+        self._taken = {row.name for row in rows}
+        self._next: dict[str, int] = {}
+
+    def free(self, berg: str) -> str:
+        """Return the name of a piece: that of its berg, for the first, or with the first number that is free."""
+        name = berg
+        # The pieces of a berg that lie apart at the start are numbered as its fragments are.
+        while berg and name in self._taken:
+            self._next[berg] = self._next.get(berg, 0) + 1
+            name = f"{berg}.{self._next[berg]}"
+        self._taken.add(name)
+        return name
 
 
 class _Cuts:

@@ -13,6 +13,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
+from riftberg.state.numbering import numbered
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes
@@ -41,7 +42,7 @@ def substeps_of_meeting(run: RunState, sizes: Sizes, first: Ints, second: Ints) 
     if first.size == 0:
         return own
     needed = substeps_of_contact(run, sizes, first, second)
-    numbers, berg = np.unique(el.berg, return_inverse=True)
+    numbers, berg = numbered(el.berg)
     group = connected_parts(numbers.size, berg[first], berg[second], np.zeros(first.size, np.int64))[berg]
     most = np.zeros(int(group.max()) + 1, np.int64)
     np.maximum.at(most, group, own)
@@ -98,7 +99,7 @@ def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: Kernel
     """
     if (el.body.berg == el.body.berg[:1]).all():
         return np.zeros(0, np.int64)
-    numbers, berg = np.unique(el.body.berg, return_inverse=True)
+    numbers, berg = numbered(el.body.berg)
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
     owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[near]

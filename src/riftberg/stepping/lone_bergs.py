@@ -19,6 +19,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
 from riftberg.stepping.breaking import contact_acceleration
 from riftberg.stepping.conglomerates import connected_parts
@@ -73,7 +74,8 @@ def find_islands(
     others = np.ones(first.size, np.bool_)
     if first.size == 0 or run.parameters.compatibility.bergs_coupled:
         return None, others
-    _, berg, count = np.unique(el.body.berg, return_inverse=True, return_counts=True)
+    _, berg = numbered(el.body.berg)
+    count = np.bincount(berg)
     general = count > 1
     if run.constants.latlon:
         general[berg[el.place.lat > polar_latitude]] = True
@@ -199,6 +201,8 @@ def _take_substeps(
             rate = 0.0 if p.ground_implicit else b[LINEAR_RATE, e]
             b[AX, e] = b[MOVES, e] * (b[NEW_AX, e] - rate * b[EAST, e])
             b[AY, e] = b[MOVES, e] * (b[NEW_AY, e] - rate * b[NORTH, e])
+            b[STOPPED_EAST, e] -= 0.5 * b[MOVES, e] * rate * b[EAST, e]
+            b[STOPPED_NORTH, e] -= 0.5 * b[MOVES, e] * rate * b[NORTH, e]
             b[TURNED, e] += b[MOVES, e] * h * b[SPIN, e] if p.dem else 0.0
     left = substeps
     while left > 0:

@@ -90,12 +90,17 @@ def _remember_fast(el):
 
 @stage
 def _start_fast(el, scratch, implicit_ground):
-    """Take the accelerations just found as those before the first sub-step, so that it has its first half kick."""
+    """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
+
+    What the sea floor does in that half kick is kept with what it does in the sub-steps.
+    """
     motion, kicks = el.motion, el.kicks
     for e in range(motion.u.size):
-        rate = 0.0 if implicit_ground else scratch.ground_rate[e]
-        kicks.ax_fast[e] = scratch.active[e] * (scratch.accel_x[e] - rate * motion.u[e])
-        kicks.ay_fast[e] = scratch.active[e] * (scratch.accel_y[e] - rate * motion.v[e])
+        rate = 0.0 if implicit_ground else scratch.active[e] * scratch.ground_rate[e]
+        kicks.ax_fast[e] = scratch.active[e] * scratch.accel_x[e] - rate * motion.u[e]
+        kicks.ay_fast[e] = scratch.active[e] * scratch.accel_y[e] - rate * motion.v[e]
+        scratch.stopped_x[e] -= 0.5 * rate * motion.u[e]
+        scratch.stopped_y[e] -= 0.5 * rate * motion.v[e]
 
 
 @stage

@@ -64,7 +64,7 @@ class Neighbourhood:
         touching = np.maximum(radius, 0.5 * c.contact_distance)
         speed = np.hypot(u - u.mean(), v - v.mean())
         # Each as far as it can come by itself: one that is large or quick must not make all others look far.
-        reach = NEAR * touching + (1.0 + MISSED) * speed * dt
+        reach = NEAR * touching + (1.0 + MISSED) * np.where(np.isfinite(speed), speed, 0.0) * dt
         shown = el.shown
         first, second = near_pairs(
             shown.lon_pair, shown.lat_pair, el.berg, MARGIN * reach, c.latlon, c.earth_radius, c.period

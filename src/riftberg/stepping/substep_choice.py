@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats
+from riftberg.state.numbering import numbered
 from riftberg.state.population import cut_out
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.lattice_modes import bond_operator, largest_eigenvalue
@@ -93,8 +94,8 @@ def coarse_sizes(elements: Elements) -> tuple[Floats, ...]:
     body = elements.body
     if elements.size == 0:
         return (body.mass, body.mass, body.mass, body.mass)
-    _, berg = np.unique(body.berg, return_inverse=True)
-    count = int(berg.max()) + 1
+    numbers, berg = numbered(body.berg)
+    count = numbers.size
     extremes = []
     for values, least in (
         (body.mass, True),

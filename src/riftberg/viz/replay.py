@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg.diagnostics.melt import melted_words
+from riftberg.diagnostics.melt import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.background import StoredWater, on_even_grid, stored_water
@@ -127,6 +127,7 @@ class ReplayContent:
         return {
             "title": self.title,
             "note": str(run.attrs.get("forcing_title", "")).strip(),
+            "melt": "".join(melt_lines(run)[:1]),
             "about": f"Riftberg {__version__}; {run.attrs.get('date_created', '')}",
             "start": f"{np.datetime_as_string(scene.times[self.records[0]], unit='s')}Z",
             "seconds": (scene.seconds[self.records] - scene.seconds[self.records[0]]).tolist(),

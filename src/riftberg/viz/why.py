@@ -55,7 +55,8 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int 
         grid[0, 1].text(0.5, 0.5, "nothing broke off", ha="center", fontsize=12)
     height = figure.get_figheight()
     forcing = f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
-    above = style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: why it broke{forcing}", left=0.75)
+    melted = "".join(f"\n{line}" for line in reasons.melt[:1])
+    above = style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: why it broke{forcing}{melted}", left=0.75)
     bottom = 1.0 / height if shown else 0.2
     figure.subplots_adjust(
         left=0.06, right=0.895, top=1.0 - (above + 0.45) / height, bottom=bottom, wspace=0.24, hspace=0.36
