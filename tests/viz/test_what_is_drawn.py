@@ -613,3 +613,13 @@ def test_dates_up_an_axis_have_their_year_in_its_name() -> None:
     assert ax.get_ylabel() == "date, 2020"
     assert ax.yaxis.get_offset_text().get_text() == ""
     assert all(" Dec" in label.get_text() for label in ax.get_yticklabels())
+
+
+def test_a_number_stays_with_its_unit_where_a_title_breaks() -> None:
+    """A title broke between "2500" and "m"."""
+    text = "sea floor that deepens by 10 m per km towards south, 2500 m at 56.00 S, 37.00 W on 9 Dec 2020 with 18 kPa"
+    for inches in np.linspace(2.0, 9.0, 60):
+        lines = style.wrapped(text, float(inches), size=12.0)
+        assert " ".join(lines).replace("\u00a0", " ") == text
+        for line in lines[1:]:
+            assert not re.match(r"(m|S|W|Dec|kPa)\b", line), lines

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -261,6 +262,10 @@ def outer_names(axes: Sequence[Axes], columns: int) -> None:
             ax.set_xlabel("")
 
 
+_UNIT = r"(?:[kcm]?m|km²|m/s|[kMG]?Pa|kg|Gt|°C?|h|s|days?|degrees?|[NSEW]|[A-Z][a-z]{2})(?![\w-])"
+"""Units, points of the compass and months, as they follow a number in titles."""
+
+
 def title_lines(figure: Figure, text: str, *, size: float = 12.0, left: float = 0.3) -> list[str]:
     """Return the lines in which a title fits on a figure that begins ``left`` inches from its edge."""
     return wrapped(text, figure.get_figwidth() - left - 0.3, size=size)
@@ -275,8 +280,12 @@ def put_title(figure: Figure, text: str, *, size: float = 12.0, left: float = 0.
 
 
 def wrapped(text: str, width: float, *, size: float) -> list[str]:
-    """Break the lines of a text so that they fit into a width (inches) at a size of letters (points)."""
+    """Break the lines of a text so that they fit into a width (inches) at a size of letters (points).
+
+    A number stays with its unit.
+    """
     from textwrap import wrap
 
     letters = max(20, int(width * 72.0 / (0.56 * size)))  # mean letter: 0.56 of the size
-    return [part for line in text.split("\n") for part in wrap(line, letters)]
+    held = re.sub(rf"(?<=\d) (?={_UNIT})", "\u00a0", text)
+    return [part for line in held.split("\n") for part in wrap(line, letters)]
