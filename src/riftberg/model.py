@@ -269,7 +269,8 @@ class BareModel(RunState):
 
     def _step(self) -> None:
         if self.step_number == 0 and not self._visited:
-            self._check_forcing(1)
+            if not self.parameters.compatibility.zero_start:  # runs of the reference take what their driver hands over
+                self._check_forcing(1)
             self._first_visit()
         self._follow_changes()
         before = (
