@@ -43,7 +43,7 @@ class Hold:
         """Take over the signals; a program that ignores them, or handles them itself, goes on doing so."""
         for number in SIGNALS:
             handler = signal.getsignal(number)
-            if handler in (signal.SIG_DFL, signal.default_int_handler) or _insisting(handler):
+            if handler in (signal.SIG_DFL, signal.default_int_handler) or _insists(handler):
                 self._before[number] = handler
                 signal.signal(number, self._note)
 
@@ -112,7 +112,7 @@ class _Insistence:
             pass
 
 
-def _insisting(handler: Any) -> bool:
+def _insists(handler: Any) -> bool:
     return isinstance(getattr(handler, "__self__", None), _Insistence)
 
 

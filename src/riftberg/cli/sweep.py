@@ -97,7 +97,7 @@ def _new(
         )
     if options.numerics == "both":
         raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    plan = planned(experiment, vary or [], options, every).with_cells(cells, "a folder")
+    plan = planned(experiment, vary or [], options, every, cells)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)
     return Store(folder, plan, resume=False)
@@ -120,8 +120,8 @@ def _resumed(folder: Path, experiment: str | None, vary: list[str] | None, outpu
         changes=known["changes"], days=known["days"], data=None if known["data"] is None else Path(known["data"]),
         without=frozenset(known["without"]), numerics=known["numerics"],
     )  # fmt: skip
-    plan = planned(known["experiment"], known["vary"], options, known["every"] / 3600.0)
-    plan = plan.with_cells(known.get("cells"), folder)
+    every = known["every"] / 3600.0
+    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"))
     return Store(folder, plan, resume=True)
 
 

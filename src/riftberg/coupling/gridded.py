@@ -21,7 +21,6 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.names import GIVEN
 from riftberg.coupling.shares import Shares, shares_of
 from riftberg.errors import InputError
-from riftberg.kernels import kernel
 from riftberg.life.ledger import PROCESSES, water_by_process
 from riftberg.life.process import LifeModel
 from riftberg.life.thermodynamics import scaled_mass
@@ -30,7 +29,7 @@ from riftberg.netcdf_lock import write_dataset
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import numbered
+from riftberg.state.numbering import summed
 from riftberg.values import number
 from riftberg.version import __version__
 
@@ -73,19 +72,7 @@ class _Sums(NamedTuple):
 
     def added(self, cells: Ints, rows: Floats) -> _Sums:
         """Return these sums with amounts added, in a fixed order."""
-        every, where = numbered(np.concatenate([self.cells, cells]))
-        sums = np.zeros((len(rows), every.size))
-        sums[:, where[: self.cells.size]] = self.rows
-        _add_columns(where[self.cells.size :], rows, sums)
-        return _Sums(every, sums)
-
-
-@kernel
-def _add_columns(where: Ints, rows: Floats, sums: Floats) -> None:
-    """Add amounts to their columns, in their order."""
-    for k in range(rows.shape[0]):
-        for n in range(where.size):
-            sums[k, where[n]] += rows[k, n]
+        return _Sums(*summed(self.cells, self.rows, cells, rows))
 
 
 class _Span(NamedTuple):

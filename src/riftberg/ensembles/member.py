@@ -67,7 +67,7 @@ class Job:
     large : bool
         Runs beyond the limits are allowed.
     cells : float or None
-        Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `cells_folder`.
+        Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `CELLS`.
     """
 
     number: int

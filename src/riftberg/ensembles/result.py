@@ -250,9 +250,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     else:
         file = path / "sweep.nc" if is_folder(path) else path
         check_file(file, remedy=remedy)
-        with reading(file, "not readable as NetCDF", remedy):
-            ds = open_lazily(file).load()
-            ds.close()
+        ds = _loaded(file, remedy)
     if "member" not in ds.dims or "status" not in ds:
         raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
     return ds
@@ -300,13 +298,15 @@ def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
 
 def _on_axes(file: Path) -> xr.Dataset:
     """Return a file of one member with its cells, which are regular, on axes."""
-    with reading(file, "not readable as NetCDF", "Do the member again"):
+    ds = _loaded(file, "Do the member again")
+    lon, lat = ds["lon"].isel(j=0).variable, ds["lat"].isel(i=0).variable
+    ds = ds.drop_vars(["lon", "lat"]).rename(i="lon", j="lat")
+    return ds.assign_coords(lon=("lon", lon.values, lon.attrs), lat=("lat", lat.values, lat.attrs))
+
+
+def _loaded(file: Path, remedy: str) -> xr.Dataset:
+    """Return a NetCDF file in memory."""
+    with reading(file, "not readable as NetCDF", remedy):
         ds: xr.Dataset = open_lazily(file).load()
         ds.close()
-    lon, lat = ds["lon"].isel(j=0, drop=True), ds["lat"].isel(i=0, drop=True)
-    area = ds["areacello"]
-    ds = ds.drop_vars(["lon", "lat", "areacello"]).assign(areacello=area.drop_vars(["lon", "lat"]))
-    ds = ds.rename(i="lon", j="lat").assign_coords(
-        lon=("lon", lon.values, lon.attrs), lat=("lat", lat.values, lat.attrs)
-    )
     return ds

@@ -142,7 +142,10 @@ def sweep(
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
-    plan = planned(experiment, vary, _common(days, options), every).with_cells(options.get("cells"), output)
+    cells = options.get("cells")
+    plan = planned(experiment, vary, _common(days, options), every, cells)
+    if cells is not None and output is None:
+        raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)
@@ -189,19 +192,6 @@ class Plan:
     every: float
     cells: float | None = None
 
-    def with_cells(self, width: float | None, output: object) -> Plan:
-        """Return the plan with output on cells; refuses what cannot be written."""
-        if width is None:
-            return self
-        width = number(width, "degree", where="cells")
-        if not 0.01 <= width <= 10.0:
-            raise InputError(f"cells of {width:g} degrees", where="cells", remedy="Give 0.01 to 10 degrees")
-        if output is None:
-            raise InputError("files on cells need a folder", where="cells", remedy="Give output")
-        if not self.first.parameters.earth.latlon:
-            raise InputError("the runs are in metres, cells in degrees", where="cells", remedy="Leave cells out")
-        return replace(self, cells=width)
-
     @property
     def named(self) -> str:
         """Name of the experiment."""
@@ -232,7 +222,9 @@ class Plan:
         )  # fmt: skip
 
 
-def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None) -> Plan:
+def planned(
+    experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None
+) -> Plan:
     """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken.
 
     Raises
@@ -268,7 +260,19 @@ def planned(experiment: str | Path | Maker, vary: Any, options: Options, every_h
             f"a position every {every_hours:g} h in runs of {length:g} days", where="every_hours",
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
-    return Plan(named, options, varied, members, first, length, 3600.0 * every_hours)
+    return Plan(named, options, varied, members, first, length, 3600.0 * every_hours, _cells(cells, first))
+
+
+def _cells(width: float | None, first: Model) -> float | None:
+    """Return the width of the cells (degrees) on which the members write; refuses one on which they cannot."""
+    if width is None:
+        return None
+    width = number(width, "degree", where="cells")
+    if not 0.01 <= width <= 10.0:
+        raise InputError(f"cells of {width:g} degrees", where="cells", remedy="Give 0.01 to 10 degrees")
+    if not first.parameters.earth.latlon:
+        raise InputError("the runs are in metres, cells in degrees", where="cells", remedy="Leave cells out")
+    return width
 
 
 def _first_options(options: Options, values: Mapping[str, Any]) -> Options:

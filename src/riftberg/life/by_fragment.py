@@ -8,10 +8,9 @@ from typing import Final
 import numpy as np
 
 from riftberg.errors import InputError
-from riftberg.kernels import kernel
 from riftberg.life.ledger import PROCESSES
 from riftberg.state import Floats, Ints
-from riftberg.state.numbering import numbered
+from riftberg.state.numbering import summed
 
 KEPT: Final = "melt_by_fragment"
 """Name under which a restart keeps the table: a row for each fragment, its number and the water (kg) by process."""
@@ -30,21 +29,8 @@ def add_melt(remembered: MutableMapping[str, Floats], fragment: Ints, water: Flo
         kg.
     """
     table = _table(remembered)
-    known = table[:, 0].astype(np.int64)
-    numbers, rows = numbered(np.concatenate([known, fragment]))
-    new = np.zeros((numbers.size, 1 + len(PROCESSES)))
-    new[:, 0] = numbers
-    new[rows[: known.size], 1:] = table[:, 1:]
-    _add_rows(rows[known.size :], water, new)
-    remembered[KEPT] = new
-
-
-@kernel
-def _add_rows(rows: Ints, water: Floats, table: Floats) -> None:
-    """Add the water of each element, [process, element], to its row of the table, behind the number."""
-    for e in range(rows.size):
-        for k in range(water.shape[0]):
-            table[rows[e], 1 + k] += water[k, e]
+    numbers, sums = summed(table[:, 0].astype(np.int64), table[:, 1:].T, fragment, water)
+    remembered[KEPT] = np.stack([numbers.astype(float), *sums], axis=1)
 
 
 def melt_of(remembered: Mapping[str, Floats], numbers: Ints) -> Floats:

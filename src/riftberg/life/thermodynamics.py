@@ -113,10 +113,14 @@ def _let_bits_replace(
 
 def mass_in_bits(life: Life) -> float:
     """Ice in bits of all kinds and of all bergs, kg."""
-    return float(((life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits) * life.mass_scaling).sum())
+    return float((_bits(life) * life.mass_scaling).sum())
 
 
 def scaled_mass(life: Life, mass: Floats) -> Floats:
     """Ice in all bergs of each element with all bits, kg."""
-    bits = life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits
-    return (mass + bits) * life.mass_scaling
+    return (mass + _bits(life)) * life.mass_scaling
+
+
+def _bits(life: Life) -> Floats:
+    """Ice in bits of all kinds of one berg of each element, kg."""
+    return life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits

@@ -30,7 +30,7 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.ocean.shown import ShownForcing
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
-from riftberg.products.records import check_pairs, in_python, named
+from riftberg.products.records import check_pairs, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 from riftberg.values import given, moment, number, required
@@ -217,10 +217,7 @@ class DatasetForcing(ShownForcing):
         for ds in given:
             if "unread" in ds.attrs:
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
-        said = [
-            f"{named(ds)}: {ds.attrs[key]}" for ds in given for key in ("told", "unread", "doubt") if key in ds.attrs
-        ]
-        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": said, **options})
+        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": named_remarks(given), **options})
         forcing.start = begin
         return forcing
 

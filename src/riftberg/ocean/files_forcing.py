@@ -213,12 +213,7 @@ def _lines(low: float, high: float, spacing: float) -> Floats:
 def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
     """Return what the files leave out, and doubts about them, in a line each."""
     held = {str(name) for ds in datasets for name in ds.data_vars}
-    notices = [
-        f"{records.named(ds)}: {ds.attrs[key]}"
-        for ds in datasets
-        for key in ("told", "unread", "doubt")
-        if key in ds.attrs
-    ]
+    notices = records.named_remarks(datasets)
     if "ssh" not in held and settings.sea_level == "files":
         notices.append(
             "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "

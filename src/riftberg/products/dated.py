@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.roles import coordinates_of, holds_dates, role_of_name, standard_name, units_of
+from riftberg.products.roles import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
 
 _NOT_VALID = re.compile(r"reference|initial|issue|creation|production|analysis")
 _COVERAGE = (
@@ -170,8 +170,8 @@ def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
 
 def _middles(ds: xr.Dataset, dates: xr.DataArray) -> xr.DataArray:
     """Return dates in the middle of their bounds where the file stamps all its means at their beginnings or all at their ends."""
-    bounds = ds.variables.get(str(dates.attrs.get("bounds", dates.encoding.get("bounds", ""))))
-    if bounds is None or dates.dtype.kind != "M" or bounds.dtype.kind != "M" or bounds.shape != (*dates.shape, 2):
+    bounds = bounds_of(ds, dates)
+    if bounds is None or dates.dtype.kind != "M" or bounds.dtype.kind != "M":
         return dates
     first, last = bounds.values[..., 0], bounds.values[..., 1]
     at_an_end = bool((dates.values == first).all() or (dates.values == last).all())

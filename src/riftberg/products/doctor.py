@@ -26,6 +26,7 @@ from riftberg.products.records import (
     long_gaps,
     minute,
     own_interval,
+    remarks,
     usual_interval,
 )
 from riftberg.products.registry import expand, open_named, product_named, recognise
@@ -192,7 +193,7 @@ def _examined(
         product=product.name,
         title=product.title,
         checked_against=product.checked(ds.data_vars),
-        notes=[*product.notes, *(str(ds.attrs[key]) for key in ("told", "unread", "doubt") if key in ds.attrs)],
+        notes=[*product.notes, *remarks(ds)],
         space=extent_text(ds),
         time=_time_cover(ds),
     )

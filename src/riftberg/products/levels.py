@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, conversion
-from riftberg.products.roles import coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.roles import bounds_of, coordinates_of, role_of_name, standard_name, units_of
 
 Floats = NDArray[np.float64]
 Kind = Literal["depth", "height", "pressure", "sigma", "number"]
@@ -155,9 +155,8 @@ def _level_value(axis: xr.DataArray) -> float:
 
 def _edges(ds: xr.Dataset, axis: str) -> Floats | None:
     """Return the edges of the layers that a vertical coordinate stands for, lowest and highest number of them all."""
-    stated = ds[axis].attrs.get("bounds", ds[axis].encoding.get("bounds"))
-    bounds = ds.variables.get(str(stated)) if stated else None
-    if bounds is None or bounds.dtype.kind not in "iuf" or bounds.shape != (*ds[axis].shape, 2):
+    bounds = bounds_of(ds, ds[axis])
+    if bounds is None or bounds.dtype.kind not in "iuf":
         return None
     edges = np.abs(np.asarray(bounds.values, float))
     return np.array([edges.min(), edges.max()]) if np.isfinite(edges).all() else None

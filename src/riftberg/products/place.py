@@ -178,7 +178,8 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
         )  # fmt: skip
     steps = np.diff(north.values)
     if steps.size and not ((steps > 0.0).all() or (steps < 0.0).all()):
-        twice = np.sort(north.values)[1:][np.diff(np.sort(north.values)) == 0.0]
+        values, times = np.unique(north.values, return_counts=True)
+        twice = values[times > 1]
         fault = f"has {twice[0]:g} twice" if twice.size else "neither rises nor falls throughout"
         sort = "Keep one of each: ds.drop_duplicates" if twice.size else "Sort it: ds.sortby"
         raise ForcingError(f"{lat} {fault}", where=where, remedy=f"{sort}('{lat}')")

@@ -17,6 +17,7 @@ from riftberg.products.axes import tidy_axes
 from riftberg.products.fields import gathered
 from riftberg.products.packing import with_plain_packing, within_valid_range
 from riftberg.products.product import Product
+from riftberg.products.records import REMARKS
 from riftberg.products.sizes import whole_size
 from riftberg.products.stated import stated_interval, told_kind
 from riftberg.products.text_dates import with_plain_time_units, with_text_dates
@@ -244,11 +245,7 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }
-    kept = {
-        key: ds.attrs[key]
-        for key in ("crs_wkt", "stated_seconds", "longest_step", "told", "unread", "doubt")
-        if key in ds.attrs
-    }
+    kept = {key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds", "longest_step", *REMARKS) if key in ds.attrs}
     ds = ds.copy(deep=False)
     ds.attrs = {**attributes, **kept}
     return ds

@@ -29,6 +29,9 @@ DAY_SECONDS: Final = 86400.0
 LONGEST_STEP: Final = 31 * DAY_SECONDS
 """Longest interval (s) that records by themselves can show: months."""
 
+REMARKS: Final = ("told", "unread", "doubt")
+"""Attributes of a canonical dataset that a run and the doctor repeat: what was chosen, what nothing reads, doubts."""
+
 FEW_RECORDS: Final = 3
 """Fewer records than these show little of their interval."""
 
@@ -185,6 +188,16 @@ def named(ds: xr.Dataset) -> str:
     text = f"{Path(files[0]).name}{more}"
     product = str(ds.attrs.get("product", ""))
     return f"{product} ({text})" if product and text else product or text
+
+
+def remarks(ds: xr.Dataset) -> list[str]:
+    """Return what should be known of a dataset before a run: what was chosen, what nothing reads, and doubts."""
+    return [str(ds.attrs[key]) for key in REMARKS if key in ds.attrs]
+
+
+def named_remarks(datasets: Sequence[xr.Dataset]) -> list[str]:
+    """Return the remarks on datasets, each behind the name of its own."""
+    return [f"{named(ds)}: {said}" for ds in datasets for said in remarks(ds)]
 
 
 def values_of(field: xr.DataArray) -> NDArray[Any]:

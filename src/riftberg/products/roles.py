@@ -139,3 +139,9 @@ def coordinates_of(ds: xr.Dataset, name: Hashable) -> Iterator[tuple[str, Role, 
             continue  # the depth of the water at scattered points
         if role and not (variable.ndim > 1 and role in ("level", "member", "x", "y")):
             yield other, role, declared
+
+
+def bounds_of(ds: xr.Dataset, axis: xr.DataArray) -> xr.Variable | None:
+    """Return the two bounds of each value of a coordinate, as the file states them (CF ``bounds``)."""
+    bounds = ds.variables.get(str(axis.attrs.get("bounds", axis.encoding.get("bounds", ""))))
+    return bounds if bounds is not None and bounds.shape == (*axis.shape, 2) else None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.state.variables import Ints
+from riftberg.kernels import kernel
+from riftberg.state.variables import Floats, Ints
 
 SPARSE = 8
 """Largest number over how many there are up to which a table of all numbers is quicker than sorting."""
@@ -26,3 +27,37 @@ def numbered(values: Ints) -> tuple[Ints, Ints]:
     there = np.zeros(int(values.max()) + 1, bool)
     there[values] = True
     return np.flatnonzero(there), (np.cumsum(there) - 1)[values]
+
+
+def summed(known: Ints, sums: Floats, values: Ints, amounts: Floats) -> tuple[Ints, Floats]:
+    """Return sums by number with amounts added, in the order in which they stand.
+
+    Parameters
+    ----------
+    known : array of int
+        Numbers that have sums so far, each once.
+    sums : array of float
+        Their sums, [quantity, number].
+    values : array of int
+        Numbers to which the amounts belong.
+    amounts : array of float
+        [quantity, amount].
+
+    Returns
+    -------
+    numbers, sums : array
+        All different numbers, rising, and their sums.
+    """
+    numbers, place = numbered(np.concatenate([known, values]))
+    out = np.zeros((len(amounts), numbers.size))
+    out[:, place[: known.size]] = sums
+    _add_columns(place[known.size :], amounts, out)
+    return numbers, out
+
+
+@kernel
+def _add_columns(place: Ints, amounts: Floats, sums: Floats) -> None:
+    """Add amounts to the columns of their numbers, in their order."""
+    for k in range(amounts.shape[0]):
+        for n in range(place.size):
+            sums[k, place[n]] += amounts[k, n]
