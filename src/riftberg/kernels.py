@@ -104,6 +104,15 @@ def kernel(function: _F, *, parallel: bool = False) -> _F:
     return _compiled(function, parallel=parallel)
 
 
+def borrower(function: _F) -> _F:
+    """Compile a kernel that makes no arrays, and calls nothing that does: it borrows those of its caller.
+
+    Numba then counts no references, which is a large part of the code of a kernel of the whole state. It refuses to compile
+    a borrower that makes an array.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def stage(function: _F) -> _F:
     """Compile ``function`` as a part of the one kernel that calls it.
 

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from riftberg.kernels import kernel, stage
+from riftberg.kernels import borrower, kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.bond_rows import load_rows, store_rows
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
-from riftberg.stepping.long_kick import begin_substeps, closing_half_kick, end_substeps, opening_half_kick
+from riftberg.stepping.long_kick import (
+    SlowRoom,
+    allocate_slow_room,
+    begin_substeps,
+    closing_half_kick,
+    end_substeps,
+    opening_half_kick,
+)
 from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
@@ -148,14 +155,14 @@ def _kick(el, scratch, dt, floor_acts, implicit_ground):
 
 @stage
 def _kick_slowly(
-    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    el: Elements, bonds: Bonds, partners: Partners, room: SlowRoom, sizes: Sizes, around: Surroundings, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Apply the slow forces; returns what `StepReport` holds."""
     find_surroundings(el, sizes, around, p)
     if plan.skip_slow:
         return 0, 1
-    passes = closing_half_kick(el, plan.dt, around, partners, sizes, pair_law(p), plan.starting, p)
+    passes = closing_half_kick(el, plan.dt, around, partners, room, sizes, pair_law(p), plan.starting, p)
     if passes < 0 or plan.closes:
         return 0, passes
     broken = 0
@@ -198,9 +205,10 @@ def take_long_step(
     -------
     StepReport
     """
+    slow_room = allocate_slow_room(el.size, slow)
     if p.dem:
-        return StepReport(*_step_of_beams(el, bonds, room, slow, sizes, around, earlier, plan, p))
-    return StepReport(*_step_of_springs(el, bonds, room, slow, fast, sizes, around, plan, p))
+        return StepReport(*_step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, plan, p))
+    return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, sizes, around, plan, p))
 
 
 @stage
@@ -295,10 +303,10 @@ def _show_all(el: Elements) -> None:
             u_shown[e], v_shown[e] = u[e], v[e]
 
 
-@kernel
+@borrower
 def _step_of_beams(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, sizes: Sizes, around: Surroundings, earlier: Ints,
-    plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, sizes: Sizes, around: Surroundings,
+    earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple.
 
@@ -306,7 +314,7 @@ def _step_of_beams(
     """
     broken, passes = 0, 1
     if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, sizes, around, plan, p)
+        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
     if plan.moves and passes >= 0:
         broken += _take_substeps_of_beams(el, bonds, room, sizes, around, earlier, plan, p)
         passes = 1
@@ -315,13 +323,13 @@ def _step_of_beams(
 
 @kernel
 def _step_of_springs(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
-    plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, fast: Partners, sizes: Sizes,
+    around: Surroundings, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """As `_step_of_beams`."""
     broken, passes = 0, 1
     if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, sizes, around, plan, p)
+        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
     if plan.moves and passes >= 0:
         passes = _take_substeps_of_springs(el, bonds, room, fast, sizes, around, plan, p)
     return broken, passes

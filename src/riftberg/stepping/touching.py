@@ -38,8 +38,14 @@ class Touching(NamedTuple):
     spring_y: Floats
 
 
+def allocate_touching(count: int, most: int) -> Touching:
+    """Return room for ``most`` pairs of ``count`` elements."""
+    whole = np.zeros(count + 1, np.int64), np.zeros(most, np.int64)
+    return Touching(*whole, *(np.zeros(most) for _ in range(4)), np.zeros(count), np.zeros(count))
+
+
 @stage
-def find_touching(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw) -> Touching:
+def find_touching(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw, touching: Touching) -> None:
     """Find what of contact depends on positions alone (equations 5.2).
 
     Parameters
@@ -49,15 +55,15 @@ def find_touching(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw) -> 
         Elements of other bergs, all within reach of contact among them.
     sizes : Sizes
     law : PairLaw
+    touching : Touching
+        Takes the result.
     """
     x, y, radius, mass = el.place.lon, el.place.lat, sizes.radius, sizes.mass
     others_x, others_y, begin, listed = el.shown.lon_pair, el.shown.lat_pair, pairs.start, pairs.partner
-    count, most = x.size, listed.size
-    start, partner = np.empty(count + 1, np.int64), np.empty(most, np.int64)
-    nx, ny, radial, tangential = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
-    spring_x, spring_y = np.empty(count), np.empty(count)
+    start, partner, spring_x, spring_y = touching.start, touching.partner, touching.spring_x, touching.spring_y
+    nx, ny, radial, tangential = touching.nx, touching.ny, touching.radial, touching.tangential
     start[0] = found = 0
-    for e in range(count):
+    for e in range(x.size):
         sum_x = sum_y = 0.0
         for k in range(begin[e], begin[e + 1]):
             c = listed[k]
@@ -70,7 +76,6 @@ def find_touching(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw) -> 
             sum_y += iy
             found += 1 if touches else 0
         spring_x[e], spring_y[e], start[e + 1] = sum_x, sum_y, found
-    return Touching(start, partner, nx, ny, radial, tangential, spring_x, spring_y)
 
 
 @kernel

@@ -262,8 +262,14 @@ def _corrected(
 @kernel
 def lone_elements(partners: Partners) -> NDArray[np.bool_]:
     """Whether each element has no partner of any kind."""
+    lone = np.empty(partners.bonded.start.size - 1, np.bool_)
+    find_lone(partners, lone)
+    return lone
+
+
+@kernel
+def find_lone(partners: Partners, lone: NDArray[np.bool_]) -> None:
+    """Find whether each element has no partner of any kind."""
     bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
-    lone = np.empty(bonded.size - 1, np.bool_)
     for e in range(lone.size):
         lone[e] = bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e]
-    return lone
