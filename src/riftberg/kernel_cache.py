@@ -24,7 +24,7 @@ from typing import Any, Final
 from llvmlite.binding import address_of_symbol
 from numba.core import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 try:
     import fcntl
@@ -99,8 +99,14 @@ class _WithNeeds(CompileResultCacheImpl):
     """Machine code beside the names that it expects to find outside."""
 
     def reduce(self, cres: Any) -> Any:
-        """Return what is kept of compiled code."""
-        return _names_outside(cres.library._final_module), super().reduce(cres)
+        """Return what is kept of compiled code.
+
+        Of the environments of the functions in it those are left out that hold no objects of Python: nothing asks for them,
+        and to bring them back loads the modules of NumPy's functions, and SciPy with them.
+        """
+        *kept, environments = super().reduce(cres)
+        needed = tuple(environment for environment in environments if environment.consts)
+        return _names_outside(cres.library._final_module), (*kept, needed)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return compiled code from what was kept.

@@ -19,6 +19,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
+from numba.core.targetconfig import ConfigStack
 
 
 class PartLibrary(JITCodeLibrary):
@@ -63,11 +64,25 @@ class PartCompiler(Compiler):
 class Kernel(CPUDispatcher):
     """A function that is compiled when it is called, from Python or as a part of another kernel."""
 
+    _cache: Any
+
     @cached_property
-    def part(self) -> CPUDispatcher:
+    def part(self) -> Any:
         """The same function as other kernels call it."""
-        options = {**self.targetoptions, "no_cpython_wrapper": True}
+        return self._as_part(counts=True)
+
+    @cached_property
+    def borrowing_part(self) -> Any:
+        """The same function as kernels call it that count no references; see `riftberg.kernels.borrower`."""
+        return self._as_part(counts=False)
+
+    def _as_part(self, *, counts: bool) -> Any:
+        options = {**self.targetoptions, "no_cpython_wrapper": True, "_nrt": counts}
         return CPUDispatcher(self.py_func, targetoptions=options, pipeline_class=PartCompiler)
+
+    def _part_for_caller(self) -> Any:
+        caller = ConfigStack().top_or_none()
+        return self.part if caller is None or caller.nrt else self.borrowing_part
 
     def _compilation_chain_init_hook(self) -> None:
         """Leave out what other packages teach numba: kernels take numbers, arrays and tuples of them."""
@@ -82,13 +97,13 @@ class Kernel(CPUDispatcher):
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compile the part that a caller wants, and return its types."""
-        return self.part.get_call_template(args, kws)
+        return self._part_for_caller().get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
         """Return the part that a caller has asked for."""
-        return self.part.get_overload(sig)
+        return self._part_for_caller().get_overload(sig)
 
     @property
     def nopython_signatures(self) -> Any:
         """Signatures, of parts too."""
-        return [*super().nopython_signatures, *self.part.nopython_signatures]
+        return [*super().nopython_signatures, *self._part_for_caller().nopython_signatures]

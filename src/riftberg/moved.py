@@ -210,7 +210,7 @@ def _with_old_names(spec: ModuleSpec | None) -> ModuleSpec | None:
 def install() -> None:
     """Let Python ask for old paths first."""
     if not any(isinstance(finder, OldPaths) for finder in sys.meta_path):
-        sys.meta_path.insert(0, OldPaths())  # type: ignore[arg-type]
+        sys.meta_path.insert(0, OldPaths())
 
 
 def old_names(module: str) -> Callable[[str], Any]:

@@ -141,6 +141,15 @@ def _settle_groups(el, group, unsettled, change, norm, norm_before, tolerance):
 
 
 @kernel
+def _any(marks):
+    """Whether one of them is set."""
+    some = False
+    for mark in marks:
+        some = some or mark
+    return some
+
+
+@kernel
 def _show_synchronised(el):
     """Let the others see the velocities of this pass."""
     u_shown, v_shown, u, v, static = (
@@ -199,7 +208,7 @@ def closing_half_kick(
         if not first:
             _settle_groups(el, group, unsettled, room.change, room.norm, norm_before, p.tolerance)
         _show_synchronised(el)
-        if not unsettled.any():
+        if not _any(unsettled):
             return passes
         if passes >= p.max_iterations:
             return -1
