@@ -20,6 +20,7 @@ from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.targetconfig import ConfigStack
+from numba.core.types import Array, BaseTuple
 
 
 class PartLibrary(JITCodeLibrary):
@@ -80,9 +81,11 @@ class Kernel(CPUDispatcher):
         options = {**self.targetoptions, "no_cpython_wrapper": True, "_nrt": counts}
         return CPUDispatcher(self.py_func, targetoptions=options, pipeline_class=PartCompiler)
 
-    def _part_for_caller(self) -> Any:
+    def _part_for_caller(self, arguments: Any) -> Any:
+        """Return the part that suits a caller; a law of numbers is compiled but once."""
         caller = ConfigStack().top_or_none()
-        return self.part if caller is None or caller.nrt else self.borrowing_part
+        counts = caller is None or caller.nrt or not any(map(_holds_arrays, arguments))
+        return self.part if counts else self.borrowing_part
 
     def _compilation_chain_init_hook(self) -> None:
         """Leave out what other packages teach numba: kernels take numbers, arrays and tuples of them."""
@@ -97,13 +100,18 @@ class Kernel(CPUDispatcher):
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compile the part that a caller wants, and return its types."""
-        return self._part_for_caller().get_call_template(args, kws)
+        return self._part_for_caller([*args, *dict(kws).values()]).get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
         """Return the part that a caller has asked for."""
-        return self._part_for_caller().get_overload(sig)
+        return self._part_for_caller(normalize_signature(sig)[0]).get_overload(sig)
 
     @property
     def nopython_signatures(self) -> Any:
         """Signatures, of parts too."""
-        return [*super().nopython_signatures, *self._part_for_caller().nopython_signatures]
+        parts = self.part, self.borrowing_part
+        return [*super().nopython_signatures, *(known for part in parts for known in part.nopython_signatures)]
+
+
+def _holds_arrays(kind: Any) -> bool:
+    return isinstance(kind, Array) or (isinstance(kind, BaseTuple) and any(map(_holds_arrays, kind)))

@@ -40,8 +40,10 @@ class Touching(NamedTuple):
 
 def allocate_touching(count: int, most: int) -> Touching:
     """Return room for ``most`` pairs of ``count`` elements."""
-    whole = np.zeros(count + 1, np.int64), np.zeros(most, np.int64)
-    return Touching(*whole, *(np.zeros(most) for _ in range(4)), np.zeros(count), np.zeros(count))
+    nx, ny, radial, tangential = np.zeros((4, most))
+    spring_x, spring_y = np.zeros((2, count))
+    start, partner = np.zeros(count + 1, np.int64), np.zeros(most, np.int64)
+    return Touching(start, partner, nx, ny, radial, tangential, spring_x, spring_y)
 
 
 @stage
