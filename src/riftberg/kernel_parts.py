@@ -84,8 +84,13 @@ class Kernel(CPUDispatcher):
     def _part_for_caller(self, arguments: Any) -> Any:
         """Return the part that suits a caller; a law of numbers is compiled but once."""
         caller = ConfigStack().top_or_none()
-        counts = caller is None or caller.nrt or not any(map(_holds_arrays, arguments))
-        return self.part if counts else self.borrowing_part
+        if caller is None or caller.nrt:
+            return self.part
+        if any(map(_holds_arrays, arguments)):
+            return self.borrowing_part
+        self.part.compile(tuple(arguments))
+        returned = self.part.overloads[tuple(arguments)].signature.return_type
+        return self.borrowing_part if _holds_arrays(returned) else self.part
 
     def _compilation_chain_init_hook(self) -> None:
         """Leave out what other packages teach numba: kernels take numbers, arrays and tuples of them."""
@@ -100,7 +105,7 @@ class Kernel(CPUDispatcher):
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compile the part that a caller wants, and return its types."""
-        return self._part_for_caller([*args, *dict(kws).values()]).get_call_template(args, kws)
+        return self._part_for_caller(self._compiler.fold_argument_types(args, kws)[1]).get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
         """Return the part that a caller has asked for."""
