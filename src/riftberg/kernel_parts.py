@@ -66,6 +66,7 @@ class Kernel(CPUDispatcher):
     """A function that is compiled when it is called, from Python or as a part of another kernel."""
 
     _cache: Any
+    _compiler: Any
 
     @cached_property
     def part(self) -> Any:
@@ -119,4 +120,4 @@ class Kernel(CPUDispatcher):
 
 
 def _holds_arrays(kind: Any) -> bool:
-    return isinstance(kind, Array) or (isinstance(kind, BaseTuple) and any(map(_holds_arrays, kind)))
+    return isinstance(kind, Array) or (isinstance(kind, BaseTuple) and any(_holds_arrays(one) for one in list(kind)))
