@@ -120,4 +120,5 @@ class Kernel(CPUDispatcher):
 
 
 def _holds_arrays(kind: Any) -> bool:
-    return isinstance(kind, Array) or (isinstance(kind, BaseTuple) and any(_holds_arrays(one) for one in list(kind)))
+    parts: Any = kind if isinstance(kind, BaseTuple) else ()
+    return isinstance(kind, Array) or any(map(_holds_arrays, parts))
