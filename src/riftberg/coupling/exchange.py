@@ -17,7 +17,7 @@ from riftberg.coupling.shares import Shares, shares_of
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.ledger import PROCESSES, water_by_process
+from riftberg.life.ledger import PROCESSES
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
@@ -389,7 +389,7 @@ class Exchange:
         step = life.last.melt
         fluxes["melt"] += seen.shares.per_area(step.water * part)
         fluxes["heat"] += seen.shares.per_area(step.water * (step.heat_density - LATENT_HEAT) * part)
-        for k, water in enumerate(water_by_process(step)):
+        for k, water in enumerate(life.last.water):
             by_process[k] += seen.shares.per_area(water * part)
 
     def _state(self) -> dict[str, Floats]:

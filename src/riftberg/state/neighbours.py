@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Floats, Ints
@@ -200,6 +201,7 @@ def near_pairs(
         level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
+    per_unit = DEGREE * radius if latlon else 1.0
     top = level.max() if count else -1
     for k in range(top, -1, -1):
         asking = np.flatnonzero(level == k)
@@ -228,8 +230,10 @@ def near_pairs(
                         # Two of one class meet twice.
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
                             continue
-                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         far = reach[e] + reach[f]
+                        if abs(y[e] - y[f]) * per_unit > 1.000001 * far:  # no cosine for those that lie too far north
+                            continue
+                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         if rx * rx + ry * ry < far * far:
                             if total == first.size:
                                 first, second = _longer(first), _longer(second)
