@@ -22,9 +22,13 @@ from riftberg.input_files import check_file, reading
 from riftberg.limits import MOST_YAML
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
+from riftberg.values import number
 
 SECTIONS: Final = ("grid", "berg", "parameters", "ocean", "days")
 """What a configuration file may hold."""
+
+MOST_CELLS: Final = 10_000
+"""Columns or rows of a grid at most."""
 
 _GRID: Final = ("west", "east", "south", "north", "columns", "rows")
 NAMES: Final = {
@@ -92,7 +96,7 @@ class BmiRiftberg(Bmi):
             If the file is missing, or says something that cannot be.
         """
         said = _read(Path(config_file))
-        box = said["grid"]
+        box = _box(said["grid"], config_file)
         columns, rows = int(box["columns"]), int(box["rows"])
         lon, lat = np.meshgrid(
             np.linspace(box["west"], box["east"], columns + 1), np.linspace(box["south"], box["north"], rows + 1)
@@ -101,18 +105,18 @@ class BmiRiftberg(Bmi):
         self._spacing = (float(lat[1, 0] - lat[0, 0]), float(lon[0, 1] - lon[0, 0]))
         self._origin = (float(box["south"]) + 0.5 * self._spacing[0], float(box["west"]) + 0.5 * self._spacing[1])
         self._shape = rows, columns
-        forcing = OceanForcing(grid, grid.fields(depth=float(box.get("depth", 4000.0))))
+        forcing = OceanForcing(grid, grid.fields(depth=box["depth"]))
         model = Model(_berg(said.get("berg", {})), forcing, Parameters(**said.get("parameters", {})))
         self._exchange = Exchange(model, staggering="A", wind_staggering="A")
-        self._end = 86400.0 * float(said.get("days", 1.0))
+        self._end = 86400.0 * number(said.get("days", 1.0), "day", where=f"{config_file}, days")
         self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
-        self._values["sea_floor_depth_below_geoid"][:] = float(box.get("depth", 4000.0))
+        self._values["sea_floor_depth_below_geoid"][:] = box["depth"]
         self._values["sea_surface_salinity"][:] = 34.0
         for name, value in said.get("ocean", {}).items():
             known = NAMES.get(name, name)
             if known in GIVEN or known not in self._values:
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
-            self._values[known][:] = float(value)
+            self._values[known][:] = number(value, TAKEN[known].units, where=f"{config_file}, ocean, {name}")
 
     @property
     def exchange(self) -> Exchange:
@@ -331,12 +335,35 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(
             f"no number for grid.{missing[0]}", where=str(path), remedy=f"Give {', '.join(_GRID)} under grid"
         )
+    for name in ("berg", "parameters", "ocean"):
+        if not isinstance(said.get(name, {}), dict):
+            raise InputError(
+                f"section {name!r} is no list of names and values", where=str(path), remedy="See the how-to page"
+            )
     return said
 
 
+def _box(said: dict[str, Any], path: str) -> dict[str, float]:
+    """Return the numbers of the grid, once they make one."""
+    box = {
+        name: number(said.get(name, 4000.0), unit, where=f"{path}, grid.{name}")
+        for name, unit in zip((*_GRID, "depth"), ("degree",) * 4 + ("1", "1", "m"), strict=True)
+    }
+    whole = all(1 <= box[name] <= MOST_CELLS and box[name] == int(box[name]) for name in ("columns", "rows"))
+    if not (whole and box["west"] < box["east"] and -90.0 <= box["south"] < box["north"] <= 90.0):
+        raise InputError(
+            f"no grid from {box['west']:g} to {box['east']:g} and {box['south']:g} to {box['north']:g} degrees of "
+            f"{box['columns']:g} columns and {box['rows']:g} rows", where=path,
+            remedy="Give west below east, south below north, and whole numbers of columns and rows",
+        )  # fmt: skip
+    return box
+
+
 def _berg(said: dict[str, Any]) -> Iceberg:
-    place = float(said.get("lon", 0.0)), float(said.get("lat", 0.0))
-    return Iceberg.rectangle(
-        float(said.get("length", 2000.0)), float(said.get("width", 2000.0)), thickness=float(said.get("thickness", 200.0)),
-        placement=place,
-    )  # fmt: skip
+    known = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
+    unknown = [name for name in said if name not in known]
+    if unknown:
+        raise InputError(f"unknown {unknown[0]!r} of the berg", where="berg", remedy=f"Give {', '.join(known)}")
+    asked = {**known, **said}
+    place = asked["lon"], asked["lat"]
+    return Iceberg.rectangle(asked["length"], asked["width"], thickness=asked["thickness"], placement=place)

@@ -18,6 +18,8 @@ from riftberg.state import Floats, Ints
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
 _FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
+_FEW = 4
+"""Others in the nine cells around an element, on average, that are not worth classes of reach."""
 
 
 class PairList(NamedTuple):
@@ -195,10 +197,14 @@ def near_pairs(
         Rows of the pairs, ``first < second``, in rising order.
     """
     count = x.size
-    level = np.empty(count, np.int64)
-    least = reach.min() if count else 1.0
-    for e in range(count):
-        level[e] = int(np.log2(reach[e] / least))
+    level = np.zeros(count, np.int64)
+    if count:
+        _, _, columns, rows, _, _, _ = _hash_columns(x, y, 2.0 * reach.max(), latlon, radius, period)
+        # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
+        if 9 * count > _FEW * columns * rows:
+            least = reach.min()
+            for e in range(count):
+                level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     per_unit = DEGREE * radius if latlon else 1.0
