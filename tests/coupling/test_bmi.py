@@ -100,6 +100,16 @@ def test_names_units_and_grid(model) -> None:
         ("grid: {west: 1}", "no number for grid.east"),
         (CONFIGURATION + "gird: 3", "unknown section 'gird'"),
         (CONFIGURATION.replace("sea_surface_temperature", "temperature"), "unknown field 'temperature'"),
+        (CONFIGURATION.replace("1.5", "274.5"), "looks like kelvin"),
+        (CONFIGURATION.replace("1.5", "warm"), "ocean, sea_surface_temperature: 'warm' is not a number"),
+        (CONFIGURATION.replace("ocean: {sea_surface_temperature: 1.5}", "ocean: 3"), "'ocean' is no list"),
+        (CONFIGURATION.replace("columns: 16", "columns: 2.5"), "no grid from -40 to -36"),
+        (CONFIGURATION.replace("west: -40", "west: -30"), "west below east"),
+        (CONFIGURATION.replace("depth: 3000", "depth: .nan"), "a sea nan m deep"),
+        (CONFIGURATION.replace("lon: -38", "lon: 38"), "outside"),
+        (CONFIGURATION.replace("lon: -38", "long: -38"), "unknown 'long' of the berg"),
+        (CONFIGURATION.replace("days: 1", "days: -1"), "days = -1"),
+        (CONFIGURATION.replace("melt:", "mellt:"), "Did you mean 'melt'"),
     ],
 )
 def test_configurations_that_cannot_be_are_refused(tmp_path: Path, text: str, message: str) -> None:

@@ -195,7 +195,7 @@ def test_temperature_and_salinity_on_levels_are_averaged_over_the_draft_for_side
     np.testing.assert_allclose(dry.sst, 3.0, rtol=1e-6)
     assert np.isnan(dry.environment.keel_temperature).all()
     with xr.open_dataset(folder / "water.nc") as ds:
-        top = ds.isel(depth=0, drop=True).load()
+        top = ds.isel(depth=0).load()
     (folder / "water.nc").unlink()
     top.to_netcdf(folder / "water.nc")
     (folder / "files.yaml").write_text(MELTING)

@@ -5,6 +5,7 @@ Needs the extra ``bmi``. Fields lie in the middle of the cells of a regular grid
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
-from riftberg.coupling.names import GIVEN, TAKEN
+from riftberg.coupling.names import GIVEN, TAKEN, taken
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading
 from riftberg.limits import MOST_YAML
@@ -107,8 +108,11 @@ class BmiRiftberg(Bmi):
         self._shape = rows, columns
         forcing = OceanForcing(grid, grid.fields(depth=box["depth"]))
         model = Model(_berg(said.get("berg", {})), forcing, Parameters(**said.get("parameters", {})))
+        grid.locate(model.elements)  # refuses a berg beyond the grid
         self._exchange = Exchange(model, staggering="A", wind_staggering="A")
         self._end = 86400.0 * number(said.get("days", 1.0), "day", where=f"{config_file}, days")
+        if not 0.0 < self._end < math.inf:
+            raise InputError(f"days = {said['days']}", where=config_file, remedy="Give a finite number above 0")
         self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
         self._values["sea_floor_depth_below_geoid"][:] = box["depth"]
         self._values["sea_surface_salinity"][:] = 34.0
@@ -117,6 +121,8 @@ class BmiRiftberg(Bmi):
             if known in GIVEN or known not in self._values:
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
             self._values[known][:] = number(value, TAKEN[known].units, where=f"{config_file}, ocean, {name}")
+        asked = {name: values for name, values in self._values.items() if name in TAKEN}
+        taken(asked, {TAKEN[name].field: (self._shape,) for name in asked}, np.ones(self._shape))
 
     @property
     def exchange(self) -> Exchange:
@@ -349,6 +355,8 @@ def _box(said: dict[str, Any], path: str) -> dict[str, float]:
         name: number(said.get(name, 4000.0), unit, where=f"{path}, grid.{name}")
         for name, unit in zip((*_GRID, "depth"), ("degree",) * 4 + ("1", "1", "m"), strict=True)
     }
+    if not 0.0 < box["depth"] < math.inf:
+        raise InputError(f"a sea {box['depth']:g} m deep", where=f"{path}, grid.depth", remedy="Give a depth above 0")
     whole = all(1 <= box[name] <= MOST_CELLS and box[name] == int(box[name]) for name in ("columns", "rows"))
     if not (whole and box["west"] < box["east"] and -90.0 <= box["south"] < box["north"] <= 90.0):
         raise InputError(
