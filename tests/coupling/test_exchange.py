@@ -179,7 +179,7 @@ def test_a_run_that_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
 @pytest.mark.parametrize("step", [0.0, -1800.0, float("nan"), float("inf"), "soon"])
 def test_a_step_of_the_ocean_that_is_none_is_refused_by_name(step: float | str) -> None:
     """A step that is no number ended in an error of Python."""
-    with pytest.raises(InputError, match="Exchange, ocean_step: .*(Give a finite number above 0|Allowed: a number)"):
+    with pytest.raises(InputError, match=r"Exchange, ocean_step: .*(Give a finite number above 0|Allowed: a number)"):
         exchange(ocean_step=step)
 
 
