@@ -18,8 +18,8 @@ from riftberg.state import Floats, Ints
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
 _FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
-_FEW = 4
-"""Others in the nine cells around an element, on average, that are not worth classes of reach."""
+_FEW = 2
+"""Others in the bin of an element, on average, that are not worth classes of reach."""
 
 
 class PairList(NamedTuple):
@@ -176,6 +176,18 @@ def _find_pairs(
 
 
 @kernel
+def _crowded(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float) -> bool:
+    """Whether elements share their bins of this reach (m) with more than `_FEW` others, on average."""
+    width_x, width_y, columns, rows, x0, y0, _ = _hash_columns(x, y, reach, latlon, radius, period)
+    _, start, _ = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+    shared = 0
+    for c in range(start.size - 1):
+        inside = start[c + 1] - start[c]
+        shared += inside * (inside - 1)
+    return shared > _FEW * x.size
+
+
+@kernel
 def near_pairs(
     x: Floats, y: Floats, berg: Ints, reach: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Ints]:
@@ -198,13 +210,11 @@ def near_pairs(
     """
     count = x.size
     level = np.zeros(count, np.int64)
-    if count:
-        _, _, columns, rows, _, _, _ = _hash_columns(x, y, 2.0 * reach.max(), latlon, radius, period)
-        # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
-        if 9 * count > _FEW * columns * rows:
-            least = reach.min()
-            for e in range(count):
-                level[e] = int(np.log2(reach[e] / least))
+    # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
+    if count and _crowded(x, y, 2.0 * reach.max(), latlon, radius, period):
+        least = reach.min()
+        for e in range(count):
+            level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     per_unit = DEGREE * radius if latlon else 1.0
