@@ -43,7 +43,7 @@ NEEDED: Final[Mapping[str, tuple[str, ...]]] = {
 
 OPTIONAL: Final[Mapping[str, tuple[str, ...]]] = {
     "sides": ("trajectory",), "peak_stress": ("bond", "time"), "damage": ("bond", "time"), "fragment_name": ("fragment",),
-    "fragment_melt_water": ("fragment", "process"),
+    "fragment_melt_water": ("fragment", "process"), "fragment_calved_from": ("fragment",),
     **{f"contact_{name}": ("contact",) for name in ("first", "second", "time", "end", "speed")},
     **{name: ("trajectory", "time") for name in ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "ice_thickness")},
 }  # fmt: skip

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Floats, Ints
@@ -17,6 +18,8 @@ from riftberg.state import Floats, Ints
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
 _FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
+_FEW = 2
+"""Others in the bin of an element, on average, that are not worth classes of reach."""
 
 
 class PairList(NamedTuple):
@@ -171,6 +174,18 @@ def _find_pairs(
 
 
 @kernel
+def _crowded(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float) -> bool:
+    """Whether elements share their bins of this reach (m) with more than `_FEW` others, on average."""
+    width_x, width_y, columns, rows, x0, y0, _ = _hash_columns(x, y, reach, latlon, radius, period)
+    _, start, _ = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+    shared = 0
+    for c in range(start.size - 1):
+        inside = start[c + 1] - start[c]
+        shared += inside * (inside - 1)
+    return shared > _FEW * x.size
+
+
+@kernel
 def near_pairs(
     x: Floats, y: Floats, berg: Ints, reach: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Ints]:
@@ -192,12 +207,15 @@ def near_pairs(
         Rows of the pairs, ``first < second``, in rising order.
     """
     count = x.size
-    level = np.empty(count, np.int64)
-    least = reach.min() if count else 1.0
-    for e in range(count):
-        level[e] = int(np.log2(reach[e] / least))
+    level = np.zeros(count, np.int64)
+    # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
+    if count and _crowded(x, y, 2.0 * reach.max(), latlon, radius, period):
+        least = reach.min()
+        for e in range(count):
+            level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
+    per_unit = DEGREE * radius if latlon else 1.0
     top = level.max() if count else -1
     for k in range(top, -1, -1):
         asking = np.flatnonzero(level == k)
@@ -226,8 +244,10 @@ def near_pairs(
                         # Two of one class meet twice.
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
                             continue
-                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         far = reach[e] + reach[f]
+                        if abs(y[e] - y[f]) * per_unit > 1.000001 * far:  # no cosine for those that lie too far north
+                            continue
+                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         if rx * rx + ry * ry < far * far:
                             if total == first.size:
                                 first, second = _longer(first), _longer(second)
