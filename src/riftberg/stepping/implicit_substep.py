@@ -14,7 +14,7 @@ from riftberg.stepping.interactions import PairLaw, Partners, pair_view
 from riftberg.stepping.media import Surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, lone_elements, solve_velocity
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, is_lone, solve_velocity
 
 
 @kernel
@@ -22,7 +22,7 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
     """Kick all moving elements of unsettled groups once with velocities of the others frozen."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     half = 0.5 * dt
-    alone = lone_elements(partners)
+    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     group, one = partners.group, partners.group.size == 0
     for e in range(motion.u.size):
@@ -32,7 +32,7 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, 0.5, 0.5, True, False,
-            INTERACTIONS_ONLY, dt, body.mass[e], alone[e], partners, False, p.constant_size, view, law,
+            INTERACTIONS_ONLY, dt, body.mass[e], is_lone(e, bonded, same, other), partners, False, p.constant_size, view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
