@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
 from riftberg.state import Elements
 from riftberg.stepping.interactions import PairLaw, Partners, pair_view
+from riftberg.stepping.long_kick import SlowRoom, any_of
 from riftberg.stepping.media import Surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
@@ -72,8 +71,8 @@ def _rewind(el, dt, group, unsettled, scratch):
 
 @stage
 def implicit_kick(
-    el: Elements, dt: float, around: Surroundings, partners: Partners, sizes: Sizes, law: PairLaw, scratch: Scratch,
-    p: KernelParameters,
+    el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
+    scratch: Scratch, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``.
 
@@ -85,22 +84,21 @@ def implicit_kick(
         Passes needed; -1 if the iteration did not settle.
     """
     view = pair_view(el, sizes)
-    groups = 1 if partners.group.size == 0 else partners.group.max() + 1
-    unsettled = np.ones(groups, np.bool_)
+    unsettled, before, change, norm = room.unsettled, room.norm_before, room.change, room.norm
+    unsettled[:] = True
     _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
     if not p.iterate:
         return 1
-    before, change, norm = np.zeros(groups), np.zeros(groups), np.zeros(groups)
     _norms(el, partners.group, change, before, scratch)
     passes = 1
-    while unsettled.any():
+    while any_of(unsettled):
         if passes >= p.max_iterations:
             return -1
         _rewind(el, dt, partners.group, unsettled, scratch)
         _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
         passes += 1
         _norms(el, partners.group, change, norm, scratch)
-        for g in range(groups):
+        for g in range(unsettled.size):
             scale = math.sqrt(before[g]) + math.sqrt(norm[g])
             if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < p.tolerance:
                 unsettled[g] = False
