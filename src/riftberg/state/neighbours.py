@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.kernels import kernel
-from riftberg.physics.geometry import fast_cos_latitude, separation
+from riftberg.physics.geometry import fast_cos_latitude, metres_per_unit, separation
 from riftberg.state import Floats, Ints
 
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
@@ -194,6 +194,7 @@ def near_pairs(
         Rows of the pairs, ``first < second``, in rising order.
     """
     count = x.size
+    _, north = metres_per_unit(0.0, latlon, radius)
     level = np.empty(count, np.int64)
     least = reach.min() if count else 1.0
     for e in range(count):
@@ -228,8 +229,10 @@ def near_pairs(
                         # Two of one class meet twice.
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
                             continue
-                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         far = reach[e] + reach[f]
+                        if abs((y[e] - y[f]) * north) >= far:  # told without a cosine
+                            continue
+                        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         if rx * rx + ry * ry < far * far:
                             if total == first.size:
                                 first, second = _longer(first), _longer(second)
