@@ -87,10 +87,11 @@ def memory_mb() -> float | None:
     return peak / 1024.0**2 if sys.platform == "darwin" else peak / 1024.0
 
 
-def square_berg(elements: int) -> Model:
+def square_berg(elements: int, scheme: str = "mts") -> Model:
     """Return a model of a rectangular berg of about ``elements`` elements in a steady current, in plane coordinates.
 
-    Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows.
+    Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows; ``scheme`` is
+    that of `riftberg.parameter_groups.Stepping`.
     """
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ocean.analytic import Steady
@@ -101,5 +102,7 @@ def square_berg(elements: int) -> Model:
     columns = max(1, round(elements / rows))
     berg = Iceberg.rectangle(columns * 3000.0, rows * 3000.0, thickness=200.0, latlon=False, offset=(0.0, 0.0))
     plane = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
-    parameters = A68A_2022.changed(earth=plane, stepping={"substeps": None}, fracture={"enabled": False})
+    parameters = A68A_2022.changed(
+        earth=plane, stepping={"substeps": None, "scheme": scheme}, fracture={"enabled": False}
+    )
     return Model(berg, Steady(current=(0.2, 0.0)), parameters)

@@ -59,6 +59,11 @@ class BlockFactors:
         """Number of blocks below the diagonal."""
         return int(self._row.size)
 
+    @property
+    def memory(self) -> int:
+        """Bytes that they take."""
+        return sum(a.nbytes for a in (self._order, self._start, self._row, self._lower, self._inverse))
+
     def solve(self, right: Floats) -> Floats:
         """Return the solution for a right-hand side, shape (3 elements,)."""
         return _solved(self._order, self._start, self._row, self._lower, self._inverse, right)

@@ -310,6 +310,11 @@ class Factors:
         """Columns by which the factors are corrected."""
         return len(self._columns)
 
+    @property
+    def memory(self) -> int:
+        """Bytes of the factors, which a solve reads twice."""
+        return self._factors.memory
+
     def without(self, bond: int) -> None:
         """Take a bond out."""
         i, j = self._lattice.first[bond], self._lattice.second[bond]
