@@ -45,7 +45,7 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
-from riftberg.stepping.media import Surroundings, allocate_surroundings
+from riftberg.stepping.media import FORCES
 from riftberg.stepping.partners import MARGIN, will_touch
 from riftberg.stepping.rigid_bodies import (
     Acting,
@@ -116,14 +116,14 @@ class QuasiStaticStepper:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
         self._now: Standing | None = None
-        self._around = allocate_surroundings(0)
+        self._applied = np.zeros((0, len(FORCES), 2))
         self._ice: list[bytes] = []
         self._touched = NOBODY
 
     @property
     def applied(self) -> Floats:
         """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
-        return self._around.applied
+        return self._applied
 
     @property
     def touched(self) -> tuple[Ints, Ints]:
@@ -151,10 +151,10 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
         self._forget_what_changed(model)
-        step = LongStep(model, self._bodies, self._structure, self._now, self._around)
+        step = LongStep(model, self._bodies, self._structure, self._now)
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
-        self._around.applied[:] = step.applied
+        self._applied = step.applied
         self._touched = joined(step.touched)
         self._ice = _ice(model)
         model.time = step.start + model.parameters.stepping.time_step
@@ -162,8 +162,6 @@ class QuasiStaticStepper:
     def _forget_what_changed(self, model: RunState) -> None:
         """Begin anew where elements came or went, and find the lattice anew where ice or bonds have changed."""
         count = model.elements.size
-        if self._around.coriolis.size != count:
-            self._around = allocate_surroundings(count)
         now = _ice(model)
         if self._ice and [len(a) for a in now] != [len(a) for a in self._ice]:
             self._bodies = None
@@ -190,13 +188,12 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
-        around: Surroundings,
-    ) -> None:  # fmt: skip
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None
+    ) -> None:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes: Sizes = interaction_sizes(self.el, self.c)
-        self.start, self.cracked, self.around = model.time, False, around
-        self.applied = np.zeros_like(around.applied)
+        self.start, self.cracked = model.time, False
+        self.applied = np.zeros((self.el.size, len(FORCES), 2))
         self.touched: list[tuple[Ints, Ints]] = []
         self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
@@ -348,7 +345,7 @@ class LongStep:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
         motion = element_motion(bodies, c.latlon, c.earth_radius)
-        load = find_loading(el, self.sizes, self.around, c)
+        load = find_loading(el, self.sizes, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
         return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)

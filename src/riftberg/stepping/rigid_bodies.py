@@ -37,6 +37,7 @@ from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
     CORIOLIS,
     LINEAR,
+    MEDIA,
     PUSH_X,
     PUSH_Y,
     QUADRATIC,
@@ -89,10 +90,10 @@ class Touching(NamedTuple):
     damping: Floats
 
 
-def find_loading(el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> Loading:
+def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
     """Take the coefficients of all forces from the environment that the elements carry."""
     # The groups that it needs: to hand the whole state to compiled code takes longer than the forces of a small berg.
-    return Loading(*_find_loading(_Seen(el.place, el.body, el.environment), sizes, around, p))
+    return Loading(*_find_loading(_Seen(el.place, el.body, el.environment), sizes, p))
 
 
 class _Seen(NamedTuple):
@@ -105,15 +106,17 @@ class _Seen(NamedTuple):
 
 @kernel
 def _find_loading(
-    el: _Seen, sizes: Sizes, around: Surroundings, p: KernelParameters
+    el: _Seen, sizes: Sizes, p: KernelParameters
 ) -> tuple[
     Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, bool, bool
 ]:  # fmt: skip
     """Return the fields of `Loading`; see `riftberg.kernels` why no named tuple."""
     body = el.body
     count = body.mass.size
-    find_surroundings(el, sizes, around, p)
-    media = around.media.copy()
+    # Kept as long as this moment is; nothing is solved for or applied in them.
+    media, coriolis = np.empty((count, len(MEDIA), PUSH_Y + 1)), np.empty(count)
+    no_rate, nothing = np.empty((0, len(MEDIA))), np.empty((0, CORIOLIS + 1, 2))
+    find_surroundings(el, sizes, Surroundings(media, coriolis, np.ones(len(MEDIA), np.bool_), no_rate, nothing), p)
     inertia, floor, floor_spin, aground = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     spinning = np.zeros(count)
     mass, thickness, depth = body.mass, body.thickness, el.environment.depth
@@ -131,7 +134,7 @@ def _find_loading(
         if p.rotational_drag and not p.only_interactions:
             spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
     return (
-        media, around.coriolis.copy(), mass, inertia, floor, floor_spin, aground, spinning,
+        media, coriolis, mass, inertia, floor, floor_spin, aground, spinning,
         0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions, touches,
     )  # fmt: skip
 
