@@ -14,6 +14,8 @@ from riftberg.diagnostics.yardstick import yardstick_seconds_per_day
 from riftberg.experiments import build
 from riftberg.experiments.options import Options
 
+CHANGES: dict[str, Any] = {"stepping": {"scheme": "quasi_static"}}
+
 
 def seconds_per_day(model: Any, steps: int, repeats: int = 3) -> float:
     """Return processor seconds of a day: the quickest of some spells of ``steps`` long steps, after the first two."""
@@ -40,10 +42,10 @@ def row(name: str, model: Any, steps: int) -> str:
 def main(numbers: list[int]) -> None:
     """Print a row for A68a and one for each number of elements of a square berg."""
     print("| berg | elements | s per day | yardsticks | ms per step | factors, MiB |\n|---|---:|---:|---:|---:|---:|")
-    a68a, _ = build("a68a", Options(changes={"stepping": {"scheme": "quasi_static"}}))
+    a68a, _ = build("a68a", Options(changes=CHANGES))
     print(row("A68a", a68a, 48), flush=True)
     for number in numbers:
-        print(row("square", square_berg(number, "quasi_static"), 10), flush=True)
+        print(row("square", square_berg(number, lambda p: p.changed(**CHANGES)), 10), flush=True)
 
 
 if __name__ == "__main__":

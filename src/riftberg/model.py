@@ -32,6 +32,7 @@ from riftberg.stepping.births import by_identifier, changed_rows, complete_state
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.contacts import ContactLog
 from riftberg.stepping.fragments import Fragment, FragmentTree
+from riftberg.stepping.ringing import ringing
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.substep_choice import assign_substeps, coarse_sizes
@@ -385,6 +386,8 @@ class BareModel(RunState):
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()
+            for text in self.notices:
+                _LOG.warning(text)
         with held() as hold:
             try:
                 self._record_steps(count, recorders, hold)
@@ -448,7 +451,15 @@ class BareModel(RunState):
 
     def describe(self) -> str:
         """Return what this model is, in plain words, with all parameters."""
-        return "\n".join([*self._heading(), f"  forcing: {self.forcing.describe()}", self.parameters.describe()])
+        notices = [f"  notice: {text}" for text in self.notices]
+        forcing = f"  forcing: {self.forcing.describe()}"
+        return "\n".join([*self._heading(), *notices, forcing, self.parameters.describe()])
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What should be known of a run with these parameters, a sentence each."""
+        text = ringing(self.elements, self.bonds.first.size, self.parameters)
+        return (text,) if text else ()
 
     def __repr__(self) -> str:
         first, *others = self._heading()

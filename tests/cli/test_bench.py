@@ -22,7 +22,7 @@ from riftberg.state import copy_state
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeModel:
     """Make every experiment a fake one."""
     model = FakeModel()
-    monkeypatch.setattr("riftberg.experiments.build", lambda name: (model, Info("fake")))
+    monkeypatch.setattr("riftberg.experiments.build", lambda name, options: (model, Info("fake")))
     return model
 
 
@@ -38,6 +38,33 @@ def test_json_has_every_documented_key(fake: FakeModel) -> None:
     assert row["seconds_per_day"] > 0.0
     assert 20.0 < row["memory_mb"] < 5000.0
     assert row["relative_to_yardstick"] == pytest.approx(row["seconds_per_day"] / row["yardstick_seconds_per_day"])
+
+
+def test_a_scheme_is_set_and_told() -> None:
+    result = CliRunner().invoke(
+        app, ["bench", "collision", "--set", "stepping.scheme=quasi_static", "--json", "--days", "0.1"]
+    )
+    assert result.exit_code == 0, result.output
+    row = json.loads(result.stdout)
+    assert (row["scheme"], row["time_step"], row["substeps_per_day"]) == ("quasi_static", row["time_step"], 0.0)
+    wrong = CliRunner().invoke(app, ["bench", "--set", "stepping.scheme=fast"])
+    assert wrong.exit_code == 2
+    assert "quasi_static" in wrong.output
+
+
+def test_sizes_are_timed_with_what_is_set() -> None:
+    asked = ["bench", "--scaling", "20", "--set", "stepping.time_step=900", "--days", "0.02", "--json"]
+    result = CliRunner().invoke(app, asked)
+    assert result.exit_code == 0, result.output
+    assert [row["time_step"] for row in json.loads(result.stdout)] == [900.0]
+
+
+def test_the_yardstick_is_the_same_for_all_schemes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yardstick.clock, "perf_counter", iter(range(100)).__next__)  # type: ignore[attr-defined]
+    few = FakeModel()
+    few.substeps = 10
+    rows = [yardstick.yardstick_seconds_per_day(model, seconds=5.0, repeats=1) for model in (FakeModel(), few)]
+    assert rows[0] == rows[1] > 0.0
 
 
 def test_line_for_people(fake: FakeModel) -> None:

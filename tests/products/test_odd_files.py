@@ -770,15 +770,23 @@ def test_dates_counted_in_single_precision_are_refused(tmp_path: Path) -> None:
     refused(written(tmp_path, _counted(plain(), "f4")), "time")
 
 
-def test_a_latitude_that_stands_twice_is_told_as_such(tmp_path: Path) -> None:
-    """The remedy was to sort, which does not help."""
+@pytest.mark.parametrize(("axis", "units"), [("lat", "degrees_north"), ("lon", "degrees_east")])
+def test_a_place_that_stands_twice_is_told_as_such(tmp_path: Path, axis: str, units: str) -> None:
+    """The remedy was to sort, which does not help; of two columns of one longitude the first was taken."""
     ds = plain()
-    lat = ds["lat"].values.copy()
-    lat[4] = lat[3]
+    values = ds[axis].values.copy()
+    values[4] = values[3]
     refused(
-        written(tmp_path, ds.assign_coords(lat=("lat", lat, {"units": "degrees_north"}))),
-        f"lat has {lat[3]:g} twice", remedy="ds.drop_duplicates('lat')",
+        written(tmp_path, ds.assign_coords({axis: (axis, values, {"units": units})})),
+        f"{axis} has {values[3]:g} twice", remedy=f"ds.drop_duplicates('{axis}')",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("axis", "units"), [("lat", "degrees_south"), ("lon", "degrees_west"), ("lon", "deg W")])
+def test_degrees_south_and_west_are_turned(tmp_path: Path, axis: str, units: str) -> None:
+    """They were taken for degrees north and east: the data lay on the other side of the earth."""
+    ds = plain()
+    arrives(written(tmp_path, ds.assign_coords({axis: (axis, -ds[axis].values, {"units": units})})))
 
 
 @pytest.mark.parametrize("levels", [1, 2])

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
 
 from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import reported
+from riftberg.cli.run import Settings, make_options
 from riftberg.cli.spans import positive
 from riftberg.errors import InputError
+from riftberg.experiments import Options
 from riftberg.limits import check_elements
 
 SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
@@ -20,6 +23,7 @@ SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 def bench(
     experiment: Annotated[str, typer.Argument(help="A built-in experiment or a YAML file.")] = "a68a",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    settings: Settings = None,
     days: Annotated[float, typer.Option("--days", help="Simulated days to time.")] = 1.0,
     scaling: Annotated[
         str | None, typer.Option("--scaling", metavar="FROM..TO", help="Time rectangular bergs of FROM to TO elements.")
@@ -32,12 +36,14 @@ def bench(
     from riftberg.experiments import build
 
     positive(days, "--days", "days", most=1000.0)
+    options = make_options(settings, None, None, None)
+    sizes = None if scaling is None else sizes_between(scaling)
     announce_compilation()
-    if scaling is None:
-        model, info = build(experiment)
+    if sizes is None:
+        model, info = build(experiment, options)
         rows = [measure(model, experiment=info.name, days=days)]
     else:
-        rows = list(_scaled(sizes_between(scaling), days))
+        rows = list(_scaled(sizes, days, options))
     if as_json:
         typer.echo(json.dumps(rows if scaling else rows[0], indent=1))
         return
@@ -56,11 +62,11 @@ def sizes_between(text: str) -> list[int]:
     return sorted({first, last, *(size for size in SIZES if first < size < last)})
 
 
-def _scaled(sizes: list[int], days: float) -> Any:
+def _scaled(sizes: list[int], days: float, options: Options) -> Iterator[dict[str, Any]]:
     from riftberg.diagnostics.speed import measure, square_berg
 
     for size in sizes:
-        yield measure(square_berg(size), experiment=f"rectangle of {size}", days=days, seconds=5.0)
+        yield measure(square_berg(size, options.apply), experiment=f"rectangle of {size}", days=days, seconds=5.0)
 
 
 def line(row: dict[str, Any]) -> str:
@@ -68,7 +74,8 @@ def line(row: dict[str, Any]) -> str:
     memory = f"{row['memory_mb']:.0f} MB" if row["memory_mb"] is not None else "memory unknown"
     ratio = f" = {row['relative_to_yardstick']:.2f} yardsticks" if row["relative_to_yardstick"] else ""
     return (
-        f"{row['experiment']}: {row['elements']} elements, {row['bonds']} bonds, {row['seconds_per_day']:.3g} s per day"
+        f"{row['experiment']}: {row['elements']} elements, {row['bonds']} bonds, {row['scheme']} with "
+        f"{row['time_step']:g} s, {row['seconds_per_day']:.3g} s per day"
         f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), "
         f"first step {row['compile_seconds']:.3g} s, {memory}"
     )

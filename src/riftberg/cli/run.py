@@ -157,7 +157,7 @@ def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None,
         return
     model, info = _built(experiment, options, resume)
     info = wishes.added_to(info)
-    _tell(info)
+    _tell(info, model)
     command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
     folder = output_folder(wishes.output, info.name)
     session = Session(model, info, folder, command, wishes.output is not None, wishes.shown())
@@ -177,7 +177,7 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
         model, info = build(experiment, chosen)
         info = wishes.added_to(info)
         if not folders:
-            _tell(info)
+            _tell(info, model)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
@@ -193,9 +193,9 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
-def _tell(info: Info) -> None:
+def _tell(info: Info, model: Model) -> None:
     """Say what should be known before the run."""
-    for notice in info.notices:
+    for notice in (*info.notices, *getattr(model, "notices", ())):
         say(f"Notice: {notice}")
 
 

@@ -3,13 +3,16 @@
 Keys of a measurement
 ---------------------
 experiment : name
+scheme : stepping.scheme of the run
+time_step : its long step, s
 elements, bonds : their numbers
-substeps_per_day : sub-steps in a simulated day
+substeps_per_day : sub-steps in a simulated day; 0 for the quasi-static scheme, which has none
 days : simulated days that were timed
 seconds_per_day : wall seconds per simulated day, after the first step, without writing files
 compile_seconds : wall time of the first step above that of the others (compilation, or loading what was compiled), s
 memory_mb : largest memory of the process so far, MiB
-yardstick_seconds_per_day : wall seconds of the yardstick (`riftberg.diagnostics.yardstick`) for the same berg and day
+yardstick_seconds_per_day : wall seconds of the yardstick (`riftberg.diagnostics.yardstick`) for the same berg
+    and 4,320 sub-steps, whatever the scheme
 yardstick_version : version of the yardstick
 relative_to_yardstick : seconds_per_day / yardstick_seconds_per_day
 riftberg : version
@@ -28,6 +31,9 @@ from riftberg.diagnostics import yardstick
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
 
 
@@ -56,6 +62,8 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
     stick = yardstick.yardstick_seconds_per_day(model)
     return {
         "experiment": experiment,
+        "scheme": model.parameters.stepping.scheme,
+        "time_step": dt,
         "elements": len(model.elements.id),
         "bonds": len(model.bonds.first),
         "substeps_per_day": yardstick.substeps_per_day(model),
@@ -87,11 +95,17 @@ def memory_mb() -> float | None:
     return peak / 1024.0**2 if sys.platform == "darwin" else peak / 1024.0
 
 
-def square_berg(elements: int, scheme: str = "mts") -> Model:
+def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None = None) -> Model:
     """Return a model of a rectangular berg of about ``elements`` elements in a steady current, in plane coordinates.
 
-    Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows; ``scheme`` is
-    that of `riftberg.parameter_groups.Stepping`.
+    Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows.
+
+    Parameters
+    ----------
+    elements : int
+        About how many elements.
+    change : callable, optional
+        Takes the parameters of the berg and returns those to take instead.
     """
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ocean.analytic import Steady
@@ -102,7 +116,5 @@ def square_berg(elements: int, scheme: str = "mts") -> Model:
     columns = max(1, round(elements / rows))
     berg = Iceberg.rectangle(columns * 3000.0, rows * 3000.0, thickness=200.0, latlon=False, offset=(0.0, 0.0))
     plane = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
-    parameters = A68A_2022.changed(
-        earth=plane, stepping={"substeps": None, "scheme": scheme}, fracture={"enabled": False}
-    )
-    return Model(berg, Steady(current=(0.2, 0.0)), parameters)
+    parameters = A68A_2022.changed(earth=plane, stepping={"substeps": None}, fracture={"enabled": False})
+    return Model(berg, Steady(current=(0.2, 0.0)), change(parameters) if change else parameters)

@@ -5,6 +5,7 @@ Numbers of rows and columns are never positions: a dimension counts as a positio
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ Floats = NDArray[np.float64]
 
 _EAST = {"standard_name": "longitude", "units": "degrees_east"}
 _NORTH = {"standard_name": "latitude", "units": "degrees_north"}
+_SOUTH_OR_WEST = re.compile(r"deg(?:ree)?s?[ _]?(?:s|south|w|west)", re.IGNORECASE)
+"""Units of positions that count the other way; CF does not know them, and files have them."""
+
 STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
@@ -152,12 +156,15 @@ def _pair(
 
 
 def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
-    """Return positions in degrees, without impossible ones (fill values become NaN)."""
+    """Return degrees north or east, without impossible ones (fill values become NaN)."""
     values = variable.values.astype(float)
     if variable.dtype == np.float32:  # the noise beyond the sixth decimal is of single precision
         values = np.round(values, 6)
-    if units_of(variable).lower().startswith("rad"):
+    units = units_of(variable)
+    if units.lower().startswith("rad"):
         values = np.rad2deg(values)
+    if _SOUTH_OR_WEST.fullmatch(units.strip()):
+        values = -values
     values = np.where(np.abs(values) > 1e4, np.nan, values)
     if not np.isfinite(values).any():
         raise ForcingError(f"{variable.name} holds no position at all", where=where, remedy="Fetch the file again")
@@ -176,13 +183,13 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             f"{lat} runs from {north.values.min():g} to {north.values.max():g}: that is no latitude", where=where,
             remedy="Give positions in degrees; for axes in metres the file needs a grid_mapping",
         )  # fmt: skip
+    for name, axis in ((lat, north), (lon, east)):
+        _check_repeats(name, axis.values, where)
     steps = np.diff(north.values)
     if steps.size and not ((steps > 0.0).all() or (steps < 0.0).all()):
-        values, times = np.unique(north.values, return_counts=True)
-        twice = values[times > 1]
-        fault = f"has {twice[0]:g} twice" if twice.size else "neither rises nor falls throughout"
-        sort = "Keep one of each: ds.drop_duplicates" if twice.size else "Sort it: ds.sortby"
-        raise ForcingError(f"{lat} {fault}", where=where, remedy=f"{sort}('{lat}')")
+        raise ForcingError(
+            f"{lat} neither rises nor falls throughout", where=where, remedy=f"Sort it: ds.sortby('{lat}')"
+        )
     bare = all(not units_of(ds[name]) and not standard_name(ds[name]) for name in (lat, lon))
     counted = all(
         any(np.array_equal(axis.values, np.arange(axis.size) + first) for first in (0, 1)) for axis in (north, east)
@@ -192,6 +199,14 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             f"{lat} and {lon} only count rows and columns (no units)", where=where,
             remedy="Write the positions in degrees, with units degrees_north and degrees_east",
         )  # fmt: skip
+
+
+def _check_repeats(name: str, values: Floats, where: str) -> None:
+    """Refuse an axis on which a place stands twice: which of the two fields is meant cannot be known."""
+    distinct, times = np.unique(values, return_counts=True)
+    if (times > 1).any():
+        remedy = f"Keep one of each: ds.drop_duplicates('{name}')"
+        raise ForcingError(f"{name} has {distinct[times > 1][0]:g} twice", where=where, remedy=remedy)
 
 
 def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:

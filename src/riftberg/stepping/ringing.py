@@ -1,0 +1,83 @@
+"""Whether the stress in the bonds of a run rings, because its slow forces act in two kicks of a long step."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from riftberg.bergs.bonding import Metric, separations
+from riftberg.parameters import Parameters
+from riftberg.state import Elements, Floats
+
+STEADY: Final = 12.0
+"""Long steps in a swing of the berg from which on the stress is within 1 kPa of that in equilibrium (numerics page)."""
+
+FIRST_MODE: Final = 22.373
+"""Square of the first eigenvalue of a free beam, ``cos(k) cosh(k) = 1``."""
+
+
+def swing(elements: Elements, parameters: Parameters) -> float:
+    """Return the period (s) in which the largest berg swings when it bends in its plane.
+
+    That of a free beam with the spread of the berg along and across, ``T = 2 pi / 22.4 L^2 sqrt(rho A / (E I))`` with
+    ``L^2 = 12 s1^2`` and ``I / A = s2^2``. It says how long, not more: a compact berg is no beam, and shears too.
+
+    Parameters
+    ----------
+    elements : Elements
+        Positions, sizes and bergs are read.
+    parameters : Parameters
+        Coordinates, density, and Young's modulus.
+    """
+    p, place = parameters, elements.place
+    numbers, counts = np.unique(elements.berg, return_counts=True)
+    own = elements.berg == numbers[counts.argmax()]
+    lon, lat = place.lon[own], place.lat[own]
+    metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
+    x, y = separations(metric, lon, lat, np.full_like(lon, lon[0]), np.full_like(lat, lat[0]))
+    across, along = _spread(x, y, elements.body.length[own] * elements.body.width[own])
+    speed = math.sqrt(p.bonds.youngs_modulus / p.ice.density)
+    return 2.0 * math.pi / FIRST_MODE * 12.0 * along**2 / (speed * across) if speed > 0.0 else math.inf
+
+
+def _spread(x: Floats, y: Floats, area: Floats) -> tuple[float, float]:
+    """Smallest and largest root mean square distance (m) of the ice from its centre, along a line."""
+    square = np.cov(np.vstack([x, y]), bias=True) + np.eye(2) * float(area.mean()) / 12.0
+    small, large = np.sqrt(np.linalg.eigvalsh(square))
+    return float(small), float(large)
+
+
+def ringing(elements: Elements, bonds: int, parameters: Parameters) -> str:
+    """Return what to know of the stress in the bonds of a run, empty where there is nothing.
+
+    Between two kicks no drag and no slope act on a lattice that was bent under them, so it swings by as much, and by
+    more where a swing takes a whole number of steps.
+
+    Parameters
+    ----------
+    elements : Elements
+        The berg.
+    bonds : int
+        How many bonds it has.
+    parameters : Parameters
+        Of the run.
+    """
+    p = parameters
+    breaks = bonds > 0 and p.bonds.law == "dem" and p.fracture.enabled
+    # The reference's numerics are asked for as they are.
+    if p.stepping.scheme != "mts" or not breaks or p.compatibility.zero_start:
+        return ""
+    period = swing(elements, p)
+    if p.stepping.time_step * STEADY <= period:
+        return ""
+    return (
+        f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.stepping.time_step:g} s, "
+        f"which is long beside the {_length(period)} of a swing of the berg, so bonds may break that would hold. "
+        "stepping.scheme=quasi_static gives the stress that the ice has to bear"
+    )
+
+
+def _length(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

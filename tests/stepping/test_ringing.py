@@ -1,0 +1,94 @@
+"""What a run with explicit long steps says of the stress in its bonds, and that it is true."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
+from riftberg.cli.main import app
+from riftberg.state import Floats
+from riftberg.stepping.ringing import ringing, swing
+
+EXPLICIT = Parameters().changed(stepping={"scheme": "mts", "time_step": 1800.0})
+CASES: dict[str, tuple[dict[str, Any], int, bool]] = {
+    "explicit, 1800 s": ({}, 10, True),
+    "no bonds": ({}, 0, False),
+    "quasi-static": ({"stepping": {"scheme": "quasi_static"}}, 10, False),
+    "short steps": ({"stepping": {"time_step": 300.0}}, 10, False),
+    "stiff ice with short steps": ({"stepping": {"time_step": 300.0}, "bonds": {"youngs_modulus": 9e9}}, 10, True),
+    "nothing breaks": ({"fracture": {"enabled": False}}, 10, False),
+    "spring bonds": ({"bonds": {"law": "spring"}, "fracture": {"enabled": False}}, 10, False),
+}
+
+
+def berg(length: str = "60 km", width: str = "12 km", **where: Any) -> Iceberg:
+    """Return a rectangle of ice."""
+    return Iceberg.rectangle(length, width, thickness="200 m", **{"placement": (-38.0, -56.0), **where})
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_rings_is_told(case: str) -> None:
+    changes, bonds, told = CASES[case]
+    text = ringing(berg().elements, bonds, EXPLICIT.changed(**changes))
+    assert ("stepping.scheme=quasi_static" in text) is told
+
+
+def test_a_swing_is_that_of_a_free_beam() -> None:
+    """Of 60 km by 12 km, 5 MPa: L^2 sqrt(12 rho / E) / w 2 pi / 22.4; twice as stiff swings faster by a root of two."""
+    expected = 2.0 * np.pi / 22.373 * 60e3**2 * np.sqrt(12.0 * 850.0 / 5e6) / 12e3
+    assert swing(berg().elements, EXPLICIT) == pytest.approx(expected, rel=0.01)
+    stiff = EXPLICIT.changed(bonds={"youngs_modulus": 1e7})
+    assert swing(berg().elements, stiff) == pytest.approx(expected / np.sqrt(2.0), rel=0.01)
+
+
+@pytest.mark.parametrize("where", [{"rotation": 40.0}, {"placement": (179.99, -56.0)}, {"placement": (10.0, 70.0)}])
+def test_a_swing_does_not_depend_on_place_and_heading(where: dict[str, Any]) -> None:
+    assert swing(berg(**where).elements, EXPLICIT) == pytest.approx(swing(berg().elements, EXPLICIT), rel=0.03)
+
+
+def test_runs_of_the_reference_are_taken_as_they_are() -> None:
+    assert ringing(berg().elements, 10, A68A_2022)
+    assert not ringing(berg().elements, 10, A68A_2022_KID)
+
+
+def test_a_model_tells_it_in_words_and_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    model = Model(berg("9 km", "6 km"), Forcing.uniform((0.1, 0.0)), A68A_2022)
+    assert "notice: the stress in the bonds rings" in model.describe()
+    with caplog.at_level(logging.WARNING, logger="riftberg"):
+        model.advance(steps=1)
+        model.advance(steps=1)
+    assert [record.message.startswith("the stress in the bonds rings") for record in caplog.records] == [True]
+
+
+def test_the_command_line_tells_it_before_the_run(tmp_path: Any) -> None:
+    said = CliRunner().invoke(app, ["run", "a68a", "--days", "0.03", "--no-map", "-o", str(tmp_path)])
+    assert "Notice: the stress in the bonds rings" in said.output
+    quiet = ["run", "a68a", "--days", "0.03", "--no-map", "-o", str(tmp_path), "--set", "stepping.scheme=quasi_static"]
+    assert "rings" not in CliRunner().invoke(app, quiet).output
+
+
+def _largest(scheme: str, step: float) -> Floats:
+    """Largest tensile stress (Pa) at each of ten hours of a berg of 60 km by 30 km at the rim of an eddy."""
+    sea = Forcing.uniform((0.15, 0.0)) + Forcing.eddy((-37.6, -56.15), 25e3, 0.5)
+    ice = berg("60 km", "30 km", velocity=(0.15, 0.0))
+    stepping = {"scheme": scheme, "time_step": step}
+    model = Model(ice, sea, Parameters().changed(stepping=stepping, fracture={"enabled": False}))
+    model.advance(steps=round(6 * 3600 / step))
+    hours = []
+    for _ in range(10):
+        model.advance(steps=round(3600 / step))
+        hours.append(model.bonds.normal_stress.max())
+    return np.array(hours)
+
+
+@pytest.mark.slow
+def test_a_compact_berg_rings_far_above_its_load_and_less_with_shorter_steps() -> None:
+    held = _largest("quasi_static", 1800.0).max()
+    assert _largest("quasi_static", 450.0).max() == pytest.approx(held, rel=0.01)
+    assert _largest("mts", 1800.0).max() > 10.0 * held
+    assert _largest("mts", 150.0).max() - held < 1e3
