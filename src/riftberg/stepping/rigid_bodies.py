@@ -31,7 +31,6 @@ from riftberg.physics.geometry import separation
 from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
-from riftberg.state.variables import Body, Environment, Place
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
@@ -42,6 +41,7 @@ from riftberg.stepping.media import (
     PUSH_Y,
     QUADRATIC,
     SEA_FLOOR,
+    Seen,
     Surroundings,
     U,
     V,
@@ -93,20 +93,12 @@ class Touching(NamedTuple):
 def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
     """Take the coefficients of all forces from the environment that the elements carry."""
     # The groups that it needs: to hand the whole state to compiled code takes longer than the forces of a small berg.
-    return Loading(*_find_loading(_Seen(el.place, el.body, el.environment), sizes, p))
-
-
-class _Seen(NamedTuple):
-    """Groups of `riftberg.state.Elements` that forces hang on."""
-
-    place: Place
-    body: Body
-    environment: Environment
+    return Loading(*_find_loading(Seen(el.place, el.body, el.environment), sizes, p))
 
 
 @kernel
 def _find_loading(
-    el: _Seen, sizes: Sizes, p: KernelParameters
+    el: Seen, sizes: Sizes, p: KernelParameters
 ) -> tuple[
     Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, bool, bool
 ]:  # fmt: skip
