@@ -17,6 +17,7 @@ import argparse
 import resource
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -27,6 +28,9 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.gridded import GridRecorder
 from riftberg.ocean.grid import Grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 CELL = 0.25
 SOUTH, NORTH = -78.0, -45.0
@@ -85,8 +89,8 @@ def population(grid: Grid, count: int, seed: int = 1) -> Iceberg:
     return Iceberg.join([small, *giants], names=["population", *(f"G{k + 1}" for k in range(GIANTS))])
 
 
-def mean_water(files: list[Path], grid: Grid) -> tuple[np.ndarray, list[str]]:
-    """Return fresh water by process (kg m-2 s-1), mean over all months in the files, on the cells of the grid."""
+def all_water(files: list[Path], grid: Grid) -> tuple[np.ndarray, list[str], float]:
+    """Return fresh water by process (kg m-2) on the cells of the grid, the processes, and the time of all months (s)."""
     spans: dict[np.datetime64, tuple[float, np.ndarray, tuple[int, int]]] = {}
     names, seconds = [], 0.0
     for file in files:  # a part that goes on in the middle of a month has all of that month
@@ -101,25 +105,57 @@ def mean_water(files: list[Path], grid: Grid) -> tuple[np.ndarray, list[str]]:
     for length, mean, (j, i) in spans.values():
         total[:, j : j + mean.shape[1], i : i + mean.shape[2]] += length * mean
         seconds += length
-    return total / seconds, names
+    return total, names, seconds
 
 
-def draw(water: np.ndarray, names: list[str], grid: Grid, path: Path) -> None:
-    """Draw fresh water by process."""
+def on_map(lon: np.ndarray, lat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points of a map from above the South Pole, Greenwich up, as far from the middle as they are from the pole."""
+    return (90.0 + lat) * np.sin(np.radians(lon)), (90.0 + lat) * np.cos(np.radians(lon))
+
+
+def corners_of(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of all cells on the map."""
+    g = grid.arrays
+    rows, columns = (slice(g.halo - 1, g.halo + count) for count in (g.nj, g.ni))
+    return on_map(g.lon[rows, columns], g.lat[rows, columns])
+
+
+def draw_frame(axes: Axes, grid: Grid) -> None:
+    """Draw land, parallels and meridians."""
+    land = np.where(grid.arrays.mask[grid.domain] < 0.5, 1.0, np.nan)
+    axes.pcolormesh(*corners_of(grid), land, cmap="Greys", vmin=0.0, vmax=2.5, rasterized=True)
+    around = np.linspace(-180.0, 180.0, 361)
+    axes.fill(*on_map(around, np.full(361, SOUTH + 0.3)), color="0.72", linewidth=0.0)
+    for south in (-50.0, -60.0, -70.0):
+        axes.plot(*on_map(around, np.full(361, south)), color="0.5", linewidth=0.4)
+        x, y = on_map(np.array(45.0), np.array(south))
+        axes.text(x, y, f"{-south:.0f}° S", fontsize=7, color="0.3")
+    for west in range(0, 360, 90):
+        axes.plot(*on_map(np.full(2, west), np.array([SOUTH, NORTH])), color="0.5", linewidth=0.4)
+    axes.set(aspect="equal", xlim=(-45.5, 45.5), ylim=(-45.5, 45.5))
+    axes.set_axis_off()
+
+
+def draw(water: np.ndarray, names: list[str], seconds: float, grid: Grid, path: Path) -> None:
+    """Draw fresh water by process from above the South Pole, where there is any, with its sum."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
 
     shown = [k for k, name in enumerate(names) if water[k].any()]
-    figure = Figure(figsize=(9.0, 1.8 * len(shown)), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
-    lon, lat = (a[grid.domain] for a in (grid.arrays.lon_centre, grid.arrays.lat_centre))
-    for axes, k in zip(panels, shown, strict=True):
-        drawn = axes.pcolormesh(
-            lon, lat, np.maximum(86400.0 * water[k], 1e-9), norm=LogNorm(1e-5, 1.0), cmap="viridis", rasterized=True
-        )
-        axes.set(ylabel="latitude", title=names[k].replace("_", " "))
-    panels[-1].set(xlabel="longitude")
-    figure.colorbar(drawn, ax=panels, label="fresh water (kg m$^{-2}$ d$^{-1}$)")
+    figure = Figure(figsize=(8.0, 4.1 * -(-len(shown) // 2)), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(-(-len(shown) // 2), 2)).ravel()
+    area = grid.arrays.area[grid.domain]
+    for axes in panels[len(shown) :]:
+        axes.set_axis_off()
+    for axes, k in zip(panels, shown, strict=False):
+        draw_frame(axes, grid)
+        daily = np.where(water[k] > 0.0, 86400.0 / seconds * water[k], np.nan)
+        drawn = axes.pcolormesh(*corners_of(grid), daily, norm=LogNorm(1e-4, 1.0), cmap="YlGnBu", rasterized=True)
+        axes.set_title(f"{names[k].replace('_', ' ')}: {(water[k] * area).sum() / 1e12:.3g} Gt", fontsize=10)
+    figure.suptitle(f"Fresh water of {seconds / 86400.0:.0f} days by the way in which the ice melts", fontsize=11)
+    figure.colorbar(
+        drawn, ax=panels, label="mean flux (mm a day); white: none", shrink=0.7, extend="both", orientation="horizontal"
+    )
     figure.savefig(path, dpi=110)
 
 
@@ -183,7 +219,7 @@ def main() -> None:
     if options.save is not None:
         model.save(options.save)
     files = sorted(Path().glob("population-*-monthly.nc"))
-    draw(*mean_water(files, forcing.ocean_grid), forcing.ocean_grid, Path("population.png"))
+    draw(*all_water(files, forcing.ocean_grid), forcing.ocean_grid, Path("population.png"))
 
 
 if __name__ == "__main__":

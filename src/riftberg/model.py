@@ -317,15 +317,16 @@ class BareModel(RunState):
         """Return to the state before a step that failed, so that it can be saved."""
         self.remembered, self.contacts = remembered, contacts
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
+        self.fragments.mothers.clear()
         self.population.restore(population)
         self._look()
 
-    def _look(self) -> None:
-        """Note what must be followed up when it changes: which rows there are, mass and sizes."""
+    def _look(self, coarse: tuple[Floats, ...] | None = None) -> None:
+        """Note what must be followed up when it changes: which rows there are, mass and sizes; those in steps if known."""
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
         self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
-        self._seen_coarse = coarse_sizes(self.elements)
+        self._seen_coarse = coarse_sizes(self.elements) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
@@ -342,7 +343,7 @@ class BareModel(RunState):
         new_bonds = self.bonds.id >= next_bond
         changed[self.bonds.first[new_bonds]] = True
         assign_substeps(self, changed)
-        self._look()
+        self._look(coarse)
 
     def _follow_rows(self, ids: Ints) -> None:
         """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""

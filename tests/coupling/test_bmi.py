@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riftberg.coupling.names import GIVEN, TAKEN
 from riftberg.errors import InputError
 
 bmi = pytest.importorskip("riftberg.coupling.bmi", reason="the extra bmi is not installed")
@@ -56,6 +58,25 @@ def test_input_is_set_as_a_whole_and_in_part(model) -> None:
         model.update_until(4000.0)
 
 
+def test_names_are_those_of_csdms_and_those_of_cf_are_known(model) -> None:
+    """The tester of CSDMS looked at long names of CF for longer than anybody waits."""
+    names = (*model.get_input_var_names(), *model.get_output_var_names())
+    assert set(names) == set(bmi.NAMES)
+    assert set(bmi.NAMES.values()) == {*TAKEN, *GIVEN} - {
+        "surface_downward_eastward_stress",
+        "surface_downward_northward_stress",
+    }
+    for name, known in bmi.NAMES.items():
+        assert re.fullmatch(r"[a-z]+([-_][a-z]+)*__[a-z]+([-_][a-z]+)*", name)
+        assert model.get_value_ptr(name).base is model.get_value_ptr(known).base
+        assert model.get_var_units(name) == model.get_var_units(known) == {**TAKEN, **GIVEN}[known].units
+    model.update()
+    assert model.get_value("iceberg__melt_mass_flux", np.zeros(12 * 16)).max() > 0.0
+    for ask in (model.get_var_units, model.get_var_grid, model.get_value_ptr):
+        with pytest.raises(InputError, match="no variable 'iceberg__melt'"):
+            ask("iceberg__melt")
+
+
 def test_names_units_and_grid(model) -> None:
     names = (*model.get_input_var_names(), *model.get_output_var_names())
     assert len(names) == model.get_input_item_count() + model.get_output_item_count()
@@ -79,6 +100,16 @@ def test_names_units_and_grid(model) -> None:
         ("grid: {west: 1}", "no number for grid.east"),
         (CONFIGURATION + "gird: 3", "unknown section 'gird'"),
         (CONFIGURATION.replace("sea_surface_temperature", "temperature"), "unknown field 'temperature'"),
+        (CONFIGURATION.replace("1.5", "274.5"), "looks like kelvin"),
+        (CONFIGURATION.replace("1.5", "warm"), "ocean, sea_surface_temperature: 'warm' is not a number"),
+        (CONFIGURATION.replace("ocean: {sea_surface_temperature: 1.5}", "ocean: 3"), "'ocean' is no list"),
+        (CONFIGURATION.replace("columns: 16", "columns: 2.5"), "no grid from -40 to -36"),
+        (CONFIGURATION.replace("west: -40", "west: -30"), "west below east"),
+        (CONFIGURATION.replace("depth: 3000", "depth: .nan"), "a sea nan m deep"),
+        (CONFIGURATION.replace("lon: -38", "lon: 38"), "outside"),
+        (CONFIGURATION.replace("lon: -38", "long: -38"), "unknown 'long' of the berg"),
+        (CONFIGURATION.replace("days: 1", "days: -1"), "days = -1"),
+        (CONFIGURATION.replace("melt:", "mellt:"), "Did you mean 'melt'"),
     ],
 )
 def test_configurations_that_cannot_be_are_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -90,7 +121,7 @@ def test_configurations_that_cannot_be_are_refused(tmp_path: Path, text: str, me
 
 @pytest.mark.slow
 def test_the_tester_of_csdms_passes(model, tmp_path: Path) -> None:
-    """The command of the how-to page; warnings about names are its own: ours are those of CF, not of CSDMS."""
+    """The command of the how-to page."""
     pytest.importorskip("bmi_tester", reason="bmi-tester is not installed (extra tests)")
     config = tmp_path / "riftberg.yaml"
     words = ["riftberg.coupling.bmi:BmiRiftberg", "--root-dir", str(tmp_path), "--config-file", str(config)]
@@ -101,3 +132,4 @@ def test_the_tester_of_csdms_passes(model, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout[-3000:]
     assert "All tests passed" in done.stderr
     assert "failed" not in done.stdout
+    assert "not a valid standard name" not in done.stdout

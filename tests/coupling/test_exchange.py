@@ -176,6 +176,17 @@ def test_a_run_that_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
     assert second.balance() == whole.balance()
 
 
+@pytest.mark.parametrize("step", [0.0, -1800.0, float("nan"), float("inf"), "soon"])
+def test_a_step_of_the_ocean_that_is_none_is_refused_by_name(step: float | str) -> None:
+    """A step that is no number ended in an error of Python."""
+    with pytest.raises(InputError, match=r"Exchange, ocean_step: .*(Give a finite number above 0|Allowed: a number)"):
+        exchange(ocean_step=step)
+
+
+def test_a_step_of_the_ocean_may_have_a_unit() -> None:
+    assert exchange(ocean_step="2 h").steps * exchange().ocean_step == 7200.0
+
+
 def test_steps_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InputError, match=r"ocean steps by 2000 s, the bergs by 1800 s.*whole number"):
         exchange(ocean_step=2000.0)

@@ -106,6 +106,7 @@ def test_the_large_berg_drifts_with_the_wind_and_the_front(after_hours) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)  # 22 minutes on a busy machine
 def test_thirty_days_close_in_a_channel_that_stays_steady(example) -> None:
     """With layers whose middles Veros did not find the current burst after four days, with and without bergs."""
     channel, bergs = example.coupled()

@@ -106,6 +106,14 @@ def test_bits_and_children_are_told_in_words_maps_replay_and_reasons(tmp_path: P
         line = melt_lines(run)[0]
         assert f"; {bits / 1e12:.3g} Gt more are afloat as bits; {children} bergs of " in line
         assert line.endswith(" born on the way.")
+        # Each child of the one berg tells where it comes from; it broke no bond, so it has no parent.
+        assert run["fragment_calved_from"].values.tolist() == [0] + [1] * children
+        assert not run["fragment_parent"].values.any()
+        assert run["fragment_calved_from"].attrs["long_name"].startswith("number of the berg from whose edge it calved")
+    assert [row.calved_from for row in Model.resume(model.save(tmp_path / "r.nc"), SEA).fragments.rows] == [0] + [
+        1
+    ] * children
+    with open_run(tmp_path / "run.nc") as run:
         reasons = explain(run)
         assert line in words(reasons)
         draw_reasons(reasons, tmp_path / "why.svg")

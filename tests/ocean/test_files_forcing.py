@@ -158,6 +158,50 @@ def test_the_currents_of_the_surface_can_be_taken_instead(folder: Path) -> None:
     np.testing.assert_allclose(model.elements.uo, 0.4, rtol=1e-6)
 
 
+def with_warm_top(folder: Path) -> None:
+    """Add temperature and salinity on levels: 3 degrees and 33 in the uppermost 20 m, 1 degree and 34.5 below."""
+    flat = field(lambda x, y, t: 0.0 * x + 0.0 * y + 0.0 * t, "uo", "m s-1", "", 4)
+    depth = xr.DataArray(LEVELS, dims="depth", attrs={"standard_name": "depth", "units": "m", "positive": "down"})
+    said = (("thetao", "potential_temperature", "degC", 3.0, 1.0), ("so", "salinity", "1e-3", 33.0, 34.5))
+    layered = {
+        name: (flat + xr.DataArray(np.where(LEVELS < 20.0, top, below), {"depth": depth}, ("depth",)))
+        .transpose("time", "depth", "lat", "lon").assign_attrs(units=units, standard_name=f"sea_water_{long}")
+        for name, long, units, top, below in said
+    }  # fmt: skip
+    xr.Dataset(layered).to_netcdf(folder / "water.nc")
+
+
+MELTING = EXPERIMENT.replace("floor.nc]", "floor.nc, water.nc]") + "parameters:\n  melt: {enabled: true}\n"
+
+
+@pytest.mark.parametrize("spacing", ["  spacing: 0.25\n", ""])
+def test_temperature_and_salinity_on_levels_are_averaged_over_the_draft_for_sides_and_base(
+    folder: Path, spacing: str
+) -> None:
+    """Of files with levels the uppermost one counted for all of the melt."""
+    with_warm_top(folder)
+    (folder / "files.yaml").write_text(MELTING.replace("  spacing: 0.25\n", spacing))
+    e = (model := sampled(folder / "files.yaml", 3600.0)).elements
+    draft = model.parameters.ice.density / 1025.0 * e.thickness
+    np.testing.assert_allclose(e.sst, 3.0, rtol=1e-6)
+    np.testing.assert_allclose(e.sss, 33.0, rtol=1e-6)
+    np.testing.assert_allclose(e.environment.keel_temperature, 1.0 + 2.0 * 20.0 / draft, rtol=1e-6)
+    np.testing.assert_allclose(e.environment.keel_salinity, 34.5 - 1.5 * 20.0 / draft, rtol=1e-6)
+    assert "sst: at the surface for waves, mean over the draft" in model.forcing.describe()
+    model.step()
+    # Without melt nobody reads the levels, and those of the surface alone have no mean over the keel.
+    (folder / "files.yaml").write_text(MELTING.replace("enabled: true", "enabled: false"))
+    dry = sampled(folder / "files.yaml", 3600.0).elements
+    np.testing.assert_allclose(dry.sst, 3.0, rtol=1e-6)
+    assert np.isnan(dry.environment.keel_temperature).all()
+    with xr.open_dataset(folder / "water.nc") as ds:
+        top = ds.isel(depth=0).load()
+    (folder / "water.nc").unlink()
+    top.to_netcdf(folder / "water.nc")
+    (folder / "files.yaml").write_text(MELTING)
+    assert np.isnan(sampled(folder / "files.yaml", 3600.0).elements.environment.keel_salinity).all()
+
+
 def test_levels_that_end_above_the_keel_are_refused(folder: Path) -> None:
     with_levels(folder)
     with xr.open_dataset(folder / "currents.nc") as ds:

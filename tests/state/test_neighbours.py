@@ -126,17 +126,23 @@ def test_positions_of_a_run_gone_wrong_do_not_lead_out_of_the_bins(period):
 
 @pytest.mark.compiled
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**6), count=st.integers(1, 60), case=st.sampled_from(["plane", "ring", "sphere", "pole"]))
-def test_pairs_with_a_reach_of_their_own_are_found_each_once_and_in_order(seed, count, case):
-    """Reaches over three orders of magnitude, so that several classes of them are searched."""
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(1, 60),
+    case=st.sampled_from(["plane", "ring", "sphere", "pole"]),
+    far=st.booleans(),
+)
+def test_pairs_with_a_reach_of_their_own_are_found_each_once_and_in_order(seed, count, case, far):
+    """Reaches over three orders of magnitude: in several classes where elements crowd, in one where they are far apart."""
     r = np.random.default_rng(seed)
+    wide = 40.0 if far and case in ("plane", "sphere") else 1.0
     latlon, period = case in ("sphere", "pole"), {"plane": 0.0, "ring": 20_000.0}.get(case, 360.0)
     if latlon:
-        y = (-89.3 if case == "pole" else -62.0) + r.uniform(-0.3, 0.3, count)
-        x = 359.7 + r.uniform(-0.5, 0.5, count) / np.cos(np.radians(y))
+        y = (-89.3 if case == "pole" else -62.0) + wide * r.uniform(-0.3, 0.3, count)
+        x = 359.7 + wide * r.uniform(-0.5, 0.5, count) / np.cos(np.radians(y))
         x = np.where(r.random(count) < 0.5, x, x % 360.0)
     else:
-        x, y = r.uniform(-3e3, 23e3, count), r.uniform(0, 15e3, count)
+        x, y = wide * r.uniform(-3e3, 23e3, count), wide * r.uniform(0, 15e3, count)
     berg, reach = r.integers(0, 20, count), 10.0 ** r.uniform(1.0, 4.0, count)
     first, second = near_pairs(x, y, berg, reach, latlon, RADIUS, period)
     wanted = []

@@ -5,6 +5,7 @@ Needs the extra ``bmi``. Fields lie in the middle of the cells of a regular grid
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,25 +17,58 @@ from numpy.typing import NDArray
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
-from riftberg.coupling.names import GIVEN, TAKEN
+from riftberg.coupling.names import GIVEN, TAKEN, taken
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading
 from riftberg.limits import MOST_YAML
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
+from riftberg.values import number
 
 SECTIONS: Final = ("grid", "berg", "parameters", "ocean", "days")
 """What a configuration file may hold."""
 
+MOST_CELLS: Final = 10_000
+"""Columns or rows of a grid at most."""
+
 _GRID: Final = ("west", "east", "south", "north", "columns", "rows")
-_STRESS: Final = ("surface_downward_eastward_stress", "surface_downward_northward_stress")
+NAMES: Final = {
+    "sea_surface_water_flow__x_component_of_velocity": "eastward_sea_water_velocity",
+    "sea_surface_water_flow__y_component_of_velocity": "northward_sea_water_velocity",
+    "sea_ice_flow__x_component_of_velocity": "eastward_sea_ice_velocity",
+    "sea_ice_flow__y_component_of_velocity": "northward_sea_ice_velocity",
+    "sea_surface_air_flow__x_component_of_velocity": "eastward_wind",
+    "sea_surface_air_flow__y_component_of_velocity": "northward_wind",
+    "sea_surface__elevation": "sea_surface_height_above_geoid",
+    "sea_surface_water__temperature": "sea_surface_temperature",
+    "sea_surface_water__salinity": "sea_surface_salinity",
+    "sea_ice__area_fraction": "sea_ice_area_fraction",
+    "sea_ice__thickness": "sea_ice_thickness",
+    "sea_bottom_surface__depth": "sea_floor_depth_below_geoid",
+    "land-ice_calving__mass_flux": "land_ice_specific_mass_flux_due_to_calving",
+    "land-ice_calving_heat__energy_flux": "heat_flux_of_calved_ice",
+    "iceberg__melt_mass_flux": "water_flux_into_sea_water_from_icebergs",
+    "iceberg_melt_heat__energy_flux": "heat_flux_into_sea_water_due_to_iceberg_thermodynamics",
+    "land-ice__melt_mass_flux": "water_flux_into_sea_water_from_land_ice",
+    "land-ice_melt_heat__energy_flux": "heat_flux_into_sea_water_due_to_land_ice",
+    "iceberg_floating__mass-per-area_density": "iceberg_mass_on_sea_water",
+    "iceberg_grounded__mass-per-area_density": "grounded_iceberg_mass",
+    "iceberg__area_fraction": "iceberg_area_fraction",
+    "iceberg_bottom_water_flow__shear_speed": "iceberg_friction_velocity",
+    "iceberg_bottom_water_flow__x_component_of_shear_stress": "downward_eastward_stress_from_icebergs",
+    "iceberg_bottom_water_flow__y_component_of_shear_stress": "downward_northward_stress_from_icebergs",
+}
+"""Names of the variables as CSDMS forms them (object, two underscores, quantity), and those of CF for the same.
+
+The tester of CSDMS looks at names with an expression that takes years for a long one without the two underscores.
+"""
 
 
 class BmiRiftberg(Bmi):
     """Bergs beside an ocean, behind the Basic Model Interface.
 
     Input variables are those of `riftberg.coupling.names.TAKEN` (wind, not its stress), output variables those of
-    `riftberg.coupling.names.GIVEN`, by these names.
+    `riftberg.coupling.names.GIVEN`. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
 
     Examples
     --------
@@ -63,7 +97,7 @@ class BmiRiftberg(Bmi):
             If the file is missing, or says something that cannot be.
         """
         said = _read(Path(config_file))
-        box = said["grid"]
+        box = _box(said["grid"], config_file)
         columns, rows = int(box["columns"]), int(box["rows"])
         lon, lat = np.meshgrid(
             np.linspace(box["west"], box["east"], columns + 1), np.linspace(box["south"], box["north"], rows + 1)
@@ -72,17 +106,23 @@ class BmiRiftberg(Bmi):
         self._spacing = (float(lat[1, 0] - lat[0, 0]), float(lon[0, 1] - lon[0, 0]))
         self._origin = (float(box["south"]) + 0.5 * self._spacing[0], float(box["west"]) + 0.5 * self._spacing[1])
         self._shape = rows, columns
-        forcing = OceanForcing(grid, grid.fields(depth=float(box.get("depth", 4000.0))))
+        forcing = OceanForcing(grid, grid.fields(depth=box["depth"]))
         model = Model(_berg(said.get("berg", {})), forcing, Parameters(**said.get("parameters", {})))
+        grid.locate(model.elements)  # refuses a berg beyond the grid
         self._exchange = Exchange(model, staggering="A", wind_staggering="A")
-        self._end = 86400.0 * float(said.get("days", 1.0))
-        self._values = {name: np.zeros(self._shape) for name in (*self.get_input_var_names(), *GIVEN)}
-        self._values["sea_floor_depth_below_geoid"][:] = float(box.get("depth", 4000.0))
+        self._end = 86400.0 * number(said.get("days", 1.0), "day", where=f"{config_file}, days")
+        if not 0.0 < self._end < math.inf:
+            raise InputError(f"days = {said['days']}", where=config_file, remedy="Give a finite number above 0")
+        self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
+        self._values["sea_floor_depth_below_geoid"][:] = box["depth"]
         self._values["sea_surface_salinity"][:] = 34.0
         for name, value in said.get("ocean", {}).items():
-            if name not in self.get_input_var_names():
+            known = NAMES.get(name, name)
+            if known in GIVEN or known not in self._values:
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
-            self._values[name][:] = float(value)
+            self._values[known][:] = number(value, TAKEN[known].units, where=f"{config_file}, ocean, {name}")
+        asked = {name: values for name, values in self._values.items() if name in TAKEN}
+        taken(asked, {TAKEN[name].field: (self._shape,) for name in asked}, np.ones(self._shape))
 
     @property
     def exchange(self) -> Exchange:
@@ -93,7 +133,7 @@ class BmiRiftberg(Bmi):
 
     def update(self) -> None:
         """Take one step."""
-        fields = self.exchange.step({name: self._values[name] for name in self.get_input_var_names()})
+        fields = self.exchange.step({name: values for name, values in self._values.items() if name not in GIVEN})
         for name, quantity in GIVEN.items():
             self._values[name][:] = fields[quantity.short].values
 
@@ -126,11 +166,11 @@ class BmiRiftberg(Bmi):
 
     def get_input_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Return the names of the input variables."""
-        return tuple(name for name in TAKEN if name not in _STRESS)
+        return tuple(name for name, known in NAMES.items() if known in TAKEN)
 
     def get_output_var_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Return the names of the output variables."""
-        return tuple(GIVEN)
+        return tuple(name for name, known in NAMES.items() if known in GIVEN)
 
     def get_var_grid(self, name: str) -> int:
         """Return the number of the grid of a variable."""
@@ -143,7 +183,8 @@ class BmiRiftberg(Bmi):
 
     def get_var_units(self, name: str) -> str:
         """Return the units of a variable."""
-        return {**TAKEN, **GIVEN}[name].units
+        self._of(name)
+        return {**TAKEN, **GIVEN}[NAMES.get(name, name)].units
 
     def get_var_itemsize(self, name: str) -> int:
         """Return the size of one number, bytes."""
@@ -181,11 +222,12 @@ class BmiRiftberg(Bmi):
     # ---------------------------------------------------------------------------------------------------------- values
 
     def _of(self, name: str) -> NDArray[np.float64]:
-        if name not in self._values:
+        known = NAMES.get(name, name)
+        if known not in self._values:
             raise InputError(
                 f"no variable {name!r}", where="BmiRiftberg", remedy="See get_input_var_names and get_output_var_names"
             )
-        return self._values[name]
+        return self._values[known]
 
     def get_value(self, name: str, dest: NDArray[Any]) -> NDArray[Any]:
         """Copy a variable."""
@@ -299,12 +341,37 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(
             f"no number for grid.{missing[0]}", where=str(path), remedy=f"Give {', '.join(_GRID)} under grid"
         )
+    for name in ("berg", "parameters", "ocean"):
+        if not isinstance(said.get(name, {}), dict):
+            raise InputError(
+                f"section {name!r} is no list of names and values", where=str(path), remedy="See the how-to page"
+            )
     return said
 
 
+def _box(said: dict[str, Any], path: str) -> dict[str, float]:
+    """Return the numbers of the grid, once they make one."""
+    box = {
+        name: number(said.get(name, 4000.0), unit, where=f"{path}, grid.{name}")
+        for name, unit in zip((*_GRID, "depth"), ("degree",) * 4 + ("1", "1", "m"), strict=True)
+    }
+    if not 0.0 < box["depth"] < math.inf:
+        raise InputError(f"a sea {box['depth']:g} m deep", where=f"{path}, grid.depth", remedy="Give a depth above 0")
+    whole = all(1 <= box[name] <= MOST_CELLS and box[name] == int(box[name]) for name in ("columns", "rows"))
+    if not (whole and box["west"] < box["east"] and -90.0 <= box["south"] < box["north"] <= 90.0):
+        raise InputError(
+            f"no grid from {box['west']:g} to {box['east']:g} and {box['south']:g} to {box['north']:g} degrees of "
+            f"{box['columns']:g} columns and {box['rows']:g} rows", where=path,
+            remedy="Give west below east, south below north, and whole numbers of columns and rows",
+        )  # fmt: skip
+    return box
+
+
 def _berg(said: dict[str, Any]) -> Iceberg:
-    place = float(said.get("lon", 0.0)), float(said.get("lat", 0.0))
-    return Iceberg.rectangle(
-        float(said.get("length", 2000.0)), float(said.get("width", 2000.0)), thickness=float(said.get("thickness", 200.0)),
-        placement=place,
-    )  # fmt: skip
+    known = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
+    unknown = [name for name in said if name not in known]
+    if unknown:
+        raise InputError(f"unknown {unknown[0]!r} of the berg", where="berg", remedy=f"Give {', '.join(known)}")
+    asked = {**known, **said}
+    place = asked["lon"], asked["lat"]
+    return Iceberg.rectangle(asked["length"], asked["width"], thickness=asked["thickness"], placement=place)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
@@ -17,7 +18,7 @@ from riftberg.coupling.shares import Shares, shares_of
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.ledger import PROCESSES, water_by_process
+from riftberg.life.ledger import PROCESSES
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
@@ -96,8 +97,8 @@ class Exchange:
     ----------
     model : Model
         Its forcing must be an `OceanForcing` on the grid of the ocean.
-    ocean_step : float, optional
-        Step of the ocean, s: a whole number of long steps of the bergs; one by default.
+    ocean_step : float or str, optional
+        Step of the ocean, s or with a unit: a whole number of long steps of the bergs; one by default.
     staggering : {"A", "B", "C"}, optional
         Where currents and sea-ice velocities stand: in the middle of the cells, at north-east corners, or u on the east and
         v on the north sides.
@@ -126,7 +127,7 @@ class Exchange:
     """
 
     def __init__(
-        self, model: BareModel, ocean_step: float | None = None, *, staggering: Staggering = "B",
+        self, model: BareModel, ocean_step: float | str | None = None, *, staggering: Staggering = "B",
         wind_staggering: Staggering = "A", calving: bool = True, settling_time: float = 86400.0,
     ) -> None:  # fmt: skip
         if not isinstance(model.forcing, OceanForcing):
@@ -136,7 +137,9 @@ class Exchange:
             )  # fmt: skip
         p = model.parameters
         self.model, self.forcing, self.grid = model, model.forcing, model.forcing.ocean_grid
-        self.ocean_step = p.stepping.time_step if ocean_step is None else float(ocean_step)
+        self.ocean_step = (
+            p.stepping.time_step if ocean_step is None else number(ocean_step, "s", where="Exchange, ocean_step")
+        )
         self.steps = _whole_steps(self.ocean_step, p.stepping.time_step)
         self.staggering: Staggering = staggering
         self.wind_staggering: Staggering = wind_staggering
@@ -389,7 +392,7 @@ class Exchange:
         step = life.last.melt
         fluxes["melt"] += seen.shares.per_area(step.water * part)
         fluxes["heat"] += seen.shares.per_area(step.water * (step.heat_density - LATENT_HEAT) * part)
-        for k, water in enumerate(water_by_process(step)):
+        for k, water in enumerate(life.last.water):
             by_process[k] += seen.shares.per_area(water * part)
 
     def _state(self) -> dict[str, Floats]:
@@ -458,6 +461,10 @@ def _kept_stores(model: BareModel) -> Stores | None:
 
 
 def _whole_steps(ocean: float, bergs: float) -> int:
+    if not 0.0 < ocean < math.inf:
+        raise InputError(
+            f"an ocean that steps by {ocean:g} s", where="Exchange, ocean_step", remedy="Give a finite number above 0"
+        )
     steps = round(ocean / bergs) if bergs > 0.0 else 0
     if steps < 1 or abs(steps * bergs - ocean) > FITS * bergs:
         raise InputError(

@@ -21,7 +21,7 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.names import GIVEN
 from riftberg.coupling.shares import Shares, shares_of
 from riftberg.errors import InputError
-from riftberg.life.ledger import PROCESSES, water_by_process
+from riftberg.life.ledger import PROCESSES
 from riftberg.life.process import LifeModel
 from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
@@ -260,7 +260,7 @@ class GridRecorder:
         amounts[[MASS, AREA]] = stock * dt
         last = model.life.last if model.life is not None else None
         if last is not None:
-            amounts[:MASS] = water_by_process(last.melt)
+            amounts[:MASS] = last.water
             amounts[HEAT] = last.melt.water * (last.melt.heat_density - LATENT_HEAT)
         return shares.cells, _shared(shares, amounts)
 

@@ -29,8 +29,8 @@ class Settling:
     """
 
     def __init__(self, time: float, grid: Grid) -> None:
-        if not time > 0.0:
-            raise InputError(f"settling_time = {time:g} s", where="Exchange", remedy="Give a time above 0")
+        if not 0.0 < time < math.inf:
+            raise InputError(f"settling_time = {time:g} s", where="Exchange", remedy="Give a finite time above 0")
         self.time = time
         self.rest = np.zeros((grid.arrays.nj, grid.arrays.ni))
 

@@ -18,6 +18,7 @@ from riftberg.errors import InputError
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats
+from riftberg.values import number
 
 HEAT_CAPACITY: Final = 3991.868
 """Specific heat of sea water of TEOS-10, J kg-1 K-1; Veros itself knows none."""
@@ -136,14 +137,20 @@ class VerosBergs:
         vs = state.variables
         self._thick = np.asarray(vs.dzt)
         upper = np.asarray(vs.zw)
-        reach = float(self._thick[-1]) if keel is None else float(keel)
+        reach = float(self._thick[-1]) if keel is None else number(keel, "m", where="VerosBergs, keel")
         if not 0.0 < reach < np.inf:
             raise InputError(f"keel = {keel}", where="VerosBergs", remedy="Give a depth in m, above 0")
         felt = np.clip(reach + upper, 0.0, self._thick)
         # Where water is not as deep as the keel, its layers share among themselves.
         self._parts = {at: _parts(np.asarray(getattr(vs, f"mask{at}"))[INNER], felt) for at in ("T", "U", "V")}
         self._volume = self._wet(np.asarray(vs.area_t)[INNER][..., None] * self._thick)
-        self.salinity = self._mean_salinity() if salinity is None else float(salinity)
+        self.salinity = (
+            self._mean_salinity() if salinity is None else number(salinity, "1e-3", where="VerosBergs, salinity")
+        )
+        if not 0.0 < self.salinity < np.inf:
+            raise InputError(
+                f"salinity = {salinity}", where="VerosBergs", remedy="Give the salinity of the ocean, above 0"
+            )
         self._start = self.stock()
 
     def step(self) -> xr.Dataset:

@@ -458,7 +458,9 @@ def build_forcing(
 
         if options.grid is not None:
             forcing = forcing.model_copy(update={"spacing": options.grid})
-        run = Run.of(experiment.start, days, berg.elements.thickness, parameters.ice.density)
+        run = Run.of(
+            experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled
+        )
         return forcing_from_files(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         earth = parameters.earth

@@ -27,6 +27,7 @@ from riftberg.physics.geometry import move, separation
 from riftberg.physics.rolling import roll
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
+from riftberg.stepping.fragments import FragmentTree
 from riftberg.stepping.partners import NEWBORN_CHILD
 from riftberg.stepping.sizes import radius_of
 
@@ -42,6 +43,8 @@ LET_GO: Final = -2.0
 
 class Living(Protocol):
     """A model, as far as births and deaths go."""
+
+    fragments: FragmentTree
 
     @property
     def elements(self) -> Elements:
@@ -380,7 +383,9 @@ class _Calving:
         names, ids = self.when.names, None
         if names is not None:
             ids = np.array([names(int(self.el.cell_i[parent]), int(self.el.cell_j[parent]))], np.int64)
-        self.model.append(child, ids=ids)
+        number = int(self.el.body.berg[parent])
+        for born in self.model.append(child, ids=ids).tolist():
+            self.model.fragments.mothers[born] = number
 
 
 @kernel

@@ -126,9 +126,8 @@ class Ledger:
         """Note the stock, so that changes by other hands are found."""
         self._stock = stocks(elements)
 
-    def melted(self, step: MeltStep) -> None:
-        """Enter a step of melt."""
-        by_process = water_by_process(step)
+    def melted(self, step: MeltStep, by_process: Floats) -> None:
+        """Enter a step of melt, and its water as `water_by_process` gives it."""
         unsplit = step.scaling * (step.melted.loss - (step.melted.base + step.melted.sides + step.melted.waves))
         per_mass = latent_deficit(step.heat_density)
         for k, row in enumerate(by_process):

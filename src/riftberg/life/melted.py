@@ -24,7 +24,7 @@ from riftberg.physics.melting import (
     wave_erosion_rate,
 )
 from riftberg.physics.rolling import roll
-from riftberg.state import Elements, Environment, Floats
+from riftberg.state import Elements, Floats
 from riftberg.state.numbering import numbered
 
 
@@ -241,42 +241,49 @@ def melt_footloose_bits(
 
 
 @kernel
-def _sea_at(around: Environment, e: int, u: float, v: float, values: LifeValues) -> _Sea:
+def _sea_at(
+    u: float, v: float, uo: float, vo: float, ua: float, va: float, surface: float, salinity: float, keel: float,
+    keel_salinity: float, ice: float, values: LifeValues,
+) -> _Sea:  # fmt: skip
     """What the sea is like at an element; numbers of the parameters stand for fields of the forcing."""
-    uo, vo = around.uo[e], around.vo[e]
-    surface, keel = around.sst[e], around.keel_temperature[e]
-    salinity = around.keel_salinity[e] if not math.isnan(around.keel_salinity[e]) else around.sss[e]
+    salinity = keel_salinity if not math.isnan(keel_salinity) else salinity
     keel = keel if not math.isnan(keel) else surface
     if not math.isnan(values.temperature):
         surface = keel = values.temperature
     if not math.isnan(values.salinity):
         salinity = values.salinity
-    du, dv, wx, wy = u - uo, v - vo, around.ua[e] - uo, around.va[e] - vo
-    return _Sea(
-        math.sqrt(du * du + dv * dv), math.sqrt(wx * wx + wy * wy), surface, keel, salinity, around.ice_fraction[e]
-    )
+    du, dv, wx, wy = u - uo, v - vo, ua - uo, va - vo
+    return _Sea(math.sqrt(du * du + dv * dv), math.sqrt(wx * wx + wy * wy), surface, keel, salinity, ice)
 
 
 @kernel
 def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
-    """Melt all elements; rows of the columns of `Melted`."""
-    body, life, around, motion = el.body, el.life, el.environment, el.motion
-    rows = np.zeros((body.mass.size, COLUMNS))
-    for e in range(body.mass.size):
-        sea = _sea_at(around, e, motion.u[e], motion.v[e], values)
-        shape = body.thickness[e], body.width[e], body.length[e]
-        covered = covered_sides(body.bond_count[e], body.static[e], values)
-        rates = melt_rates(sea, el.place.lat[e], shape[0], span[e], around.depth[e], covered, values)
-        bits, foot = life.mass_of_bits[e], life.fl_k[e]
-        melt_one(rows[e], body.mass[e], shape, bits, foot, rates, span[e], sea, covered, values)
-        melt_footloose_bits(rows[e], shape[0], life.mass_of_fl_bits[e], life.mass_of_fl_bergy_bits[e], sea, values)
-    return rows
+    """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references."""
+    body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
+    mass, thickness, width, length = body.mass, body.thickness, body.width, body.length
+    bond_count, static, depth, ice = body.bond_count, body.static, around.depth, around.ice_fraction
+    uo, vo, ua, va, sst, sss = around.uo, around.vo, around.ua, around.va, around.sst, around.sss
+    keel, keel_salinity = around.keel_temperature, around.keel_salinity
+    bits, foot, fl_bits, bergy = life.mass_of_bits, life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits
+    out, row = np.zeros((COLUMNS, mass.size)), np.zeros(COLUMNS)
+    for e in range(mass.size):
+        sea = _sea_at(
+            u[e], v[e], uo[e], vo[e], ua[e], va[e], sst[e], sss[e], keel[e], keel_salinity[e], ice[e], values
+        )  # fmt: skip
+        shape = thickness[e], width[e], length[e]
+        covered = covered_sides(bond_count[e], static[e], values)
+        rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, values)
+        row[:] = 0.0
+        melt_one(row, mass[e], shape, bits[e], foot[e], rates, span[e], sea, covered, values)
+        melt_footloose_bits(row, shape[0], fl_bits[e], bergy[e], sea, values)
+        for k in range(COLUMNS):
+            out[k, e] = row[k]
+    return out
 
 
 def melted(elements: Elements, values: LifeValues) -> Melted:
     """Return what one long step of melt does to the elements, which stay as they are."""
-    rows = _melt_all(elements, base_spans(elements, values), values)
-    return Melted(*np.ascontiguousarray(rows.T))
+    return Melted(*_melt_all(elements, base_spans(elements, values), values))
 
 
 def base_spans(elements: Elements, values: LifeValues) -> Floats:

@@ -47,10 +47,13 @@ class LifeStep(NamedTuple):
     melt : MeltStep
     calved : Calved or None
         Of footloose calving; None without.
+    water : array, shape (processes, elements)
+        Melt water by process, kg; see `riftberg.life.ledger.water_by_process`.
     """
 
     melt: MeltStep
     calved: Calved | None
+    water: Floats
 
 
 class LifeProcess:
@@ -93,12 +96,13 @@ class LifeProcess:
             self.look_around(model)
         fragment = model.elements.body.berg.copy()
         step = melt_step(model.elements, self.values, born)
-        add_melt(model.remembered, fragment, water_by_process(step))
+        water = water_by_process(step)
+        add_melt(model.remembered, fragment, water)
         if step.gone.any():
             model.remove(step.id[step.gone])
-        ledger.melted(step)
+        ledger.melted(step, water)
         self._enter_rest(ledger, step)
-        self.last = LifeStep(step, calved)
+        self.last = LifeStep(step, calved, water)
         self._keep(model, ledger)
 
     def enter(self, model: LifeModel, source: str, mass: float, heat: float) -> None:

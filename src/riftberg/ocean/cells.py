@@ -270,27 +270,27 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
     int
         Number of elements that land stopped.
     """
-    place, shown, body = elements.place, elements.shown, elements.body
+    place, static, shown_x = elements.place, elements.body.static, elements.shown.lon_pair
+    px, py, cell_i, cell_j, along, across = place.lon, place.lat, place.cell_i, place.cell_j, place.xi, place.eta
     stopped = 0
     lon, lat, latlon, regular, period = grid.lon, grid.lat, grid.latlon, grid.regular, grid.period
     first, behind = grid.halo, grid.halo + grid.ni
-    for n in range(place.lon.size):
-        if body.static[n] >= 0.5:
+    for n in range(px.size):
+        if static[n] >= 0.5:
             continue
-        i, j = place.cell_i[n], place.cell_j[n]
-        place.xi[n], place.eta[n], inside = locate_in_cell(
-            place.lon[n], place.lat[n], i, j, lon, lat, latlon, regular, period
+        along[n], across[n], inside = locate_in_cell(
+            px[n], py[n], cell_i[n], cell_j[n], lon, lat, latlon, regular, period
         )
         if inside:
             continue
-        x, y, i, j, xi, eta, bounced = adjust_cell(place.lon[n], place.lat[n], place.cell_i[n], place.cell_j[n], grid)
+        x, y, i, j, xi, eta, bounced = adjust_cell(px[n], py[n], cell_i[n], cell_j[n], grid)
         stopped += bounced
         if grid.cyclic and (i < first or i >= behind):
             shift = grid.period if i < first else -grid.period
             i += grid.ni if i < first else -grid.ni
             x += shift
-            shown.lon_pair[n] += shift
-        place.lon[n], place.lat[n], place.cell_i[n], place.cell_j[n], place.xi[n], place.eta[n] = x, y, i, j, xi, eta
+            shown_x[n] += shift
+        px[n], py[n], cell_i[n], cell_j[n], along[n], across[n] = x, y, i, j, xi, eta
     return stopped
 
 

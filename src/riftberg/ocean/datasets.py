@@ -50,6 +50,9 @@ FILLS: Final = {
 }
 """Variables of the elements that come from a field of a product; vectors are named by their eastward component."""
 
+OVER_KEEL: Final = {"sst": "keel_temperature", "sss": "keel_salinity"}
+"""Variables of the elements that hold the mean of a field over the draft, where it comes on levels."""
+
 VARIABLES: Final = tuple(name for names in FILLS.values() for name in names)
 
 VECTORS: Final = {"uo": "vo", "ui": "vi", "ua": "va"}
@@ -262,6 +265,9 @@ class DatasetForcing(ShownForcing):
             getattr(e, variable)[:] = np.nan_to_num(_values(part, component, places, time, draft))
         if name == "uo":
             self._fill_turn(part, places, e, time, draft)
+        if name in OVER_KEEL and part.records.on_levels(name):
+            over = draft_of(e.body.thickness, self._density)
+            getattr(e, OVER_KEEL[name])[:] = _values(part, name, places, time, over)
 
     def _fill_turn(self, part: Part, places: Places, e: Elements, time: float, draft: Floats | None) -> None:
         """Fill the vorticity of the current, and add the drift away from land."""
@@ -421,4 +427,8 @@ def _described(part: Part) -> str:
             f"currents: mean over the draft of each element, from {records.limits.size - 1} layers to "
             f"{records.limits[-1]:g} m"
         )
+    lines += [
+        f"{name}: at the surface for waves, mean over the draft of each element for sides and base"
+        for name in OVER_KEEL if name in part.serves and records.on_levels(name)
+    ]  # fmt: skip
     return "\n".join(lines)

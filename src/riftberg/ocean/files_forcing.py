@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.limits import refuse_large
-from riftberg.ocean.datasets import FILLS, VECTORS, DatasetForcing, Part, product_part, served
+from riftberg.ocean.datasets import FILLS, OVER_KEEL, VECTORS, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.mesh import AxesMesh
@@ -52,17 +52,21 @@ MOST_MOMENTS = 1e6
 
 
 class Run(NamedTuple):
-    """What a run asks of its files: start and end (UTC), thickness of the elements (m) and density of the ice (kg m-3)."""
+    """What a run asks of its files: start and end (UTC), thickness (m) and density (kg m-3) of the ice, and whether it melts.
+
+    What melts takes temperature and salinity over the draft.
+    """
 
     start: datetime
     end: datetime
     thickness: Floats
     ice_density: float
+    melts: bool = False
 
     @classmethod
-    def of(cls, start: datetime, days: float, thickness: Floats, ice_density: float) -> Run:
+    def of(cls, start: datetime, days: float, thickness: Floats, ice_density: float, *, melts: bool = False) -> Run:
         """Return what a run of some days asks for."""
-        return cls(start, start + timedelta(days=days), thickness, ice_density)
+        return cls(start, start + timedelta(days=days), thickness, ice_density, melts)
 
     @property
     def drafts(self) -> Floats:
@@ -101,7 +105,8 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             remedy=f"They give {', '.join(fields)}; add a file of currents",
         )
     records.check_pairs(datasets)
-    datasets = [_not_too_fine(surface_of_others(ds, currents=settings.currents == "draft")) for ds in datasets]
+    deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
+    datasets = [_not_too_fine(surface_of_others(ds, deep)) for ds in datasets]
     if settings.spacing is None:
         parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
     else:
@@ -117,11 +122,11 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     )
 
 
-def surface_of_others(ds: xr.Dataset, *, currents: bool) -> xr.Dataset:
-    """Return a dataset with the uppermost level of all fields, those of more levels excepted if ``currents`` keep theirs."""
+def surface_of_others(ds: xr.Dataset, deep: set[str]) -> xr.Dataset:
+    """Return a dataset with the uppermost level of all fields but those of ``deep``, which keep theirs."""
     if "depth" not in ds.dims:
         return ds
-    deep = {"uo", "vo"} if currents and ds.sizes["depth"] > 1 else set()
+    deep = deep if ds.sizes["depth"] > 1 else set()
     fields = {
         name: field if name in deep or "depth" not in field.dims else field.isel(depth=0, drop=True)
         for name, field in ds.data_vars.items()

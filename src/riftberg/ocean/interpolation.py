@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from riftberg.kernels import kernel
 from riftberg.ocean.geometry import bilinear, inverse_bilinear, wrap_around
 from riftberg.state import Elements, Floats, Ints
@@ -169,8 +171,18 @@ def _finite_or_zero(x: float) -> float:
 
 
 @kernel
+def _find_turns(
+    i: Ints, j: Ints, xi: Floats, eta: Floats, cos: Floats, sin: Floats, mirrored: bool, c: Floats, s: Floats
+) -> None:
+    """Find cosine and sine of the angle by which the grid is turned at all elements."""
+    for n in range(i.size):
+        x, y = (1.0 - xi[n], 1.0 - eta[n]) if mirrored else (xi[n], eta[n])
+        c[n], s[n] = bilinear(cos, i[n], j[n], x, y), bilinear(sin, i[n], j[n], x, y)
+
+
+@kernel
 def _fill_vectors(
-    i: Ints, j: Ints, xi: Floats, eta: Floats, u: Floats, v: Floats, cos: Floats, sin: Floats, mask: Floats,
+    i: Ints, j: Ints, xi: Floats, eta: Floats, u: Floats, v: Floats, c: Floats, s: Floats, mask: Floats,
     drift: float, mirrored: bool, east: Floats, north: Floats,
 ) -> None:  # fmt: skip
     """Interpolate a corner field to all elements, add the drift away from land, turn it to east and north."""
@@ -181,20 +193,18 @@ def _fill_vectors(
         if drift > 0.0:
             du, dv = coastal_increment(mask, column, row, drift)
             along, across = along + du, across + dv
-        c, s = bilinear(cos, column, row, x, y), bilinear(sin, column, row, x, y)
-        east[n], north[n] = c * along + s * across, c * across - s * along
+        east[n], north[n] = c[n] * along + s[n] * across, c[n] * across - s[n] * along
 
 
 @kernel
 def _fill_slopes(
-    i: Ints, j: Ints, xi: Floats, eta: Floats, ssh: Floats, mask: Floats, dx: Floats, dy: Floats,
-    cos: Floats, sin: Floats, mirrored: bool, east: Floats, north: Floats,
+    i: Ints, j: Ints, xi: Floats, eta: Floats, ssh: Floats, mask: Floats, dx: Floats, dy: Floats, c: Floats, s: Floats,
+    east: Floats, north: Floats,
 ) -> None:  # fmt: skip
     for n in range(i.size):
         along, across = sea_surface_slope(ssh, mask, dx, dy, i[n], j[n], xi[n], eta[n])
-        x, y = (1.0 - xi[n], 1.0 - eta[n]) if mirrored else (xi[n], eta[n])
-        c, s = bilinear(cos, i[n], j[n], x, y), bilinear(sin, i[n], j[n], x, y)
-        east[n], north[n] = _finite_or_zero(c * along + s * across), _finite_or_zero(c * across - s * along)
+        east[n] = _finite_or_zero(c[n] * along + s[n] * across)
+        north[n] = _finite_or_zero(c[n] * across - s[n] * along)
 
 
 @kernel
@@ -261,11 +271,13 @@ def sample_gridded(
     # Each part is a loop of its own over bare arrays: handing the tuples of arrays to a helper for every element would
     # count references to seventy arrays each time.
     place, environment, f, g = elements.place, elements.environment, fields, grid
-    i, j, xi, eta, cos, sin = place.cell_i, place.cell_j, place.xi, place.eta, g.cos_angle, g.sin_angle
-    _fill_vectors(i, j, xi, eta, f.uo, f.vo, cos, sin, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
-    _fill_vectors(i, j, xi, eta, f.ui, f.vi, cos, sin, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
-    _fill_vectors(i, j, xi, eta, f.ua, f.va, cos, sin, g.mask, 0.0, mirrored, environment.ua, environment.va)
-    _fill_slopes(i, j, xi, eta, f.ssh, g.mask, g.dx, g.dy, cos, sin, mirrored, environment.slope_x, environment.slope_y)
+    i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
+    c, s = np.empty(i.size), np.empty(i.size)
+    _find_turns(i, j, xi, eta, g.cos_angle, g.sin_angle, mirrored, c, s)
+    _fill_vectors(i, j, xi, eta, f.uo, f.vo, c, s, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
+    _fill_vectors(i, j, xi, eta, f.ui, f.vi, c, s, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
+    _fill_vectors(i, j, xi, eta, f.ua, f.va, c, s, g.mask, 0.0, mirrored, environment.ua, environment.va)
+    _fill_slopes(i, j, xi, eta, f.ssh, g.mask, g.dx, g.dy, c, s, environment.slope_x, environment.slope_y)
     _fill_vorticity(i, j, xi, eta, f.uo, f.vo, g.dx, g.dy, environment.vorticity)
     _fill_from_cells(i, j, f.sst, environment.sst)
     _fill_from_cells(i, j, f.sss, environment.sss)

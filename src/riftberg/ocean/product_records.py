@@ -127,7 +127,11 @@ class ProductRecords:
     @property
     def has_levels(self) -> bool:
         """Whether there are currents on more than one level."""
-        return self._limits.size > 2
+        return self.on_levels("uo") or self.on_levels("vo")
+
+    def on_levels(self, name: str) -> bool:
+        """Whether a field is on more than one level."""
+        return self._limits.size > 2 and name in self.ds and "depth" in self.ds[name].dims
 
     def moment(self, name: str, time: float) -> Blend:
         """Return a field at a time.

@@ -160,6 +160,32 @@ def _cell_corners(
 
 
 @kernel
+def _lies_within(
+    lon0: float, lat0: float, i: int, j: int, lon: Floats, lat: Floats, reach: float, latlon: bool, radius: float,
+    period: float,
+) -> bool:  # fmt: skip
+    """Whether a cell, its corners numbered as usual, surely holds all that is within ``reach`` (m) of a point.
+
+    A cheap answer for most bergs, which are small: yes only where the cell is straight along meridians and parallels and the
+    berg lies clear of its edges. What is no may be yes to a closer look.
+    """
+    west, east, south, north = lon[j, i - 1], lon[j, i], lat[j - 1, i], lat[j, i]
+    straight = (
+        lon[j - 1, i - 1] == west and lon[j - 1, i] == east and lat[j - 1, i - 1] == south and lat[j, i - 1] == north
+    )
+    if not straight or (latlon and abs(lat0) > POLAR_LATITUDE):
+        return False
+    mx, my = metres_per_unit(lat0, latlon, radius)
+    far = 1.000001 * reach
+    return (
+        nearest_image(west - lon0, period) * mx < -far
+        and nearest_image(east - lon0, period) * mx > far
+        and (south - lat0) * my < -far
+        and (north - lat0) * my > far
+    )
+
+
+@kernel
 def _inside(qx: Floats, qy: Floats, reach: float) -> bool:
     """Whether the origin lies inside a convex cell, farther than ``reach`` from all of its sides."""
     turn = 1.0 if polygon_area(qx, qy, 4) > 0.0 else -1.0
@@ -240,8 +266,17 @@ def cover(
     scratch : ndarray, shape (8, 16)
         Room for corners.
     """
-    px, py, qx, qy, room = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4:8]
     columns = lon.shape[1]
+    widest_reach = (
+        0.5 * math.sqrt(length * length + width * width)
+        if shape == RECTANGLE
+        else 0.62040325 * math.sqrt(length * width)
+    )
+    if shape == POINT or _lies_within(lon0, lat0, i0, j0, lon, lat, widest_reach, latlon, radius, period):
+        if start < cells.size:
+            cells[start], shares[start] = j0 * columns + i0, 1.0
+        return 1
+    px, py, qx, qy, room = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4:8]
     n = footprint(shape, length, width, angle, px, py)
     _cell_corners(i0, j0, lon, lat, lon0, lat0, latlon, radius, period, qx, qy)
     reach = 0.0

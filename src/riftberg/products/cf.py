@@ -14,7 +14,7 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES
 from riftberg.products.product import Product, Source
-from riftberg.products.roles import standard_name
+from riftberg.products.roles import coordinates_of, standard_name
 
 _STANDARD: dict[str, tuple[str, ...]] = {
     "uo": ("eastward_sea_water_velocity", "surface_eastward_sea_water_velocity"),
@@ -62,6 +62,12 @@ _USUAL: dict[str, tuple[str, ...]] = {
 }
 
 
+_ON_LEVELS: dict[str, tuple[str, ...]] = {
+    "sst": ("sea_water_potential_temperature", "sea_water_temperature", "sea_water_conservative_temperature"),
+    "sss": ("sea_water_salinity", "sea_water_practical_salinity"),
+}
+"""Standard names of fields whose levels begin at the surface; taken where nothing is of the surface alone."""
+
 USUAL_NAMES = frozenset(name for names in _USUAL.values() for name in names)
 """All names that fields usually have."""
 
@@ -104,9 +110,19 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
             by_name = [name for name in by_name if ds.variables[name].ndim > 1]
         if by_name:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
+    for said in _ON_LEVELS.get(quantity, ()):
+        by_name = [name for name in held if standard_name(ds.variables[name]) == said and _has_levels(ds, name)]
+        by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)]
+        if len(by_name) == 1:  # one of several would be a guess; that none is taken is told
+            return by_name
     usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
     usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
+
+
+def _has_levels(ds: xr.Dataset, name: str) -> bool:
+    """Tell whether something says at which depths a field holds."""
+    return name not in ds.dims and any(role == "level" for _, role, _ in coordinates_of(ds, name))
 
 
 def by_standard_name(ds: xr.Dataset, quantity: str) -> str:

@@ -229,7 +229,7 @@ def _unplaced(field: xr.DataArray, name: str, dim: str, quantity: str, where: st
 def _several(
     field: xr.DataArray, axis: xr.DataArray, edges: Floats | None, name: str, dim: str, quantity: str, where: str
 ) -> tuple[xr.DataArray, list[str]]:
-    """Return a field with several levels: all of a current, the one at 10 m of a wind, the uppermost of the rest."""
+    """Return a field with several levels: all of a current, temperature or salinity; of a wind the one at 10 m."""
     kind, values = kind_of(axis), np.asarray(axis.values, float)
     if quantity in WINDS:
         metres = np.abs(values) * _metres(units_of(axis))
@@ -258,9 +258,7 @@ def _several(
         raise _too_deep(name, f"{axis.name} = {depth.min():g} m", where)
     field = field.drop_vars(str(axis.name), errors="ignore").rename({dim: "depth"} if dim != "depth" else {})
     field = field.assign_coords(depth=("depth", depth, {"units": "m"})).sortby("depth")
-    if quantity in CURRENTS:
-        return field, []
-    return field.isel(depth=0, drop=True), [f"{name} is taken at {depth.min():.3g} m, the uppermost of its levels"]
+    return field, []
 
 
 def depths(axis: xr.DataArray, *, where: str) -> Floats:

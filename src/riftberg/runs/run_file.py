@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import netCDF4
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import RunError
@@ -52,6 +51,8 @@ from riftberg.values import required
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.model import BareModel
 
 DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
@@ -81,6 +82,9 @@ FRAGMENT_VARIABLES: Final = (
     Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8"),
     Variable("grounded", "1", "1 where it broke off aground", dtype="i8"),
     Variable("name", "", "name: of a berg, or of a berg with the number of its fragment", dtype="str"),
+    Variable(
+        "calved_from", "1", "number of the berg from whose edge it calved (footloose), 0 for all others", dtype="i8"
+    ),
 )
 """Family tree of the fragments, each written as ``fragment_<name>``."""
 

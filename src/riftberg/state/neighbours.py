@@ -10,13 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
-from riftberg.physics.geometry import fast_cos_latitude, metres_per_unit, separation
+from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Floats, Ints
 
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
 _FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
+_FEW = 2
+"""Others in the bin of an element, on average, that are not worth classes of reach."""
 
 
 class PairList(NamedTuple):
@@ -162,14 +165,24 @@ def _find_pairs(
                     rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                     if rx * rx + ry * ry < reach * reach:
                         if total == partner.size:
-                            bigger = np.empty(2 * total, np.int64)
-                            bigger[:total] = partner
-                            partner = bigger
+                            partner = _longer(partner)
                         partner[total] = f
                         total += 1
         start[e + 1] = total
-        partner[start[e] : total].sort()
+        _sort(partner, start[e], total)
     return start, partner[:total].copy()
+
+
+@kernel
+def _crowded(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float) -> bool:
+    """Whether elements share their bins of this reach (m) with more than `_FEW` others, on average."""
+    width_x, width_y, columns, rows, x0, y0, _ = _hash_columns(x, y, reach, latlon, radius, period)
+    _, start, _ = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+    shared = 0
+    for c in range(start.size - 1):
+        inside = start[c + 1] - start[c]
+        shared += inside * (inside - 1)
+    return shared > _FEW * x.size
 
 
 @kernel
@@ -194,13 +207,15 @@ def near_pairs(
         Rows of the pairs, ``first < second``, in rising order.
     """
     count = x.size
-    _, north = metres_per_unit(0.0, latlon, radius)
-    level = np.empty(count, np.int64)
-    least = reach.min() if count else 1.0
-    for e in range(count):
-        level[e] = int(np.log2(reach[e] / least))
+    level = np.zeros(count, np.int64)
+    # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
+    if count and _crowded(x, y, 2.0 * reach.max(), latlon, radius, period):
+        least = reach.min()
+        for e in range(count):
+            level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
+    per_unit = DEGREE * radius if latlon else 1.0
     top = level.max() if count else -1
     for k in range(top, -1, -1):
         asking = np.flatnonzero(level == k)
@@ -230,7 +245,7 @@ def near_pairs(
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
                             continue
                         far = reach[e] + reach[f]
-                        if abs((y[e] - y[f]) * north) >= far:  # told without a cosine
+                        if abs(y[e] - y[f]) * per_unit > 1.000001 * far:  # no cosine for those that lie too far north
                             continue
                         rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                         if rx * rx + ry * ry < far * far:
@@ -246,8 +261,25 @@ def near_pairs(
 def _longer(values: Ints) -> Ints:
     """Return the values at the beginning of an array twice as long."""
     bigger = np.empty(2 * values.size, np.int64)
-    bigger[: values.size] = values
+    for k in range(values.size):
+        bigger[k] = values[k]
     return bigger
+
+
+@kernel
+def _sort(values: Ints, first: int, behind: int) -> None:
+    """Sort a few of the values in place, by Shell's method: NumPy's own sort takes seconds to compile."""
+    gap = 1
+    while gap < (behind - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(first + gap, behind):
+            value, at = values[k], k
+            while at >= first + gap and values[at - gap] > value:
+                values[at] = values[at - gap]
+                at -= gap
+            values[at] = value
+        gap //= 3
 
 
 def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[PairList, Ints]:

@@ -21,12 +21,14 @@ def numbered(values: Ints) -> tuple[Ints, Ints]:
     values : array of int
         Of any sign and size.
     """
-    if values.size == 0 or values.min() < 0 or values.max() > SPARSE * values.size:
+    if values.size == 0 or values.min() < 0 or (top := int(values.max())) > SPARSE * values.size:
         numbers, place = np.unique(values, return_inverse=True)
         return numbers, np.asarray(place, np.int64)
-    there = np.zeros(int(values.max()) + 1, bool)
-    there[values] = True
-    return np.flatnonzero(there), (np.cumsum(there) - 1)[values]
+    table = np.zeros(top + 1, np.int64)
+    table[values] = 1
+    numbers = np.flatnonzero(table)
+    table[numbers] = np.arange(numbers.size)
+    return numbers, table[values]
 
 
 def summed(known: Ints, sums: Floats, values: Ints, amounts: Floats) -> tuple[Ints, Floats]:
@@ -50,7 +52,7 @@ def summed(known: Ints, sums: Floats, values: Ints, amounts: Floats) -> tuple[In
     """
     numbers, place = numbered(np.concatenate([known, values]))
     out = np.zeros((len(amounts), numbers.size))
-    out[:, place[: known.size]] = sums
+    _add_columns(place[: known.size], np.ascontiguousarray(sums, dtype=float), out)
     _add_columns(place[known.size :], amounts, out)
     return numbers, out
 

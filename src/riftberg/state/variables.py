@@ -237,8 +237,12 @@ class Elements(NamedTuple):
 
     def taken(self, rows: Any) -> Elements:
         """Return a copy of some rows (numbers or a mask)."""
-        view = isinstance(rows, slice)  # rows by number or mask are a copy already
-        return elements_of({name: a[rows].copy() if view else a[rows] for name, a in self.arrays().items()})
+        if isinstance(rows, slice):
+            return elements_of({name: a[rows].copy() for name, a in self.arrays().items()})
+        chosen = np.asarray(rows)
+        # A mask is counted out once, not for each of the arrays.
+        chosen = np.flatnonzero(chosen) if chosen.dtype == bool else chosen.astype(np.int64)
+        return elements_of({name: a.take(chosen, axis=0) for name, a in self.arrays().items()})
 
 
 class Bonds(NamedTuple):

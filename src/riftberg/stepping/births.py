@@ -82,10 +82,16 @@ def changed_rows(
     """Return which elements have other values than before; the newly born count as changed."""
     if ids_before.size == 0:
         return np.ones(ids.size, bool)
+    changed: NDArray[np.bool_]
+    if np.array_equal(ids, ids_before):  # as in most steps: then there is nothing to sort
+        changed = np.zeros(ids.size, bool)
+        for now, then in zip(values, before, strict=True):
+            changed |= now != then
+        return changed
     order = np.argsort(ids_before, kind="stable")
     place = np.minimum(np.searchsorted(ids_before[order], ids), ids_before.size - 1)
     row = order[place]
-    changed: NDArray[np.bool_] = ids_before[row] != ids
+    changed = ids_before[row] != ids
     for now, then in zip(values, before, strict=True):
         changed |= now != then[row]
     return changed

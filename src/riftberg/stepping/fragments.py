@@ -40,6 +40,9 @@ class Fragment:
         Whether one of its elements was aground at birth or where one of those bonds broke.
     name : str
         Name of a berg; a fragment has that of the berg that it comes from, with its number among the fragments of that.
+    calved_from : int
+        Number of the berg from whose edge it calved by the footloose mechanism; 0 for all others. No bond broke, so it has
+        no ``parent``.
     """
 
     number: int
@@ -53,6 +56,7 @@ class Fragment:
     bonds_broken: int
     grounded: bool
     name: str = ""
+    calved_from: int = 0
 
 
 class FragmentTree:
@@ -64,11 +68,14 @@ class FragmentTree:
         In order of birth; numbers rise by one.
     bergs : sequence of (str, int)
         Name and number of elements of each berg of the start, by row; empty for bergs without names.
+    mothers : dict of int to int
+        Number of the berg from which an element has calved since the last update, by the identifier of that element.
     """
 
     def __init__(self, rows: list[Fragment] | None = None, bergs: Sequence[tuple[str, int]] = ()) -> None:
         self.rows: list[Fragment] = list(rows or [])
         self.bergs = tuple(bergs)
+        self.mothers: dict[int, int] = {}
 
     def __repr__(self) -> str:
         return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
@@ -119,10 +126,11 @@ class FragmentTree:
             name = names.free(self._berg_name(parent, int(rows[0]), known == 0))
             row = Fragment(
                 len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
-                bool(touching[rows].any() or cuts.grounded[k] > 0), name,
+                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.mothers.get(int(elements.id[rows[0]]), 0),
             )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)
+        self.mothers.clear()
         elements.berg[:] = number[part]
         return count
 
