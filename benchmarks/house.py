@@ -118,7 +118,7 @@ def with_many_arguments(trees: dict[str, ast.Module]) -> list[str]:
     return [
         f"{name}.{node.name}: {arguments(node)}"
         for name, node, _ in functions(trees)
-        if arguments(node) > MANY and not decorated(node, "kernel", "stage", "njit", "reported")
+        if arguments(node) > MANY and not decorated(node, "kernel", "borrower", "stage", "njit", "reported")
     ]
 
 

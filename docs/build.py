@@ -243,7 +243,8 @@ def _keys(doc: str) -> list[tuple[str, str]]:
 
 def commands_page() -> str:
     """Return the page of the command line, from the signatures of its functions."""
-    from riftberg.cli.main import app
+    from riftberg.cli.main import SUMMARIES, app, function_of
+    from riftberg.cli.verbose import verbose
     from riftberg.experiments import EXPERIMENTS
 
     text = [
@@ -251,10 +252,9 @@ def commands_page() -> str:
         f"{app.info.help}\n",
         "Exit codes: 0 done; 1 `doctor` found something lacking; 2 an error, with one message; 130 interrupted.\n",
     ]
-    for command in app.registered_commands:
-        assert command.callback is not None
-        text += [f"## riftberg {command.name}\n", (command.callback.__doc__ or "").split("\n\n")[0].strip() + "\n"]
-        rows = [_argument(p) for p in inspect.signature(command.callback, eval_str=True).parameters.values()]
+    for name, summary in SUMMARIES.items():
+        text += [f"## riftberg {name}\n", f"{summary}\n"]
+        rows = [_argument(p) for p in inspect.signature(verbose(function_of(name)), eval_str=True).parameters.values()]
         if rows:
             text.append(table(("argument or option", "default", "meaning"), rows))
     experiments = [(code(e.name), e.summary, ", ".join(map(code, e.parts))) for e in EXPERIMENTS]

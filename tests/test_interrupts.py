@@ -247,7 +247,7 @@ def _calls(tree: ast.AST) -> set[str]:
     found: set[str] = set()
     for node in ast.iter_child_nodes(tree):
         marks = {ast.unparse(mark) for mark in getattr(node, "decorator_list", ())}
-        if marks & {"kernel", "stage"}:
+        if marks & {"kernel", "borrower", "stage"}:
             continue
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
             found.add(node.func.id if isinstance(node.func, ast.Name) else node.func.attr)
@@ -261,7 +261,7 @@ def _named_tuples_returned(tree: ast.AST, named: set[str]) -> set[str]:
         node.name
         for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef)
-        and {ast.unparse(mark) for mark in node.decorator_list} & {"kernel", "stage"}
+        and {ast.unparse(mark) for mark in node.decorator_list} & {"kernel", "borrower", "stage"}
         and node.returns is not None
         and any(isinstance(part, ast.Name) and part.id in named for part in ast.walk(node.returns))
     }

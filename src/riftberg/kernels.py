@@ -27,15 +27,15 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import llvmlite.binding as llvm
 import numba
-from numba import njit
 from numba.core import config
 from platformdirs import user_cache_path
 
 from riftberg.kernel_cache import SharedCache
+from riftberg.kernel_parts import Kernel
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -104,6 +104,15 @@ def kernel(function: _F, *, parallel: bool = False) -> _F:
     return _compiled(function, parallel=parallel)
 
 
+def borrower(function: _F) -> _F:
+    """Compile a kernel that makes no arrays, and calls nothing that does: it borrows those of its caller.
+
+    Numba then counts no references, which is a large part of the code of a kernel of the whole state. It refuses to compile
+    a borrower that makes an array.
+    """
+    return _compiled(function, _nrt=False)
+
+
 def stage(function: _F) -> _F:
     """Compile ``function`` as a part of the one kernel that calls it.
 
@@ -122,16 +131,10 @@ def plain(function: _F) -> _F:
 
 
 def _compiled(function: _F, **options: Any) -> _F:
-    before = config.CACHE_DIR  # type: ignore[attr-defined]
-    # numba reads the setting at decoration only; other packages must not inherit ours.
-    config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
-    try:
-        decorate: Any = njit  # its types do not know the last option; without it each kernel is compiled for C, too
-        compiled: _F = decorate(
-            cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options
-        )(function)  # fmt: skip
-        # Ours stands in for numba's cache, whose files two processes could mix up.
-        compiled._cache = SharedCache(function)  # type: ignore[attr-defined]
-        return compiled
-    finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    # Without the last option each kernel is compiled for C, too.
+    wanted = {"nopython": True, "boundscheck": None, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    compiled = Kernel(function, targetoptions=wanted | options)
+    compiled._cache = SharedCache(function, cache_folder)
+    return cast("_F", compiled)

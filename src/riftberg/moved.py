@@ -12,7 +12,6 @@ import importlib.util
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any, Final
@@ -162,8 +161,11 @@ def new_path(path: str) -> str | None:
     return f"{PACKAGE}{MODULES[folder]}.{name}" if folder in MODULES else None
 
 
-class OldPaths(MetaPathFinder, Loader):
-    """Finds modules by the paths that they had."""
+class OldPaths:
+    """Finds modules by the paths that they had.
+
+    A finder and a loader of `importlib.abc` by its methods; that module itself takes longer to load than the rest of this one.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
@@ -177,7 +179,7 @@ class OldPaths(MetaPathFinder, Loader):
         new = new_path(fullname)
         if new is None or importlib.util.find_spec(new) is None:
             return None
-        return ModuleSpec(fullname, self, is_package=True)
+        return ModuleSpec(fullname, self, is_package=True)  # type: ignore[arg-type]
 
     def create_module(self, spec: ModuleSpec) -> ModuleType | None:
         """Leave it to Python to make the module that `exec_module` replaces."""

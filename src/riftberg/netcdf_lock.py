@@ -2,7 +2,8 @@
 
 All files are opened here: `open_netcdf` for blocks of reading and writing, `open_lazily` for datasets of xarray, whose
 later reads take the same lock, `write_dataset` for a dataset of xarray that becomes a file. The lock includes xarray's own,
-so that datasets that a program opened itself stay apart from ours too.
+so that datasets that a program opened itself stay apart from ours too. A program that has not loaded xarray has opened
+none, and does not wait here until it is loaded.
 
 Nothing that waits for other threads may stand in a locked block, such as the computation of dask arrays: the threads
 that it waits for want the lock.
@@ -13,20 +14,21 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import netCDF4
-import xarray as xr
-from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
-from xarray.backends.plugins import guess_engine
 
 from riftberg.input_files import no_plain_file
 from riftberg.stuck import opening
 from riftberg.whole_files import replacing
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _LOG = logging.getLogger(__name__)
 
@@ -43,23 +45,26 @@ class NetcdfLock:
 
     def __init__(self) -> None:
         self._ours = threading.RLock()
+        self._theirs: Any = None
         self._depth = 0
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
         """Take the lock; return whether it was had."""
         if not self._ours.acquire(blocking, timeout):
             return False
-        if self._depth == 0 and not NETCDF4_PYTHON_LOCK.acquire(blocking):
-            self._ours.release()
-            return False
+        if self._depth == 0:
+            self._theirs = _lock_of_xarray()
+            if self._theirs is not None and not self._theirs.acquire(blocking):
+                self._ours.release()
+                return False
         self._depth += 1
         return True
 
     def release(self) -> None:
         """Give the lock back."""
         self._depth -= 1
-        if self._depth == 0:
-            NETCDF4_PYTHON_LOCK.release()
+        if self._depth == 0 and self._theirs is not None:
+            self._theirs.release()
         self._ours.release()
 
     def locked(self) -> bool:
@@ -74,6 +79,11 @@ class NetcdfLock:
 
     def __reduce__(self) -> tuple[Callable[[], NetcdfLock], tuple[()]]:
         return _the_lock, ()
+
+
+def _lock_of_xarray() -> Any:
+    """Return xarray's lock, None as long as nobody has loaded xarray."""
+    return getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
 
 
 NETCDF: Final = NetcdfLock()
@@ -148,6 +158,9 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     **options
         Further arguments of `xarray.open_dataset`.
     """
+    import xarray as xr
+    from xarray.backends.plugins import guess_engine
+
     _LOG.debug("opening %s", source if isinstance(source, str | os.PathLike) else type(source).__name__)
     _refuse_odd(source)
     on_disk = _is_netcdf(source)

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds, inscribed_share
 from riftberg.bergs.lattice import element_area
 from riftberg.bergs.options import Material
-from riftberg.bergs.raster import Raster
+from riftberg.bergs.raster import Raster, is_gridded
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.input_files import value_shown
@@ -153,7 +152,7 @@ def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
     read : callable
         Reader of maps (`riftberg.bergs.raster.read_raster`).
     """
-    if not isinstance(source, str | Path | Raster | xr.DataArray | xr.Dataset):
+    if not (isinstance(source, str | Path | Raster) or is_gridded(source)):
         return one_each(source, len(lon), "thickness")
     raster: Raster = source if isinstance(source, Raster) else read(source)
     values = raster.above(0.0).sample(lon, lat)

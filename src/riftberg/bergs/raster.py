@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from riftberg.bergs.feature import needed
 from riftberg.bergs.geotiff import SUFFIXES, read_band
@@ -22,6 +22,9 @@ from riftberg.limits import MOST_VALUES, refuse_large
 from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
 from riftberg.values import required
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _LON = ("lon", "longitude", "nav_lon", "x")
 _LAT = ("lat", "latitude", "nav_lat", "y")
@@ -167,7 +170,16 @@ def is_map(source: Any) -> bool:
     """Whether something is a grid, or the name of a file that holds one."""
     if isinstance(source, str | Path):
         return Path(source).suffix.lower() in (*SUFFIXES, ".nc", ".nc4", ".cdf", ".zarr")
-    return isinstance(source, Raster | xr.DataArray | xr.Dataset)
+    return isinstance(source, Raster) or is_gridded(source)
+
+
+def is_gridded(source: Any) -> bool:
+    """Whether something is a DataArray or a Dataset, which nothing is before xarray has been loaded."""
+    if "xarray" not in sys.modules:
+        return False
+    import xarray as xr
+
+    return isinstance(source, xr.DataArray | xr.Dataset)
 
 
 def read_raster(source: Any, variable: str | None = None, *, date: str | None = None) -> Raster:
@@ -183,6 +195,8 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
     date : str, optional
         Nearest time to take where there is a time axis.
     """
+    import xarray as xr
+
     if isinstance(source, xr.DataArray):
         return _raster(source, f"DataArray {source.name}", date)
     where = "Dataset"

@@ -14,7 +14,6 @@ import numpy as np
 
 from riftberg.bergs.bonding import count_bonds
 from riftberg.bergs.lattice import Booleans
-from riftberg.bergs.outline import line_strings
 from riftberg.bergs.raster import Raster, is_map, read_raster
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
@@ -77,6 +76,8 @@ def crossed_by(
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
         crossed = crossed_by_mask(elements, bonds, mask, threshold)
     else:
+        from riftberg.bergs.outline import line_strings
+
         crossed = crossed_by_lines(elements, bonds, line_strings(rift, crs), latlon)
     crossed &= bonds.status == 0
     if not crossed.any():

@@ -1,22 +1,56 @@
 """The command line: runs, pictures of them, comparison with observations, and forcing files.
 
-Nothing heavy is imported here; every command imports what it needs when it runs, so that help appears at once.
+Nothing heavy is imported here; a command is loaded when it is called, and imports what it needs when it runs, so that help
+appears at once.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import importlib
+from collections.abc import Callable
+from typing import Annotated, Any, Final
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from riftberg.cli import animate, bench, compare, doctor, fetch, kid, plot, replay, run, score, sweep, why
-from riftberg.cli.verbose import verbose
 from riftberg.version import __version__
+
+SUMMARIES: Final = {
+    "run": "Run an experiment and write run.nc, summary.json and map.png.",
+    "sweep": "Run an experiment for every combination of some values of its parameters, side by side, into one result.",
+    "experiments": "List the built-in experiments.",
+    "kid": "Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files.",
+    "bench": "Measure seconds per simulated day, compilation and memory, beside a yardstick.",
+    "plot": "Draw maps at chosen dates beside observed outlines, the stress and damage in the bonds, "
+    "and the life of the fragments.",
+    "animate": "Write a film of a run.",
+    "replay": "Write a run as one web page that needs no network: play, scrub, zoom.",
+    "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
+    "compare": "Show runs side by side: break-ups, bonds, and the distance from the observed positions by day.",
+    "why": "Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
+    "doctor": "Tell what forcing files are, whether they serve an experiment, and what is missing.",
+    "fetch": "Fetch forcing files; a fetch that was cut goes on where it stopped.",
+}
+"""The commands in the order of the help, with the first lines of their own, so that help need not load them."""
+
+_ELSEWHERE: Final = {"experiments": "run"}
+"""Commands that stand in the file of another."""
+
+
+def function_of(name: str) -> Callable[..., Any]:
+    """Return the function of a command, called as it is."""
+    function: Callable[..., Any] = getattr(importlib.import_module(f"riftberg.cli.{_ELSEWHERE.get(name, name)}"), name)
+    return function
 
 
 class Commands(TyperGroup):
     """The commands; an empty word, as of a variable that a script did not set, is no value of any of their options."""
+
+    _telling = False
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands = {name: TyperCommand(name, help=summary) for name, summary in SUMMARIES.items()}
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse empty words: as a path they would mean the folder at hand."""
@@ -24,6 +58,27 @@ class Commands(TyperGroup):
             place = args.index("")
             ctx.fail(f"Nothing stands after '{args[place - 1]}', only an empty word." if place else "An empty word.")
         return super().parse_args(ctx, args)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; for the help of all, one that does nothing but say what it is."""
+        command = super().get_command(ctx, cmd_name)
+        return command if command is None or self._telling else _loaded(cmd_name)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of all commands."""
+        self._telling = True
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self._telling = False
+
+
+def _loaded(name: str) -> Any:
+    from riftberg.cli.verbose import verbose
+
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    alone.command(name)(verbose(function_of(name)))
+    return typer.main.get_command(alone)
 
 
 app = typer.Typer(
@@ -51,15 +106,6 @@ def _main(
 ) -> None:
     """Take the options that stand before the command."""
 
-
-COMMANDS = (
-    run.run, sweep.sweep, run.experiments, kid.kid, bench.bench, plot.plot, animate.animate, replay.replay, score.score,
-    compare.compare, why.why, doctor.doctor, fetch.fetch,
-)  # fmt: skip
-"""The commands, called as these functions are, in the order of the help."""
-
-for command in COMMANDS:
-    app.command(command.__name__)(verbose(command))
 
 if __name__ == "__main__":
     app()

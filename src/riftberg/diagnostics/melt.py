@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import xarray as xr
 
 from riftberg.diagnostics.summary import called
 from riftberg.places import area_text
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 NAMED: Final = 6
 """Fragments that are told of one by one; the others together."""

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import xarray as xr
 
 from riftberg.diagnostics.breakup import Breakup, Collision, FirstBond, Reasons
 from riftberg.diagnostics.cut import Cut, iso, members_at_birth
@@ -18,6 +17,9 @@ from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.melt import melt_lines
 from riftberg.places import area_text, place_text
 from riftberg.runs.scene import SMALL, Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
 """These two forces nearly balance on each part, and each alone says little: reasons weigh them together."""

@@ -26,10 +26,13 @@ BLOCK_SECONDS: Final = 10.0
 """Wall-clock time between writes at most, s, as long as records come in."""
 
 QUICK: Final = 1.0
-"""Writes that take less than this wall-clock time (s) may follow each other at once."""
+"""Writes that take less than this wall-clock time (s) may follow each other at once, as long as the file is small."""
+
+SMALL: Final = 4_000_000
+"""Bytes of a file that is copied in no time; each write begins with a copy of the file."""
 
 PATIENCE: Final = 20.0
-"""After a longer one records are held this many times as long as it took, so that writing stays a small part."""
+"""After another one records are held this many times as long as it took, so that writing stays a small part."""
 
 
 class BlockWriter:
@@ -93,7 +96,9 @@ class BlockWriter:
                 self._write_block(dataset)
             self._written, self._waiting, self._waiting_size = self._written + self._waiting_size, [], 0
         self._last = time.monotonic()
-        self._pause = PATIENCE * (self._last - began) if self._last - began > QUICK else 0.0
+        took = self._last - began
+        dear = took > QUICK or self.path.stat().st_size > SMALL
+        self._pause = PATIENCE * took if dear else 0.0
 
     def _write_block(self, dataset: netCDF4.Dataset) -> None:
         end = self._written + self._waiting_size

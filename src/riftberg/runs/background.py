@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import xarray as xr
 
 from riftberg import constants
 from riftberg.errors import RiftbergError, RunError
@@ -20,6 +19,8 @@ from riftberg.state import Floats
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.model import BareModel
     from riftberg.ocean.forcing import Forcing
 
@@ -67,17 +68,13 @@ def append_background(path: str | Path, model: BareModel) -> bool:
         False where the forcing cannot be asked for maps, or knows nothing here; the file is as it was then.
     """
     path = Path(path)
-    with open_lazily(path, decode_times=False) as run:
-        seconds = run["time"].values
+    with open_netcdf(path) as run:
+        seconds = np.asarray(run["time"][:])
         names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
-        x, y = (run[name].transpose("time", "trajectory").values.astype(np.float64) for name in names)
-        x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
-        axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
-        units = {
-            "time": run["time"].attrs["units"],
-            "x": run[names[0]].attrs["units"],
-            "y": run[names[1]].attrs["units"],
-        }
+        x, y = (np.ma.filled(run[name][:].astype(np.float64), np.nan).T for name in names)
+        units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
+    x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
+    axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
     times = _times(seconds)
     try:
         currents = [model.forcing.currents(*np.meshgrid(*axes), float(t)) for t in times]
@@ -230,7 +227,7 @@ def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
     run : xarray.Dataset or path
         From `riftberg.runs.run_file.open_run`, or its file.
     """
-    source = run.encoding.get("source") if isinstance(run, xr.Dataset) else run
+    source = run if isinstance(run, str | Path) else run.encoding.get("source")
     if source is None or not Path(source).exists():
         return None
     with open_netcdf(source) as file:

@@ -11,10 +11,9 @@ import math
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
-import xarray as xr
 from pydantic import ValidationError
 
 from riftberg.errors import InputError
@@ -24,6 +23,9 @@ from riftberg.netcdf_lock import NETCDF, open_lazily
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
@@ -185,6 +187,8 @@ def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
         if not (np.isfinite(values) | (name != "time")).all() or (np.abs(values[np.isfinite(values)]) > 1e11).any():
             raise _error("times that are no numbers, or thousands of years away", file, f"variable {name}")
     with reading(f"{shown(file)}, variable time", "dates that cannot be read", "Make the run again"):
+        import xarray as xr
+
         decoded = xr.decode_cf(run)
     for variable in decoded.variables.values():
         for name in _SHAPE_IN_FILE:  # texts are as long elsewhere as they are there

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Self
-
-import xarray as xr
+from typing import TYPE_CHECKING, Self
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import RiftbergError, RunError
@@ -18,6 +16,9 @@ from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
 from riftberg.values import number, required
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 OWN_EXTRAS = ("substeps", "next_element", "next_bond")
 """What a restart file holds beside the state that no recorder has left there."""

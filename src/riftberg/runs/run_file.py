@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import netCDF4
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import RunError
@@ -52,6 +51,8 @@ from riftberg.values import required
 from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.model import BareModel
 
 DOUBLE: Final = frozenset({"lon", "lat", "rotation"})

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg import constants
@@ -18,6 +18,9 @@ from riftberg.physics.floating import draft_of
 from riftberg.runs.shapes import element_polygons
 from riftberg.state import Floats, Ints
 from riftberg.stepping.media import aground
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SMALL = 0.01
 """Fragments below this part of the area of the berg that they come from have neither track nor entry in the legend."""

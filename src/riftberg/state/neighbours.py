@@ -165,13 +165,11 @@ def _find_pairs(
                     rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
                     if rx * rx + ry * ry < reach * reach:
                         if total == partner.size:
-                            bigger = np.empty(2 * total, np.int64)
-                            bigger[:total] = partner
-                            partner = bigger
+                            partner = _longer(partner)
                         partner[total] = f
                         total += 1
         start[e + 1] = total
-        partner[start[e] : total].sort()
+        _sort(partner, start[e], total)
     return start, partner[:total].copy()
 
 
@@ -263,8 +261,25 @@ def near_pairs(
 def _longer(values: Ints) -> Ints:
     """Return the values at the beginning of an array twice as long."""
     bigger = np.empty(2 * values.size, np.int64)
-    bigger[: values.size] = values
+    for k in range(values.size):
+        bigger[k] = values[k]
     return bigger
+
+
+@kernel
+def _sort(values: Ints, first: int, behind: int) -> None:
+    """Sort a few of the values in place, by Shell's method: NumPy's own sort takes seconds to compile."""
+    gap = 1
+    while gap < (behind - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(first + gap, behind):
+            value, at = values[k], k
+            while at >= first + gap and values[at - gap] > value:
+                values[at] = values[at - gap]
+                at -= gap
+            values[at] = value
+        gap //= 3
 
 
 def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[PairList, Ints]:

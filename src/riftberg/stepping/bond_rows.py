@@ -45,6 +45,8 @@ class BondRows(NamedTuple):
         Where its torque stands.
     sign : array of float, shape (elements, slots)
         +1 if the element is the first end of the bond, -1 if its second, 0 where there is none.
+    used : array of int
+        Room for the number of slots in use, of each element.
     """
 
     bond: Ints
@@ -54,6 +56,7 @@ class BondRows(NamedTuple):
     slot: Indices
     torque_slot: Indices
     sign: Floats
+    used: Ints
 
 
 def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
@@ -70,6 +73,7 @@ def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
         slot=np.zeros(shape, np.uint32),
         torque_slot=np.zeros(shape, np.uint32),
         sign=np.zeros(shape),
+        used=np.zeros(element_count, np.int64),
     )
 
 
@@ -173,8 +177,8 @@ def load_rows(
 def _fill_slots(rows, count):
     """List the rows that meet in each element, in order of row; unused slots name the block of zeros."""
     slot, sign, torque_slot, first, second = rows.slot, rows.sign, rows.torque_slot, rows.first, rows.second
-    zeros = rows.block.size - row.BLOCK
-    used = np.zeros(slot.shape[0], np.int64)
+    used, zeros = rows.used, rows.block.size - row.BLOCK
+    used[:] = 0
     slot[:, :] = zeros
     torque_slot[:, :] = zeros
     sign[:, :] = 0.0

@@ -45,21 +45,34 @@ class ContactLog:
 
     A piece and what it broke off touch from its birth on; that is no meeting before they have been `APART`.
 
-    Attributes
+    Parameters
     ----------
-    rows : list of Meeting
-        In order of time.
+    rows : list of Meeting, optional
+        Meetings so far.
+    quiet : dict, optional
+        When pairs last touched that are no meeting.
     """
 
     def __init__(self, rows: list[Meeting] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
-        self.rows: list[Meeting] = list(rows or [])
+        self._rows: list[Meeting] = list(rows or [])
+        self._ends = [row.end for row in self._rows]
         self.quiet: dict[tuple[int, int], float] = dict(quiet or {})
-        self._latest = {(row.first, row.second): k for k, row in enumerate(self.rows)}
+        self._latest = {(row.first, row.second): k for k, row in enumerate(self._rows)}
+
+    @property
+    def rows(self) -> list[Meeting]:
+        """All meetings, in order of time."""
+        # Hundreds of pieces touch in each step: their ends are kept as numbers, and told when somebody asks.
+        for k, (row, end) in enumerate(zip(self._rows, self._ends, strict=True)):
+            if row.end != end:
+                self._rows[k] = replace(row, end=end)
+        return self._rows
 
     def saved(self) -> ContactLog:
         """Return a copy to go back to; made before each long step, so that nothing is looked for anew."""
         copy = ContactLog()
-        copy.rows, copy.quiet, copy._latest = self.rows.copy(), self.quiet.copy(), self._latest.copy()
+        copy._rows, copy._ends = self._rows.copy(), self._ends.copy()
+        copy.quiet, copy._latest = self.quiet.copy(), self._latest.copy()
         return copy
 
     def update(
@@ -89,20 +102,21 @@ class ContactLog:
             return
         berg = before.body.berg
         one, other = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
-        apart = one != other
-        for k in np.unique(np.stack([one, other])[:, apart], axis=1, return_index=True)[1].tolist():
-            k = int(np.flatnonzero(apart)[k])
-            key = int(one[k]), int(other[k])
+        apart = np.flatnonzero(one != other)
+        one, other = one[apart], other[apart]
+        each = np.unique(one * (int(other.max(initial=0)) + 1) + other, return_index=True)[1]
+        for key, k in zip(zip(one[each].tolist(), other[each].tolist()), apart[each].tolist(), strict=True):
             if self._goes_on(key, began, ended, tree):
                 continue
-            self._latest[key] = len(self.rows)
-            self.rows.append(_meeting(before, key, int(first[k]), int(second[k]), began, ended, p))
+            self._latest[key] = len(self._rows)
+            self._rows.append(_meeting(before, key, int(first[k]), int(second[k]), began, ended, p))
+            self._ends.append(ended)
 
     def _goes_on(self, key: tuple[int, int], began: float, ended: float, tree: FragmentTree) -> bool:
         """Extend the contact of a pair that touched not long ago; True if that is so."""
         k = self._latest.get(key)
-        if k is not None and began - self.rows[k].end < APART:
-            self.rows[k] = replace(self.rows[k], end=ended)
+        if k is not None and began - self._ends[k] < APART:
+            self._ends[k] = ended
             return True
         if (key in self.quiet and began - self.quiet[key] < APART) or self._by_birth(key, began, tree):
             self.quiet[key] = ended
@@ -118,7 +132,7 @@ class ContactLog:
             family = (min(row.parent, other), max(row.parent, other))
             sibling = tree.rows[other - 1].parent if 0 < other <= len(tree.rows) else 0
             k = self._latest.get(family)
-            met = k is not None and began - self.rows[k].end < APART
+            met = k is not None and began - self._ends[k] < APART
             if row.parent in (other, sibling) or met or began - self.quiet.get(family, -np.inf) < APART:
                 return True
         return False

@@ -3,19 +3,46 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.grounding import grounding_spin_rate
-from riftberg.state import Elements
-from riftberg.stepping.interactions import PairLaw, Partners, pair_view
+from riftberg.state import Elements, Floats
+from riftberg.stepping.interactions import PairLaw, Partners
 from riftberg.stepping.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
+from riftberg.stepping.touching import Touching, allocate_touching, find_touching
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, find_lone, solve_in_contact
+
+
+class SlowRoom(NamedTuple):
+    """Room for the slow half kick.
+
+    Whether each element has no partner; who touches whom; of each group of bergs whether it has settled, and sums over its
+    velocities: of changes, of squares now and before, and those of a pass.
+    """
+
+    alone: NDArray[np.bool_]
+    touching: Touching
+    unsettled: NDArray[np.bool_]
+    change: Floats
+    norm: Floats
+    norm_before: Floats
+    sums: Floats
+
+
+def allocate_slow_room(count: int, partners: Partners) -> SlowRoom:
+    """Return room for ``count`` elements with these partners."""
+    groups = 1 if partners.group.size == 0 else int(partners.group.max()) + 1
+    touching = allocate_touching(count, partners.collision.partner.size)
+    sums = (np.zeros(groups) for _ in range(4))
+    return SlowRoom(np.zeros(count, np.bool_), touching, np.zeros(groups, np.bool_), *sums)
 
 
 @stage
@@ -61,26 +88,18 @@ def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
 
 
 @kernel
-def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick, first, p):
+def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed, kick, first, p):
     """Solve for the slow accelerations of all moving elements, or in later passes of those in contact.
 
     The first pass marks the groups with elements in contact in ``unsettled``; later ones leave settled groups alone.
     ``norm`` takes the sum of the squared velocities of those solved for, per group.
     """
     motion, kicks, body = el.motion, el.kicks, el.body
-    lon, lat, u, v, u_sync, v_sync, mass = (
-        el.place.lon,
-        el.place.lat,
-        motion.u,
-        motion.v,
-        motion.u_sync,
-        motion.v_sync,
-        body.mass,
-    )
+    u, v, u_sync, v_sync, mass = motion.u, motion.v, motion.u_sync, motion.v_sync, body.mass
     ax, ay, bx, by, static, in_contact = kicks.ax, kicks.ay, kicks.bx, kicks.by, body.static, body.in_contact
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
-    group, one = partners.group, partners.group.size == 0
+    u_shown, v_shown, one = el.shown.u_pair, el.shown.v_pair, group.size == 0
     norm[:] = 0.0
     for e in range(u.size):
         g = 0 if one else group[e]
@@ -88,9 +107,9 @@ def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick
             in_contact[e] = 0.0
         if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unsettled[g])):
             continue
-        s = solve_velocity(
-            e, lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e], media, rates, acts, coriolis, applied, 0.5, 0.5, True,
-            not p.uncentred_half_kicks, mode, dt, mass[e], alone[e], partners, False, False, view, law,
+        s = solve_in_contact(
+            e, u[e], v[e], media, rates, acts, coriolis, applied, not p.uncentred_half_kicks, mode, dt, mass[e], touching,
+            u_shown, v_shown, by_speed,
         )  # fmt: skip
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
         # A lone element cannot collide; asked without that, a velocity that is not a number would count as contact.
@@ -103,11 +122,12 @@ def _slow_pass(el, dt, around, alone, partners, unsettled, norm, view, law, kick
 
 
 @stage
-def _settle_groups(el, group, unsettled, norm_before, tolerance):
+def _settle_groups(el, group, unsettled, change, norm, norm_before, tolerance):
     """Mark the groups whose elements in contact have hardly changed their velocities since the pass before."""
     u_shown, v_shown, u, v = el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync
     static, in_contact, one = el.body.static, el.body.in_contact, group.size == 0
-    change, norm = np.zeros(unsettled.size), np.zeros(unsettled.size)
+    change[:] = 0.0
+    norm[:] = 0.0
     for e in range(u.size):
         if static[e] < 0.5 and in_contact[e] != 0.0:
             g = 0 if one else group[e]
@@ -118,6 +138,15 @@ def _settle_groups(el, group, unsettled, norm_before, tolerance):
         if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < tolerance:
             unsettled[g] = False
         norm_before[g] = norm[g]
+
+
+@kernel
+def any_of(marks):
+    """Whether one of them is set."""
+    some = False
+    for mark in marks:
+        some = some or mark
+    return some
 
 
 @kernel
@@ -133,8 +162,8 @@ def _show_synchronised(el):
 
 @stage
 def closing_half_kick(
-    el: Elements, dt: float, around: Surroundings, partners: Partners, sizes: Sizes, law: PairLaw, starting: bool,
-    p: KernelParameters,
+    el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
+    starting: bool, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Complete the slow half kick of the step before; leaves the synchronised velocity in ``u_sync`` (part 1).
 
@@ -150,6 +179,7 @@ def closing_half_kick(
         At the positions of the elements.
     partners : Partners
         Collisions between different bergs.
+    room : SlowRoom
     starting : bool
         First step of a run with a proper start: the velocity is synchronised already, only the accelerations are
         found.
@@ -160,15 +190,15 @@ def closing_half_kick(
         Passes needed; -1 if the iteration did not settle within ``p.max_iterations``.
     """
     u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
-    view = pair_view(el, sizes)
+    find_touching(el, partners.collision, sizes, law, room.touching)
     kick = 0.0 if starting else 1.0
-    alone = lone_elements(partners)
-    groups = 1 if partners.group.size == 0 else partners.group.max() + 1
-    unsettled, norm, norm_before = np.zeros(groups, np.bool_), np.zeros(groups), np.zeros(groups)
+    find_lone(partners, room.alone)
+    group, unsettled, norm_before = partners.group, room.unsettled, room.norm_before
+    unsettled[:] = False
     passes, sums = 0, norm_before
     while True:
         first = passes == 0  # not the words True and False, each of which would be compiled for itself
-        _slow_pass(el, dt, around, alone, partners, unsettled, sums, view, law, kick, first, p)
+        _slow_pass(el, dt, around, room.alone, room.touching, group, unsettled, sums, law.by_speed, kick, first, p)
         passes += 1
         if not p.iterate:
             for e in range(u.size):
@@ -176,13 +206,13 @@ def closing_half_kick(
                     u[e], v[e] = u_sync[e], v_sync[e]
             return passes
         if not first:
-            _settle_groups(el, partners.group, unsettled, norm_before, p.tolerance)
+            _settle_groups(el, group, unsettled, room.change, room.norm, norm_before, p.tolerance)
         _show_synchronised(el)
-        if not unsettled.any():
+        if not any_of(unsettled):
             return passes
         if passes >= p.max_iterations:
             return -1
-        sums = norm
+        sums = room.sums
 
 
 @stage

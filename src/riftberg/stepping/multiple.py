@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from riftberg.kernels import kernel, stage
+from riftberg.kernels import borrower, kernel, stage
 from riftberg.parameters import KernelParameters
-from riftberg.state import Bonds, Elements, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.bond_rows import load_rows, store_rows
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
-from riftberg.stepping.long_kick import begin_substeps, closing_half_kick, end_substeps, opening_half_kick
+from riftberg.stepping.long_kick import (
+    SlowRoom,
+    allocate_slow_room,
+    begin_substeps,
+    closing_half_kick,
+    end_substeps,
+    opening_half_kick,
+)
 from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
@@ -56,6 +63,8 @@ class StepPlan(NamedTuple):
         Apply the slow forces at its start: both half kicks, and fracture after the step before.
     moves : bool
         Take its sub-steps.
+    closes : bool
+        Apply nothing but the slow half kick that completes the step before, for the velocity at the time of the positions.
     """
 
     dt: float
@@ -69,6 +78,7 @@ class StepPlan(NamedTuple):
     wears: bool
     kicks: bool = True
     moves: bool = True
+    closes: bool = False
 
 
 class StepReport(NamedTuple):
@@ -78,14 +88,22 @@ class StepReport(NamedTuple):
     passes: int
 
 
+@kernel
+def _reaches_pole(lat: Floats) -> bool:
+    """Whether an element stands so far north that it may come near the pole within a long step."""
+    near = False
+    for at in lat:
+        near = near or at > POLAR_LATITUDE
+    return near
+
+
 @stage
 def _remember_fast(el):
     """Keep the fast accelerations of this sub-step where the reference keeps them."""
-    kicks = el.kicks
-    kicks.ax[:] = kicks.ax_fast
-    kicks.ay[:] = kicks.ay_fast
-    kicks.bx[:] = kicks.bx_fast
-    kicks.by[:] = kicks.by_fast
+    ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
+    ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
+    for e in range(ax.size):
+        ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
 
 
 @stage
@@ -137,15 +155,15 @@ def _kick(el, scratch, dt, floor_acts, implicit_ground):
 
 @stage
 def _kick_slowly(
-    el: Elements, bonds: Bonds, partners: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    el: Elements, bonds: Bonds, partners: Partners, room: SlowRoom, sizes: Sizes, around: Surroundings, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Apply the slow forces; returns what `StepReport` holds."""
     find_surroundings(el, sizes, around, p)
     if plan.skip_slow:
         return 0, 1
-    passes = closing_half_kick(el, plan.dt, around, partners, sizes, pair_law(p), plan.starting, p)
-    if passes < 0:
+    passes = closing_half_kick(el, plan.dt, around, partners, room, sizes, pair_law(p), plan.starting, p)
+    if passes < 0 or plan.closes:
         return 0, passes
     broken = 0
     if plan.break_after:
@@ -187,77 +205,132 @@ def take_long_step(
     -------
     StepReport
     """
-    return StepReport(*_take_long_step(el, bonds, room, slow, fast, sizes, around, earlier, plan, p))
+    slow_room = allocate_slow_room(el.size, slow)
+    if p.dem:
+        return StepReport(*_step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, plan, p))
+    fast_room = allocate_slow_room(el.size, fast)
+    return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, fast_room, sizes, around, plan, p))
 
 
 @stage
-def _take_substeps(
-    el: Elements, bonds: Bonds, room: Room, fast: Partners, sizes: Sizes, around: Surroundings, earlier: Ints,
-    plan: StepPlan, p: KernelParameters,
-) -> tuple[int, int]:  # fmt: skip
-    """Take the sub-steps; returns what `StepReport` holds."""
-    shown, motion, body = el.shown, el.motion, el.body
+def _take_substeps_of_beams(
+    el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
+    p: KernelParameters,
+) -> int:  # fmt: skip
+    """Take the sub-steps, with bonds as beams; returns the number of bonds broken."""
     rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
-    near_pole = p.latlon and el.place.lat.max() > POLAR_LATITUDE
-    passes = 1
+    near_pole = p.latlon and _reaches_pole(el.place.lat)
     broken = 0
-    count = load_rows(rows, el, bonds, sizes, earlier, p) if p.dem else 0
-    explicit = p.explicit_substeps or p.dem
+    count = load_rows(rows, el, bonds, sizes, earlier, p)
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
         if moving:
             _drift_and_show(el, scratch, dt, near_pole, p)
-        if p.dem:
-            now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
-            broken += dem_accelerations(
-                el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears, p
-            )
-        elif explicit or not moving:
+        now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
+        broken += dem_accelerations(
+            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears, p
+        )
+        if floor_varies:
+            floor_rates(el, scratch)
+        if not moving:
+            _start_fast(el, scratch, p.ground_implicit)
+            _start_rotation(el, scratch, plan.dt / plan.substeps)
+            continue
+        _kick(el, scratch, dt, floor_acts, p.ground_implicit)
+        show_velocities(el, scratch.active)
+        spin_up(el, scratch, dt)
+    if p.iterate:
+        _remember_fast(el)
+    if floor_acts:
+        end_substeps(around, scratch, plan.substeps)
+    store_rows(rows, count, bonds)
+    _show_all(el)
+    return broken
+
+
+@stage
+def _take_substeps_of_springs(
+    el: Elements, bonds: Bonds, room: Room, fast: Partners, fast_room: SlowRoom, sizes: Sizes, around: Surroundings,
+    plan: StepPlan, p: KernelParameters,
+) -> int:  # fmt: skip
+    """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
+    pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
+    near_pole = p.latlon and _reaches_pole(el.place.lat)
+    passes = 1
+    explicit = p.explicit_substeps
+    # With a proper start, one evaluation without moving stands before the first sub-step.
+    for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
+        moving = n >= 0
+        dt = plan.dt / plan.substeps if moving else 0.0
+        if moving:
+            _drift_and_show(el, scratch, dt, near_pole, p)
+        if explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
         if floor_varies:
             floor_rates(el, scratch)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
-            if p.dem:
-                _start_rotation(el, scratch, plan.dt / plan.substeps)
             continue
         if explicit:
             _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
-            passes = implicit_kick(el, dt, around, fast, sizes, law, scratch, p)
+            passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
             if passes < 0:
-                return broken, passes
+                return passes
         show_velocities(el, scratch.active)
-        if p.dem:
-            spin_up(el, scratch, dt)
         if p.iterate and not explicit:
             _remember_fast(el)
     if p.iterate:
         _remember_fast(el)
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
-    store_rows(rows, count, bonds)
-    u, v, u_shown, v_shown, static = motion.u, motion.v, shown.u_pair, shown.v_pair, body.static
+    _show_all(el)
+    return passes
+
+
+@stage
+def _show_all(el: Elements) -> None:
+    """Let the others see the velocities after the sub-steps, of those too that waited."""
+    u, v, u_shown, v_shown, static = (
+        el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair, el.body.static,
+    )  # fmt: skip
     for e in range(u.size):
         if static[e] < 0.5:
             u_shown[e], v_shown[e] = u[e], v[e]
+
+
+@borrower
+def _step_of_beams(
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, sizes: Sizes, around: Surroundings,
+    earlier: Ints, plan: StepPlan, p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple.
+
+    Beams and springs have a kernel each: together they take half as long again to compile, and a run needs one of them.
+    """
+    broken, passes = 0, 1
+    if plan.kicks:
+        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
+    if plan.moves and passes >= 0:
+        broken += _take_substeps_of_beams(el, bonds, room, sizes, around, earlier, plan, p)
+        passes = 1
     return broken, passes
 
 
-@kernel
-def _take_long_step(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
-    earlier: Ints, plan: StepPlan, p: KernelParameters,
+@borrower
+def _step_of_springs(
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, fast: Partners, fast_room: SlowRoom,
+    sizes: Sizes, around: Surroundings, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple."""
+    """As `_step_of_beams`."""
     broken, passes = 0, 1
     if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, sizes, around, plan, p)
+        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
     if plan.moves and passes >= 0:
-        more, passes = _take_substeps(el, bonds, room, fast, sizes, around, earlier, plan, p)
-        broken += more
+        passes = _take_substeps_of_springs(el, bonds, room, fast, fast_room, sizes, around, plan, p)
     return broken, passes

@@ -8,7 +8,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from riftberg.errors import RunError
-from riftberg.kernels import plain
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
@@ -18,10 +17,9 @@ from riftberg.stepping.batches import Batch
 from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
-from riftberg.stepping.interactions import Partners, pair_law
+from riftberg.stepping.interactions import Partners
 from riftberg.stepping.lone_bergs import collide, find_islands
-from riftberg.stepping.long_kick import closing_half_kick
-from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings, find_surroundings
+from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings
 from riftberg.stepping.multiple import (
     POLAR_LATITUDE,
     StepPlan,
@@ -31,7 +29,7 @@ from riftberg.stepping.multiple import (
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
-from riftberg.stepping.substep import pairs_from_list
+from riftberg.stepping.substep import allocate_room, pairs_from_list
 
 
 class Stepper(Protocol):
@@ -258,13 +256,17 @@ class MultipleStepper(Forgetful):
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Complete the slow half kick that the next step begins with, on a copy of the elements."""
-        c, dt = run.constants, run.parameters.stepping.time_step
+        c = run.constants
         el = run.elements.copy()
         sizes = interaction_sizes(el, c)
-        around = allocate_surroundings(el.size)
-        find_surroundings(el, sizes, around, c)
-        passes = closing_half_kick(el, dt, around, self._collisions(run, sizes), sizes, plain(pair_law)(c), False, c)
-        return (el.u_sync, el.v_sync) if passes >= 0 else (run.elements.u_sync, run.elements.v_sync)
+        slow = self._collisions(run, sizes)
+        # The kernel of the step, so that none is compiled for this alone; no sub-steps are taken that would need room.
+        room = self._kept[0].room if self._kept else allocate_room(el, run.bonds)
+        plan = self._plan(run)._replace(starting=False, skip_slow=False, moves=False, closes=True)
+        report = take_long_step(
+            el, run.bonds, room, slow, slow, sizes, allocate_surroundings(el.size), np.arange(el.size), plan, c
+        )  # fmt: skip
+        return (el.u_sync, el.v_sync) if report.passes >= 0 else (run.elements.u_sync, run.elements.v_sync)
 
     @property
     def applied(self) -> Floats:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from riftberg.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.interactions import Partners, Terms, interaction_terms
 from riftberg.stepping.media import LINEAR, MEDIA, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, keep_applied
+from riftberg.stepping.touching import contact_terms
 
 WITH_SURROUNDINGS, INTERACTIONS_ONLY = 0, 1
 
@@ -185,6 +186,56 @@ def solve_velocity(
         t = interaction_terms(
             e, x, y, u0, v0, u_star + dt * ax, v_star + dt * ay, partners, plain, bond_size, view, law
         )
+    return _corrected(
+        e, t, ax, ay, u_star, v_star, u0, v0, us, vs, cu, cv, media_x, media_y, push_x, push_y, f, media, rates, acts,
+        applied, share, explicit_part, mean_speeds, centred, turn_part, mode, dt, mass,
+    )  # fmt: skip
+
+
+@stage
+def solve_in_contact(
+    e, u, v, media, rates, acts, coriolis, applied, centred, mode, dt, mass, touching, u_shown, v_shown, by_speed
+):  # fmt: skip
+    """Solve as `solve_velocity` for a slow half kick, with contacts whose geometry has been found (`Touching`).
+
+    Parameters
+    ----------
+    e, media, rates, acts, coriolis, applied, centred, mode, dt, mass
+        As in `solve_velocity`.
+    u, v : float
+        Velocity of the element, m s-1.
+    touching : Touching
+    u_shown, v_shown : array of float
+        Velocities that the others show, m s-1.
+    by_speed : bool
+        Damping grows with the relative speed.
+
+    Returns
+    -------
+    Solution
+    """
+    t = contact_terms(e, u, v, u, v, touching, u_shown, v_shown, by_speed)
+    f = coriolis[e]
+    media_x, media_y = pushes(e, media, acts)
+    push_x = media_x + t.ix + f * v
+    push_y = media_y + t.iy - f * u
+    turn_part = 1.0 if centred else 0.5
+    ax, ay = solve_once(
+        e, u, v, u, v, u, v, u, v, push_x, push_y, f, media, rates, acts, t, 0.5, 0.5, True, turn_part, mode, dt
+    )
+    t = contact_terms(e, u, v, u + dt * ax, v + dt * ay, touching, u_shown, v_shown, by_speed)
+    return _corrected(
+        e, t, ax, ay, u, v, u, v, u, v, u, v, media_x, media_y, push_x, push_y, f, media, rates, acts, applied, 0.5, 0.5,
+        True, centred, turn_part, mode, dt, mass,
+    )  # fmt: skip
+
+
+@stage
+def _corrected(
+    e, t, ax, ay, u_star, v_star, u0, v0, us, vs, cu, cv, media_x, media_y, push_x, push_y, f, media, rates, acts, applied,
+    share, explicit_part, mean_speeds, centred, turn_part, mode, dt, mass,
+):  # fmt: skip
+    """Solve for the second time, with what acts at the velocity that the first pass found; see `solve_velocity`."""
     u1, v1 = u_star + dt * ax, v_star + dt * ay
     du, dv = (u1, v1) if centred else (u0, v0)
     ax, ay = solve_once(
@@ -209,7 +260,14 @@ def solve_velocity(
 
 
 @kernel
-def lone_elements(partners: Partners) -> NDArray[np.bool_]:
-    """Whether each element has no partner of any kind."""
+def is_lone(e: int, bonded: Ints, same: Ints, other: Ints) -> bool:
+    """Whether an element has no partner of any kind; the arrays are the ``start`` of the lists of `Partners`."""
+    return bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e]
+
+
+@kernel
+def find_lone(partners: Partners, lone: NDArray[np.bool_]) -> None:
+    """Find whether each element has no partner of any kind."""
     bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
-    return (np.diff(bonded) + np.diff(same) + np.diff(other)) == 0
+    for e in range(lone.size):
+        lone[e] = is_lone(e, bonded, same, other)

@@ -1,0 +1,160 @@
+"""What a user waits for before the first step: imports, help, machine code from the cache, and code that is compiled."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from riftberg.cli.main import SUMMARIES, app, function_of
+from riftberg.state.neighbours import find_pairs
+from riftberg.stepping.contacts import ContactLog, Meeting
+
+KERNELS = """\
+import sys
+import numpy as np
+from riftberg.kernels import borrower, kernel
+
+@kernel
+def doubled(x):
+    return 2.0 * x
+
+@kernel
+def all_doubled(values):
+    total = 0.0
+    for value in values:
+        total += doubled(value)
+    return total
+
+print(all_doubled(np.ones(3)), len(doubled.overloads), len(doubled.part.overloads), "numba.np.arraymath" in sys.modules)
+"""
+
+ALLOCATION = """\
+import numpy as np
+from numba.core.errors import NumbaError
+from riftberg.kernels import borrower, kernel
+
+@kernel
+def ones(n):
+    return np.ones(n)
+
+@kernel
+def six(x):
+    return 2.0 * ones(3).sum()
+
+@borrower
+def made(x):
+    return np.zeros(3).sum() + x
+
+@borrower
+def given(x):
+    return ones(3).sum() + x
+
+print(six(1.0))
+for wrong in (made, given):
+    try:
+        print(wrong(1.0))
+    except NumbaError:
+        print("refused")
+"""
+
+AT_START = """\
+import sys
+import riftberg.cli.run, riftberg.cli.kid, riftberg.experiments.a68a, riftberg.kid.run, riftberg.kid.trajectories
+import riftberg.runs.model, riftberg.runs.progress, riftberg.runs.run_file, riftberg.runs.track, riftberg.diagnostics.summary
+print([m for m in ("xarray", "pandas", "dask", "scipy.linalg", "scipy.spatial", "matplotlib") if m in sys.modules])
+"""
+
+LOCK = """\
+import sys
+from riftberg.netcdf_lock import NETCDF
+with NETCDF:
+    pass
+print("xarray" in sys.modules)
+with NETCDF:
+    import xarray
+    from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
+    print(NETCDF4_PYTHON_LOCK.locked())
+with NETCDF:
+    print(NETCDF4_PYTHON_LOCK.locked())
+print(NETCDF4_PYTHON_LOCK.locked(), NETCDF.locked())
+"""
+
+
+def said(code: str, folder: Path | None = None, **environment: str) -> str:
+    """Return what a program prints in a process of its own."""
+    command = [sys.executable, "-c", code]
+    if folder is not None:  # kernels are kept for functions that stand in a file
+        (folder / "program.py").write_text(code)
+        command = [sys.executable, str(folder / "program.py")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **environment})
+    return done.stdout.strip() or done.stderr
+
+
+def test_the_help_of_all_commands_says_what_each_says() -> None:
+    """It is written by hand, so that no command is loaded for it."""
+    for name, summary in SUMMARIES.items():
+        assert " ".join((function_of(name).__doc__ or "").split("\n\n")[0].split()) == summary
+    shown = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).output.split())
+    assert all(summary in shown for summary in SUMMARIES.values())
+
+
+def test_help_loads_no_command() -> None:
+    code = (
+        "import sys\nfrom riftberg.cli.main import app\ntry: app(['--help'])\nexcept SystemExit: pass\n"
+        "print([m for m in sys.modules if m.startswith('riftberg.cli.') and m != 'riftberg.cli.main'])"
+    )
+    assert said(code).endswith("[]")
+
+
+def test_a_mistyped_command_is_told_the_nearest() -> None:
+    assert "Did you mean 'run'" in CliRunner().invoke(app, ["runn"]).stderr
+
+
+def test_a_run_loads_no_more_than_it_needs() -> None:
+    """To load xarray with pandas takes half a second, SciPy's solvers another."""
+    assert said(AT_START) == "[]"
+
+
+def test_the_lock_includes_that_of_xarray_once_it_is_loaded() -> None:
+    assert said(LOCK).split() == ["False", "False", "True", "False", "False"]
+
+
+@pytest.mark.compiled
+def test_a_kernel_that_kernels_call_is_a_part_of_their_code(tmp_path: Path) -> None:
+    """One file of machine code; and loaded again it does without what numba loads to compile."""
+    first = said(KERNELS, tmp_path, RIFTBERG_CACHE=str(tmp_path / "cache"))
+    again = said(KERNELS, tmp_path, RIFTBERG_CACHE=str(tmp_path / "cache"))
+    assert first == "6.0 0 1 True"
+    assert again == "6.0 0 0 False"
+    assert len(list(tmp_path.rglob("*.nbc"))) == 1
+
+
+@pytest.mark.compiled
+def test_a_kernel_that_borrows_cannot_make_an_array(tmp_path: Path) -> None:
+    """By itself, or by a kernel that it calls and that another has called before; such an array would never be given back."""
+    assert said(ALLOCATION, tmp_path).split() == ["6.0", "refused", "refused"]
+
+
+def test_partners_ascend_where_there_are_many() -> None:
+    """They are sorted by hand, because NumPy's sort takes seconds to compile."""
+    random = np.random.default_rng(3)
+    x, y = random.uniform(0.0, 1.0, (2, 150))
+    start, partner = find_pairs(x, y, np.zeros(150, np.int64), 0.6, 0, False, 6.37e6, 0.0)
+    for e in range(150):
+        near = np.flatnonzero(np.hypot(x - x[e], y - y[e]) < 0.6)
+        assert partner[start[e] : start[e + 1]].tolist() == near[near != e].tolist()
+
+
+def test_a_contact_that_goes_on_has_a_new_end_when_somebody_asks() -> None:
+    """Hundreds of pieces of a shattered berg touch in each step: one object each took longer than their motion."""
+    log = ContactLog([Meeting(1, 2, 0.0, 1800.0, 0.0, 0.0, 0.1)])
+    saved = log.saved()
+    assert log._goes_on((1, 2), 1800.0, 3600.0, None)  # type: ignore[arg-type]
+    assert [row.end for row in log.rows] == [3600.0]
+    assert [row.end for row in saved.rows] == [1800.0]
