@@ -211,7 +211,8 @@ def main() -> None:
         f"{len(marks)} steps of {STEP:g} s: {1e3 * step:.0f} ms each of processor time, {1e3 * wall_step:.0f} ms on the wall, "
         f"after the first ({marks[0]:.0f} s); all {sum(marks):.0f} s"
     )
-    print(f"a year at this pace, extrapolated from {options.days:g} days: {step * steps / 60.0:.1f} minutes")
+    whole = "measured" if options.days >= 365 else f"extrapolated from {options.days:g} days"
+    print(f"a year at this pace, {whole}: {step * steps / 60.0:.1f} minutes")
     print(f"largest memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
     assert model.life is not None
     print("\n".join([*model.life.balance(model).lines(), *model.motion.balance(model, model.remembered).lines()]))

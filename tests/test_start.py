@@ -112,6 +112,11 @@ def test_help_loads_no_command() -> None:
     assert said(code).endswith("[]")
 
 
+def test_the_application_lists_its_commands() -> None:
+    assert [command.name for command in app.registered_commands] == list(SUMMARIES)
+    assert all(command.callback is not None and command.callback.__doc__ for command in app.registered_commands)
+
+
 def test_a_mistyped_command_is_told_the_nearest() -> None:
     assert "Did you mean 'run'" in CliRunner().invoke(app, ["runn"]).stderr
 

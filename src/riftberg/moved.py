@@ -113,7 +113,7 @@ NAMES: Final = {
     "runs.scene.joined": "runs.scene.on_one_branch",
     "limits.number": "limits.number_text",
     "bergs.assembly.numbers": "bergs.assembly.one_each",
-    "stepping.rigid_bodies.keep_applied": "stepping.rigid_bodies.keep_body_forces",
+    "stepping.rigid_bodies.keep_applied": "stepping.rigid_bodies.keep_forces",
     "runs.checks.start_of": "runs.checks.stated_start",
     "kid.parameters.zonal_period": "kid.parameters.namelist_period",
 }
@@ -129,6 +129,8 @@ GONE_MODULES: Final = {
 """Modules below ``riftberg`` that nothing replaces one for one, and what does their work now."""
 
 GONE_NAMES: Final = {
+    "cli.main.COMMANDS": "use riftberg.cli.main.function_of for the function of a command by its name",
+    "stepping.velocity.lone_elements": "use riftberg.stepping.velocity.find_lone, which fills an array",
     "diagnostics.overlap.shapely_module": "shapely belongs to the package: import shapely",
     "kid.checks.check_bits": "bergy bits melt now: see riftberg.state.Life",
     "kid.checks.check_rolling": "bergs roll now: see riftberg.physics.rolling",

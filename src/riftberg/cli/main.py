@@ -7,11 +7,13 @@ appears at once.
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable
 from typing import Annotated, Any, Final
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+from typer.models import CommandInfo
 
 from riftberg.version import __version__
 
@@ -73,15 +75,34 @@ class Commands(TyperGroup):
             self._telling = False
 
 
-def _loaded(name: str) -> Any:
+def _alone(name: str) -> typer.Typer:
     from riftberg.cli.verbose import verbose
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     alone.command(name)(verbose(function_of(name)))
-    return typer.main.get_command(alone)
+    return alone
 
 
-app = typer.Typer(
+def _loaded(name: str) -> Any:
+    return typer.main.get_command(_alone(name))
+
+
+class App(typer.Typer):
+    """The application, which lists its commands to who asks for them."""
+
+    @property
+    def registered_commands(self) -> list[CommandInfo]:
+        """All commands, loaded; none for typer itself, which would load them all before it runs one (`Commands` does that)."""
+        if sys._getframe(1).f_globals.get("__name__") == "typer.main":
+            return []
+        return [info for name in SUMMARIES for info in _alone(name).registered_commands]
+
+    @registered_commands.setter
+    def registered_commands(self, commands: list[CommandInfo]) -> None:
+        """Leave out what typer begins with."""
+
+
+app = App(
     name="riftberg",
     cls=Commands,
     help="Tabular icebergs as lattices of ice columns joined by breakable bonds: drift, grounding and break-up.",

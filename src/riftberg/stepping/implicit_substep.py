@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
 from riftberg.state import Elements
 from riftberg.stepping.interactions import PairLaw, Partners, pair_view
+from riftberg.stepping.long_kick import SlowRoom, any_of
 from riftberg.stepping.media import Surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import Scratch
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, lone_elements, solve_velocity
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, is_lone, solve_velocity
 
 
 @kernel
@@ -22,7 +21,7 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
     """Kick all moving elements of unsettled groups once with velocities of the others frozen."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     half = 0.5 * dt
-    alone = lone_elements(partners)
+    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     group, one = partners.group, partners.group.size == 0
     for e in range(motion.u.size):
@@ -32,7 +31,7 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, 0.5, 0.5, True, False,
-            INTERACTIONS_ONLY, dt, body.mass[e], alone[e], partners, False, p.constant_size, view, law,
+            INTERACTIONS_ONLY, dt, body.mass[e], is_lone(e, bonded, same, other), partners, False, p.constant_size, view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
@@ -72,8 +71,8 @@ def _rewind(el, dt, group, unsettled, scratch):
 
 @stage
 def implicit_kick(
-    el: Elements, dt: float, around: Surroundings, partners: Partners, sizes: Sizes, law: PairLaw, scratch: Scratch,
-    p: KernelParameters,
+    el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
+    scratch: Scratch, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``.
 
@@ -85,22 +84,21 @@ def implicit_kick(
         Passes needed; -1 if the iteration did not settle.
     """
     view = pair_view(el, sizes)
-    groups = 1 if partners.group.size == 0 else partners.group.max() + 1
-    unsettled = np.ones(groups, np.bool_)
+    unsettled, before, change, norm = room.unsettled, room.norm_before, room.change, room.norm
+    unsettled[:] = True
     _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
     if not p.iterate:
         return 1
-    before, change, norm = np.zeros(groups), np.zeros(groups), np.zeros(groups)
     _norms(el, partners.group, change, before, scratch)
     passes = 1
-    while unsettled.any():
+    while any_of(unsettled):
         if passes >= p.max_iterations:
             return -1
         _rewind(el, dt, partners.group, unsettled, scratch)
         _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
         passes += 1
         _norms(el, partners.group, change, norm, scratch)
-        for g in range(groups):
+        for g in range(unsettled.size):
             scale = math.sqrt(before[g]) + math.sqrt(norm[g])
             if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < p.tolerance:
                 unsettled[g] = False

@@ -141,7 +141,7 @@ def _settle_groups(el, group, unsettled, change, norm, norm_before, tolerance):
 
 
 @kernel
-def _any(marks):
+def any_of(marks):
     """Whether one of them is set."""
     some = False
     for mark in marks:
@@ -208,7 +208,7 @@ def closing_half_kick(
         if not first:
             _settle_groups(el, group, unsettled, room.change, room.norm, norm_before, p.tolerance)
         _show_synchronised(el)
-        if not _any(unsettled):
+        if not any_of(unsettled):
             return passes
         if passes >= p.max_iterations:
             return -1

@@ -208,7 +208,8 @@ def take_long_step(
     slow_room = allocate_slow_room(el.size, slow)
     if p.dem:
         return StepReport(*_step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, plan, p))
-    return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, sizes, around, plan, p))
+    fast_room = allocate_slow_room(el.size, fast)
+    return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, fast_room, sizes, around, plan, p))
 
 
 @stage
@@ -252,8 +253,8 @@ def _take_substeps_of_beams(
 
 @stage
 def _take_substeps_of_springs(
-    el: Elements, bonds: Bonds, room: Room, fast: Partners, sizes: Sizes, around: Surroundings, plan: StepPlan,
-    p: KernelParameters,
+    el: Elements, bonds: Bonds, room: Room, fast: Partners, fast_room: SlowRoom, sizes: Sizes, around: Surroundings,
+    plan: StepPlan, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
     pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
@@ -278,7 +279,7 @@ def _take_substeps_of_springs(
         if explicit:
             _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
-            passes = implicit_kick(el, dt, around, fast, sizes, law, scratch, p)
+            passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
             if passes < 0:
                 return passes
         show_velocities(el, scratch.active)
@@ -321,15 +322,15 @@ def _step_of_beams(
     return broken, passes
 
 
-@kernel
+@borrower
 def _step_of_springs(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, fast: Partners, sizes: Sizes,
-    around: Surroundings, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, fast: Partners, fast_room: SlowRoom,
+    sizes: Sizes, around: Surroundings, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """As `_step_of_beams`."""
     broken, passes = 0, 1
     if plan.kicks:
         broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
     if plan.moves and passes >= 0:
-        passes = _take_substeps_of_springs(el, bonds, room, fast, sizes, around, plan, p)
+        passes = _take_substeps_of_springs(el, bonds, room, fast, fast_room, sizes, around, plan, p)
     return broken, passes

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import metres_per_unit, move
 from riftberg.state import Elements, Floats
 from riftberg.stepping.interactions import Partners, pair_law, pair_view
 from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, is_lone, solve_velocity
 
 
 class Stages(NamedTuple):
@@ -61,7 +61,7 @@ def begin(el: Elements, stages: Stages) -> None:
     stages.u[0, :], stages.v[0, :] = motion.u, motion.v
 
 
-@kernel
+@borrower
 def evaluate(
     el: Elements, stages: Stages, stage: int, fraction: float, partners: Partners, sizes: Sizes,
     around: Surroundings, dt: float, mean_speeds: bool, p: KernelParameters,
@@ -73,7 +73,7 @@ def evaluate(
     span = fraction * dt
     find_surroundings(el, sizes, around, p)
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
-    alone = lone_elements(partners)
+    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     for e in range(el.motion.u.size):
         if body.static[e] >= 0.5:
             continue
@@ -82,8 +82,8 @@ def evaluate(
         half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
         s = solve_velocity(
             e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, media, rates, acts, coriolis,
-            applied, 1.0, 1.0, mean_speeds, False, mode, span, body.mass[e], alone[e], partners, p.plain_kid_branch,
-            False, view, law,
+            applied, 1.0, 1.0, mean_speeds, False, mode, span, body.mass[e], is_lone(e, bonded, same, other), partners,
+            p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y
@@ -91,7 +91,7 @@ def evaluate(
         stages.rate_x[stage, e], stages.rate_y[stage, e] = us / mx, vs / my
 
 
-@kernel
+@borrower
 def go_to_stage(el: Elements, stages: Stages, stage: int, part: float, dt: float, p: KernelParameters) -> None:
     """Place the elements at stage 1, 2 or 3: ``part`` of a step from the start with the slopes of the stage before."""
     place, body = el.place, el.body
@@ -116,7 +116,7 @@ def _weighted(values, e):
     return (values[0, e] + values[3, e] + 2.0 * (values[1, e] + values[2, e])) / 6.0
 
 
-@kernel
+@borrower
 def finish(el: Elements, stages: Stages, dt: float, p: KernelParameters) -> None:
     """Combine the stages into the new position, velocity and accelerations."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body

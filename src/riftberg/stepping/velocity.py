@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.interactions import Partners, Terms, interaction_terms
 from riftberg.stepping.media import LINEAR, MEDIA, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, keep_applied
 from riftberg.stepping.touching import contact_terms
@@ -260,11 +260,9 @@ def _corrected(
 
 
 @kernel
-def lone_elements(partners: Partners) -> NDArray[np.bool_]:
-    """Whether each element has no partner of any kind."""
-    lone = np.empty(partners.bonded.start.size - 1, np.bool_)
-    find_lone(partners, lone)
-    return lone
+def is_lone(e: int, bonded: Ints, same: Ints, other: Ints) -> bool:
+    """Whether an element has no partner of any kind; the arrays are the ``start`` of the lists of `Partners`."""
+    return bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e]
 
 
 @kernel
@@ -272,4 +270,4 @@ def find_lone(partners: Partners, lone: NDArray[np.bool_]) -> None:
     """Find whether each element has no partner of any kind."""
     bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     for e in range(lone.size):
-        lone[e] = bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e]
+        lone[e] = is_lone(e, bonded, same, other)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Elements
 from riftberg.stepping.interactions import Partners, pair_law, pair_view
 from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, lone_elements, solve_velocity
+from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, is_lone, solve_velocity
 
 
-@kernel
+@borrower
 def update_velocities(
     el: Elements, partners: Partners, sizes: Sizes, around: Surroundings, dt: float, p: KernelParameters
 ) -> None:
@@ -25,7 +25,7 @@ def update_velocities(
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
     find_surroundings(el, sizes, around, p)
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
-    alone = lone_elements(partners)
+    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     for e in range(motion.u.size):
         if body.static[e] >= 0.5:
             continue
@@ -34,13 +34,13 @@ def update_velocities(
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u, v, u, v, media, rates, acts, coriolis, applied, 1.0, 0.5, True,
-            False, mode, dt, body.mass[e], alone[e], partners, p.plain_kid_branch, False, view, law,
+            False, mode, dt, body.mass[e], is_lone(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
 
 
-@kernel
+@borrower
 def impose_velocity(el: Elements, u: float, v: float) -> None:
     """Give all moving elements one velocity (m s-1) and no acceleration."""
     motion, kicks, body = el.motion, el.kicks, el.body
@@ -50,7 +50,7 @@ def impose_velocity(el: Elements, u: float, v: float) -> None:
             kicks.ax[e] = kicks.ay[e] = kicks.bx[e] = kicks.by[e] = 0.0
 
 
-@kernel
+@borrower
 def update_positions(el: Elements, dt: float, p: KernelParameters) -> None:
     """Move by the new velocity and half kick: x += dt (u + dt/2 (a + b))."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
