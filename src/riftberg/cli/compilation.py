@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from riftberg.cli.failures import say
 
-COMPILE_TIME = "one to two minutes on a free core"
+COMPILE_TIME = "about a minute on a free core"
 """About how long the first run compiles, as announced."""
 
 
