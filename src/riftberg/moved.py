@@ -113,7 +113,7 @@ NAMES: Final = {
     "runs.scene.joined": "runs.scene.on_one_branch",
     "limits.number": "limits.number_text",
     "bergs.assembly.numbers": "bergs.assembly.one_each",
-    "stepping.rigid_bodies.keep_applied": "stepping.rigid_bodies.keep_body_forces",
+    "stepping.rigid_bodies.keep_applied": "stepping.rigid_bodies.keep_forces",
     "runs.checks.start_of": "runs.checks.stated_start",
     "kid.parameters.zonal_period": "kid.parameters.namelist_period",
 }

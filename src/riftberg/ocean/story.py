@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -328,6 +329,7 @@ def _polynomial(coefficients: Sequence[float], x: float) -> float:
     return value
 
 
-def _derivative(coefficients: Sequence[float]) -> list[float]:
+@cache
+def _derivative(coefficients: tuple[float, ...]) -> list[float]:
     degree = len(coefficients) - 1
     return [(degree - k) * c for k, c in enumerate(coefficients[:-1])]

@@ -33,17 +33,19 @@ class Limits(NamedTuple):
 
 def limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> Limits:
     """Strengths that the bonds have left."""
-    return Limits(*_limits_of(bonds, alive, p))
+    return Limits(*_limits_of(bonds.strength, bonds.damage, alive, p.normal_strength, p.shear_strength))
 
 
 @kernel
-def _limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> tuple[Floats, Floats]:
+def _limits_of(
+    strength: Floats, damage: Floats, alive: Ints, normal_strength: float, shear_strength: float
+) -> tuple[Floats, Floats]:
     """Return the fields of `Limits`; see `riftberg.kernels` why no named tuple."""
     normal, shear = np.empty(alive.size), np.empty(alive.size)
     for k in range(alive.size):
         b = alive[k]
         normal[k], shear[k] = limits_left(  # type: ignore[no-untyped-call]
-            p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b]
+            normal_strength, shear_strength, strength[b], damage[b]
         )
     return normal, shear
 
@@ -156,19 +158,36 @@ def wear(bonds: Bonds, alive: Ints, ratios: Floats, dt: float, p: KernelParamete
         bonds.damage[b] = grown_damage(bonds.damage[b], rate, dt)
 
 
-@kernel
 def store_stresses(
-    bonds: Bonds, lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats, p: KernelParameters
+    bonds: Bonds, lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats
 ) -> None:
     """Write stresses and deformations of the bonds that hold to the state; ``turn`` is the angle of each element's axes."""
+    _store_stresses(
+        bonds.normal_stress, bonds.shear_stress, bonds.peak_stress, bonds.bond_length, bonds.shear_x, bonds.shear_y,
+        bonds.relative_rotation, lattice, alive, bend, stress, turn,
+    )  # fmt: skip
+
+
+@kernel
+def _store_stresses(
+    normal: Floats, shear: Floats, peak: Floats, length: Floats, shear_x: Floats, shear_y: Floats, rotation: Floats,
+    lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats,
+) -> None:  # fmt: skip
+    """Fill variables of `riftberg.state.Bonds`; see `store_stresses`."""
     for k in range(alive.size):
         b = alive[k]
         e, s, angle = deformed(lattice, bend, b)
         i = lattice.first[b]
         tx, ty = lattice.ny[b], -lattice.nx[b]
-        bonds.normal_stress[b], bonds.shear_stress[b] = stress[k, 0], stress[k, 1]
-        bonds.peak_stress[b] = max(bonds.peak_stress[b], stress[k, 0])
-        bonds.bond_length[b] = lattice.length[b] + e
-        bonds.shear_x[b] = s * (turn[i, 0] * tx - turn[i, 1] * ty)
-        bonds.shear_y[b] = s * (turn[i, 1] * tx + turn[i, 0] * ty)
-        bonds.relative_rotation[b] = angle
+        normal[b], shear[b], peak[b] = stress[k, 0], stress[k, 1], max(peak[b], stress[k, 0])
+        length[b] = lattice.length[b] + e
+        shear_x[b] = s * (turn[i, 0] * tx - turn[i, 1] * ty)
+        shear_y[b] = s * (turn[i, 1] * tx + turn[i, 0] * ty)
+        rotation[b] = angle
+
+
+@kernel
+def keep_peaks(peak: Floats, alive: Ints, stress: Floats) -> None:
+    """Keep the largest tensile stress (Pa) of each bond that holds, in place."""
+    for k in range(alive.size):
+        peak[alive[k]] = max(peak[alive[k]], stress[k, 0])

@@ -21,6 +21,9 @@ from riftberg.state import Floats, Ints
 from riftberg.stepping.cracking import Limits, first_break, first_overload, most_overloaded, overload
 from riftberg.stepping.lattice_equilibrium import ElasticLattice, bond_stresses, deformed
 
+HOLDS = 1.0 - 1e-9
+"""Stress over strength at the end of a step below which nothing has failed in it: stress is largest at one of its ends."""
+
 
 class Equilibrium:
     """A lattice under its loads, with the stress of its bonds, found when it is first asked for.
@@ -47,8 +50,8 @@ class Equilibrium:
 class Criterion(Protocol):
     """When and where bonds break."""
 
-    def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
-        """Row of the place that is overloaded first between two equilibria (-1: none), and the part of the step."""
+    def first_break(self, before: Floats, now: Equilibrium, limits: Limits) -> tuple[int, float]:
+        """Row of the place that is overloaded first from displacements to an equilibrium (-1: none), and the part of the step."""
 
     def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """Row of the most overloaded place and its stress over strength; above 1 it breaks (-1 without bonds)."""
@@ -66,9 +69,11 @@ class BondStress:
     def __init__(self, lattice: ElasticLattice, p: KernelParameters) -> None:
         self._lattice, self._p = lattice, p
 
-    def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
+    def first_break(self, before: Floats, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
-        return first_break(self._lattice, alive, before, after, limits, self._p)
+        if most_overloaded(now.stress, limits)[1] < HOLDS:
+            return -1, 1.0
+        return first_break(self._lattice, now.alive, before, now.bend, limits, self._p)
 
     def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
@@ -132,11 +137,11 @@ class AveragedStress:
         stress = element_stresses(self._lattice, alive, bend, self._volume, self._p)
         return _averaged(alive, self._start, self._member, self._weight, stress)
 
-    def first_break(self, alive: Ints, before: Floats, after: Floats, limits: Limits) -> tuple[int, float]:
+    def first_break(self, before: Floats, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""
         scaled = Limits(self._scale * limits.normal, self._scale * limits.shear)
-        one, two = self._means(alive, before), self._means(alive, after)
-        return first_overload(one, two, scaled, True, self._lattice, alive, self._p)
+        one, two = self._means(now.alive, before), self._means(now.alive, now.bend)
+        return first_overload(one, two, scaled, True, self._lattice, now.alive, self._p)
 
     def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
         """See `Criterion`."""

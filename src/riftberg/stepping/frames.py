@@ -321,14 +321,24 @@ def _turn_axes(before: Floats, after: Floats, to: Floats, bend: Floats) -> None:
 
 
 @kernel
-def mean_bend(bodies: Bodies, bend: Floats, mass: Floats, inertia: Floats, latlon: bool, radius: float) -> Floats:
-    """Mean displacement (m) and turn (rad) of each fragment by the load of its elements, shape (fragments, 3)."""
-    count = bodies.pose.shape[0]
+def mean_bend(body: Ints, flat: Floats, count: int, bend: Floats, mass: Floats, inertia: Floats) -> Floats:
+    """Mean displacement (m) and turn (rad) of each fragment by the load of its elements, shape (fragments, 3).
+
+    Parameters
+    ----------
+    body : array of int, shape (elements,)
+        Fragment of each element, of ``count``.
+    flat : array of float, shape (elements, 2)
+        Places in the fragments (`flat_shape`), m.
+    bend : array of float, shape (elements, 3)
+        Displacements, m, m and rad.
+    mass, inertia : array of float, shape (elements,)
+        kg and kg m2.
+    """
     mean, total, moment = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     first = np.zeros((count, 2))
-    flat = flat_shape(bodies.shape, latlon, radius)
-    for e in range(bodies.body.size):
-        b = bodies.body[e]
+    for e in range(body.size):
+        b = body[e]
         total[b] += mass[e]
         for i in range(2):
             mean[b, i] += mass[e] * bend[e, i]
@@ -337,8 +347,8 @@ def mean_bend(bodies: Bodies, bend: Floats, mass: Floats, inertia: Floats, latlo
         for i in range(2):
             mean[b, i] /= total[b]
             first[b, i] /= total[b]
-    for e in range(bodies.body.size):
-        b = bodies.body[e]
+    for e in range(body.size):
+        b = body[e]
         x, y = flat[e, 0] - first[b, 0], flat[e, 1] - first[b, 1]
         moment[b] += mass[e] * (x * x + y * y) + inertia[e]
         mean[b, 2] += mass[e] * (x * bend[e, 1] - y * bend[e, 0]) + inertia[e] * bend[e, 2]
@@ -348,18 +358,17 @@ def mean_bend(bodies: Bodies, bend: Floats, mass: Floats, inertia: Floats, latlo
 
 
 @kernel
-def without_mean(bodies: Bodies, bend: Floats, mean: Floats, mass: Floats, latlon: bool, radius: float) -> None:
-    """Take the mean displacement and turn off, in place: what is left is deformation alone."""
-    flat = flat_shape(bodies.shape, latlon, radius)
+def without_mean(body: Ints, flat: Floats, bend: Floats, mean: Floats, mass: Floats) -> None:
+    """Take the mean displacement and turn (`mean_bend`) off, in place: what is left is deformation alone."""
     count = mean.shape[0]
     first, total = np.zeros((count, 2)), np.zeros(count)
-    for e in range(bodies.body.size):
-        b = bodies.body[e]
+    for e in range(body.size):
+        b = body[e]
         total[b] += mass[e]
         first[b, 0] += mass[e] * flat[e, 0]
         first[b, 1] += mass[e] * flat[e, 1]
-    for e in range(bodies.body.size):
-        b = bodies.body[e]
+    for e in range(body.size):
+        b = body[e]
         x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
         bend[e, 0] -= mean[b, 0] - mean[b, 2] * y
         bend[e, 1] -= mean[b, 1] + mean[b, 2] * x
@@ -369,8 +378,9 @@ def without_mean(bodies: Bodies, bend: Floats, mean: Floats, mass: Floats, latlo
 @kernel
 def _take_over_mean(bodies: Bodies, mass: Floats, inertia: Floats, total: Floats, latlon: bool, radius: float) -> None:
     """Move the frames by the mean displacement and turn of their elements, and take those off the elements."""
-    mean = mean_bend(bodies, bodies.bend, mass, inertia, latlon, radius)
-    without_mean(bodies, bodies.bend, mean, mass, latlon, radius)
+    flat = flat_shape(bodies.shape, latlon, radius)
+    mean = mean_bend(bodies.body, flat, bodies.pose.shape[0], bodies.bend, mass, inertia)
+    without_mean(bodies.body, flat, bodies.bend, mean, mass)
     for b in range(mean.shape[0]):
         q, dx, dy, turn = bodies.pose[b], mean[b, 0], mean[b, 1], mean[b, 2]
         if latlon:

@@ -10,7 +10,8 @@ For each bond with direction n (from the second end to the first), length l, sec
 hold one element of each: as the loads are in balance they carry nothing, which is the check of every solve. Turns are
 measured as paths at the rim of the element (m), so that all unknowns are of one size.
 
-A bond that breaks takes three columns off the matrix. The factors are kept and corrected for it (Woodbury's formula);
+The matrix is factored by blocks of one element (`riftberg.stepping.block_factors`).
+A bond that breaks takes three columns off it. The factors are kept and corrected for it (Woodbury's formula);
 springs that hold a piece that parts are columns of the same kind.
 """
 
@@ -19,14 +20,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import SuperLU, splu
 
 from riftberg.errors import RunError
 from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
 from riftberg.state import Bonds, Floats, Ints
+from riftberg.stepping.block_factors import BlockFactors
 from riftberg.stepping.sizes import Sizes
 
 BALANCE = 1e-5
@@ -100,28 +100,30 @@ def _find_lattice(
 
 
 @kernel
-def _entries(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) -> tuple[Ints, Ints, Floats]:
-    """Rows, columns and values of the matrix; freedoms that are not free stand alone with the stiffness of their bond."""
-    count = free.size
-    size = 36 * alive.size + count
-    row, column, value = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size)
-    at = 0
-    for b in alive:
-        i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
+def _blocks(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) -> tuple[Floats, Floats]:
+    """Blocks of the matrix: of the elements, and of the bonds that hold in the row of the first and the column of the second end.
+
+    Freedoms that are not free stand alone with the stiffness of their bonds; ``held`` is added to the diagonal.
+    """
+    diagonal, between = np.zeros((free.size // 3, 3, 3)), np.zeros((alive.size, 3, 3))
+    for x in range(free.size):
+        diagonal[x // 3, x % 3, x % 3] = held[x]
+    for k in range(alive.size):
+        b = alive[k]
+        m, at = lattice.rows[b], (3 * lattice.first[b], 3 * lattice.second[b])
         for a in range(6):
-            x = 3 * (i if a < 3 else j) + a % 3
+            x = at[a // 3] + a % 3
             for c in range(6):
-                y = 3 * (i if c < 3 else j) + c % 3
-                k = 0.0
+                y = at[c // 3] + c % 3
+                value = 0.0
                 for s in range(3):
-                    k += lattice.stiffness[b, s] * m[s, a] * m[s, c]
-                both = free[x] * free[y]
-                row[at], column[at], value[at] = x, y, k * (both if x != y else 1.0)
-                at += 1
-    for x in range(count):
-        row[at], column[at], value[at] = x, x, held[x]
-        at += 1
-    return row, column, value
+                    value += lattice.stiffness[b, s] * m[s, a] * m[s, c]
+                value *= free[x] * free[y] if x != y else 1.0
+                if a // 3 == c // 3:
+                    diagonal[x // 3, a % 3, c % 3] += value
+                elif a < 3:
+                    between[k, a, c - 3] = value
+    return diagonal, between
 
 
 @kernel
@@ -208,6 +210,8 @@ class Holds:
     ----------
     free : array of float, shape (3 elements,)
         0 where a support holds the freedom, else 1.
+    any : bool
+        Whether there are supports at all.
     """
 
     def __init__(self, static: Floats, free_y: Floats) -> None:
@@ -216,11 +220,7 @@ class Holds:
         free[free_y < 0.5, 1] = 0.0
         self.free = free.ravel()
         self._supported = (free < 1.0).any(axis=1)
-
-    @property
-    def any(self) -> bool:
-        """Whether there are supports at all."""
-        return bool(self._supported.any())
+        self.any = bool(self._supported.any())
 
     def springs(self, body: Ints, flat: Floats) -> Ints:
         """Freedoms to hold by springs: of each fragment those that its supports leave to it as a rigid body.
@@ -299,11 +299,8 @@ class Factors:
         held[np.repeat(lone, 3)] = self.spring
         # What it carries is rounding, which is all that there is where every element stands alone.
         self._springs = springs[~lone[springs // 3]]
-        row, column, value = _entries(lattice, alive, holds.free, held)
-        matrix = csc_matrix((value, (row, column)), shape=(holds.free.size, holds.free.size))
-        self._lu: SuperLU = splu(
-            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
+        diagonal, between = _blocks(lattice, alive, holds.free, held)
+        self._factors = BlockFactors(lattice.first[alive], lattice.second[alive], diagonal, between)
         self._columns: list[Floats] = []
         self._solved: list[Floats] = []
         self._signs: list[float] = []
@@ -312,6 +309,11 @@ class Factors:
     def corrections(self) -> int:
         """Columns by which the factors are corrected."""
         return len(self._columns)
+
+    @property
+    def memory(self) -> int:
+        """Bytes of the factors, which a solve reads twice."""
+        return self._factors.memory
 
     def without(self, bond: int) -> None:
         """Take a bond out."""
@@ -331,7 +333,7 @@ class Factors:
 
     def _add(self, column: Floats, sign: float) -> None:
         self._columns.append(column)
-        self._solved.append(self._lu.solve(column))
+        self._solved.append(self._factors.solve(column))
         self._signs.append(sign)
 
     def solve(self, load: Floats) -> Floats:
@@ -345,7 +347,7 @@ class Factors:
         scaled = load.copy()
         scaled[:, 2] /= self._lattice.radius
         b = scaled.ravel() * self._free
-        x = self._lu.solve(b)
+        x = self._factors.solve(b)
         if self._columns:
             w, a = np.array(self._columns), np.array(self._solved)
             small = np.diag(self._signs) + w @ a.T

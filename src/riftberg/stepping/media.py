@@ -25,7 +25,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.physics.grounding import grounded_fraction, grounding_rate, quadratic_grounding
 from riftberg.physics.slope import slope_acceleration
 from riftberg.physics.waves import wave_acceleration
-from riftberg.state import Elements, Floats
+from riftberg.state import Body, Elements, Environment, Floats, Place
 from riftberg.stepping.sizes import Sizes, sides_of
 
 
@@ -179,8 +179,16 @@ def put_row(media: Floats, e: int, k: int, row: Medium) -> None:
     media[e, k, PUSH_X], media[e, k, PUSH_Y] = row.push_x, row.push_y
 
 
+class Seen(NamedTuple):
+    """Groups of `riftberg.state.Elements` that forces from outside hang on."""
+
+    place: Place
+    body: Body
+    environment: Environment
+
+
 @kernel
-def find_surroundings(el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
+def find_surroundings(el: Elements | Seen, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
     """Fill the rows of all elements from the environment that they carry; nothing has been applied yet.
 
     Arrays are taken out of the state before the loop: numba counts references at each access to a field of a named

@@ -22,7 +22,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.cracking import limits_of, store_stresses, wear
+from riftberg.stepping.cracking import keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
 from riftberg.stepping.frames import (
     Bodies,
@@ -45,16 +45,19 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
-from riftberg.stepping.media import Surroundings, allocate_surroundings
+from riftberg.stepping.media import FORCES
 from riftberg.stepping.partners import MARGIN, will_touch
 from riftberg.stepping.rigid_bodies import (
+    Acting,
     BodyMotion,
     each_times,
     element_velocities,
     find_loading,
     inertia_and_floor,
-    keep_body_forces,
+    inverses,
+    keep_forces,
     touching_pairs,
+    with_floor,
 )
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
@@ -85,16 +88,24 @@ class Structure:
     holds: Holds
     factors: Factors
     criterion: Criterion
+    latest: Equilibrium | None = None
+
+    def under(self, bend: Floats, p: KernelParameters) -> Equilibrium:
+        """Return the equilibrium with these displacements, whose stresses are found once for all that ask one after the other."""
+        known = self.latest
+        if known is None or known.bend is not bend or known.alive is not self.alive:
+            self.latest = known = Equilibrium(self.lattice, self.alive, bend, p)
+        return known
 
 
 @dataclass
 class Standing:
-    """All that is known at one time: bodies, forces on the elements (N, N, N m) and the balanced loads of the lattice."""
+    """All that is known at one time: bodies, forces at their velocities, and the balanced loads of the lattice (N, N, N m)."""
 
     time: float
     bodies: Bodies
     motion: BodyMotion
-    force: Floats
+    acting: Acting
     load: Floats
 
 
@@ -105,14 +116,14 @@ class QuasiStaticStepper:
         self._bodies: Bodies | None = None
         self._structure: Structure | None = None
         self._now: Standing | None = None
-        self._around = allocate_surroundings(0)
-        self._ice: list[np.ndarray] = []
+        self._applied = np.zeros((0, len(FORCES), 2))
+        self._ice: list[bytes] = []
         self._touched = NOBODY
 
     @property
     def applied(self) -> Floats:
         """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
-        return self._around.applied
+        return self._applied
 
     @property
     def touched(self) -> tuple[Ints, Ints]:
@@ -140,35 +151,33 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
         self._forget_what_changed(model)
-        step = LongStep(model, self._bodies, self._structure, self._now, self._around)
+        step = LongStep(model, self._bodies, self._structure, self._now)
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
-        self._around.applied[:] = step.applied
+        self._applied = step.applied
         self._touched = joined(step.touched)
-        self._ice = [array.copy() for array in _ice(model)]
+        self._ice = _ice(model)
         model.time = step.start + model.parameters.stepping.time_step
 
     def _forget_what_changed(self, model: RunState) -> None:
         """Begin anew where elements came or went, and find the lattice anew where ice or bonds have changed."""
         count = model.elements.size
-        if self._around.coriolis.size != count:
-            self._around = allocate_surroundings(count)
         now = _ice(model)
-        if self._ice and [a.shape for a in now] != [a.shape for a in self._ice]:
+        if self._ice and [len(a) for a in now] != [len(a) for a in self._ice]:
             self._bodies = None
         if self._bodies is not None and self._bodies.body.size != count:
             self._bodies = None
-        same = len(self._ice) == len(now) and all(map(np.array_equal, now, self._ice))
-        if not same:
+        if self._ice != now:
             self._structure = self._now = None
-        if self._ice and not np.array_equal(now[0], self._ice[0]):
+        if self._ice and now[0] != self._ice[0]:
             self._bodies = None  # other elements, in the same number
 
 
-def _ice(model: RunState) -> list[np.ndarray]:
-    """What frames and lattice are made of: elements, their ice, and which bonds hold."""
-    el, bonds = model.elements, model.bonds
-    return [el.id, el.mass, el.thickness, el.length, el.width, bonds.id, bonds.status]
+def _ice(model: RunState) -> list[bytes]:
+    """What frames and lattice are made of: elements, their ice, and which bonds hold; as bytes, which compare quickly."""
+    body, bonds = model.elements.body, model.bonds
+    kept = body.id, body.mass, body.thickness, body.length, body.width, bonds.id, bonds.status
+    return [array.tobytes() for array in kept]
 
 
 MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
@@ -179,13 +188,12 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
-        around: Surroundings,
-    ) -> None:  # fmt: skip
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None
+    ) -> None:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes: Sizes = interaction_sizes(self.el, self.c)
-        self.start, self.cracked, self.around = model.time, False, around
-        self.applied = np.zeros_like(around.applied)
+        self.start, self.cracked = model.time, False
+        self.applied = np.zeros((self.el.size, len(FORCES), 2))
         self.touched: list[tuple[Ints, Ints]] = []
         self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
@@ -221,7 +229,7 @@ class LongStep:
         taken = h
         aground = before.motion.load.aground
         self._advance(h)
-        if h > landing * (1.0 + 1e-9) and ((self.now.motion.load.aground > 0.0) != (aground > 0.0)).any():
+        if h > landing * (1.0 + 1e-9) and self._touch_changed(aground):
             # An element has touched down or come off: shorter steps, for the rest of this long step.
             self._back(before, kept)
             return landing
@@ -231,7 +239,7 @@ class LongStep:
             landed = self._landed(aground)
         if may_break:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
-            place, share = s.criterion.first_break(s.alive, before.bodies.bend, self.now.bodies.bend, limits)
+            place, share = s.criterion.first_break(before.bodies.bend, self._equilibrium(), limits)
             if place >= 0:
                 least = dt / EVENTS if self.cracked else 0.0
                 # The load of a landing sets in at its end, not evenly over the step.
@@ -248,6 +256,10 @@ class LongStep:
     def _landed(self, aground: Floats) -> bool:
         """Whether an element touches the floor that did not by ``aground``."""
         return bool(((self.now.motion.load.aground > 0.0) & (aground == 0.0)).any())
+
+    def _touch_changed(self, aground: Floats) -> bool:
+        """Whether an element touches the floor that did not by ``aground``, or the other way round."""
+        return bool(((self.now.motion.load.aground > 0.0) != (aground > 0.0)).any())
 
     def _touchdown(self, before: Standing, kept: list[np.ndarray], h: float, near: float) -> float:
         """Shorten a step in which an element touches down: it ends before, and the next one just after; returns its length.
@@ -271,18 +283,16 @@ class LongStep:
 
     def _peak(self) -> None:
         """Keep the largest stress of each bond within the long step."""
-        alive, stress = self.structure.alive, self._equilibrium().stress[:, 0]
-        self.bonds.peak_stress[alive] = np.maximum(self.bonds.peak_stress[alive], stress)
+        keep_peaks(self.bonds.peak_stress, self.structure.alive, self._equilibrium().stress)
 
     def _apply(self, before: Standing, taken: float) -> None:
         """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
         half, part = 0.5 * taken, 0.5 * taken / self.model.parameters.stepping.time_step
-        middle = before.motion.opened(before.bodies.rate, half)
+        middle = before.motion.opened(before.bodies.rate, before.acting.total, half)
         for moment, after in ((before, middle), (self.now, self.now.bodies.rate)):
-            body, elements, rate = moment.bodies.body, moment.motion.elements, moment.bodies.rate
-            u, v, _ = element_velocities(body, elements, rate)
-            u_held, v_held, _ = element_velocities(body, elements, moment.motion.held(rate, after, half))
-            keep_body_forces(moment.motion.load, u, v, u_held, v_held, part, self.applied)
+            motion, acting = moment.motion, moment.acting
+            held = motion.held(acting.total, after, half)
+            keep_forces(motion.body, motion.elements, acting.acted, motion.load.floor, held, part, self.applied)
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -297,14 +307,14 @@ class LongStep:
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
         el, c, now = self.el, self.c, self.now
-        rate = now.motion.opened(now.bodies.rate, 0.5 * h)
+        rate = now.motion.opened(now.bodies.rate, now.acting.total, 0.5 * h)
         pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
         bodies = now.bodies._replace(pose=pose, rate=rate)
         el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
         bodies = self._place(bodies)
         self.model.forcing.sample(el, now.time + h)
         motion = self._motion(bodies)
-        bodies = bodies._replace(rate=motion.closed(rate, 0.5 * h))
+        bodies = bodies._replace(rate=motion.closed(rate, 2.0 * rate - now.bodies.rate, 0.5 * h))
         before = now.bodies.bend
         self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
@@ -335,7 +345,7 @@ class LongStep:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
         motion = element_motion(bodies, c.latlon, c.earth_radius)
-        load = find_loading(el, self.sizes, self.around, c)
+        load = find_loading(el, self.sizes, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
         inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
         return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
@@ -350,7 +360,7 @@ class LongStep:
 
     def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
         """Inverse inertia; fragments with supports move only as these allow."""
-        mobility: Floats = np.asarray(np.linalg.inv(inertia), np.float64)
+        mobility = inverses(inertia)
         s = self.structure
         for b, inside in self._supported(bodies):
             z = s.holds.modes(inside, s.flat)
@@ -375,32 +385,30 @@ class LongStep:
             for kind in ("", "_sync", "_pair"):
                 getattr(el, name + kind)[:] = values
         el.spin[:] = w
-        force, total, _ = motion.forces(bodies.rate)
-        force[:, 0] -= load.mass * load.floor * u
-        force[:, 1] -= load.mass * load.floor * v
-        force[:, 2] -= load.inertia * load.floor_spin * w
-        held = each_times(motion.floor, bodies.rate)
-        el.spin_rate[:] = each_times(motion.mobility, total - held)[bodies.body, 2]
+        acting = motion.acting(bodies.rate)
         turn = motion.elements[:, 9:11]
+        total = acting.total - each_times(motion.floor, bodies.rate)
+        el.spin_rate[:] = each_times(motion.mobility, total)[bodies.body, 2]
+        force = with_floor(acting.force, load, u, v, w)
         balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
         for _, inside in self._supported(bodies):
             z = s.holds.modes(inside, s.flat)
             balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
-        return Standing(time, bodies, motion, force, balanced)
+        return Standing(time, bodies, motion, acting, balanced)
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
-        now, c = self.now, self.c
+        now = self.now
         bend = self.structure.factors.solve(now.load)
         if not np.isfinite(bend).all():
             raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
-        load = now.motion.load
-        mean = mean_bend(now.bodies, bend, load.mass, load.inertia, c.latlon, c.earth_radius)
+        load, body, flat = now.motion.load, now.bodies.body, self.structure.flat
+        mean = mean_bend(body, flat, now.bodies.pose.shape[0], bend, load.mass, load.inertia)
         for b, _ in self._supported(now.bodies):
             mean[b] = 0.0
-        without_mean(now.bodies, bend, mean, load.mass, c.latlon, c.earth_radius)
+        without_mean(body, flat, bend, mean, load.mass)
         self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.force, now.load)
+        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.acting, now.load)
 
     def _contact_limit(self, left: float) -> float:
         """Longest step (s) that resolves the springs of contact between fragments."""
@@ -463,9 +471,8 @@ class LongStep:
         self._settle_fragments()
 
     def _equilibrium(self) -> Equilibrium:
-        """Return the present equilibrium, whose stresses are found once for all that ask."""
-        s = self.structure
-        return Equilibrium(s.lattice, s.alive, self.now.bodies.bend, self.c)
+        """Return the present equilibrium."""
+        return self.structure.under(self.now.bodies.bend, self.c)
 
     def _overloaded(self, now: Equilibrium) -> int:
         """Row in the state of the bond that breaks next, or -1 where none is overloaded."""
@@ -548,7 +555,7 @@ class LongStep:
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
         turn = self.now.motion.elements[:, 9:11]
-        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn, self.c)
+        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn)
 
 
 def _supported_loads(

@@ -36,10 +36,12 @@ from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
     CORIOLIS,
     LINEAR,
+    MEDIA,
     PUSH_X,
     PUSH_Y,
     QUADRATIC,
     SEA_FLOOR,
+    Seen,
     Surroundings,
     U,
     V,
@@ -51,8 +53,8 @@ from riftberg.stepping.sizes import Sizes
 MOST_PASSES = 50
 """Passes of Newton's method after which a step is given up; two to four are usual."""
 
-CLOSE_ENOUGH = 1e-13
-"""Relative change of the velocities at which Newton's method ends."""
+CLOSE_ENOUGH = 1e-8
+"""Relative change of the velocities at which Newton's method ends: what is left is of the order of its square."""
 
 
 class Loading(NamedTuple):
@@ -88,22 +90,25 @@ class Touching(NamedTuple):
     damping: Floats
 
 
-def find_loading(el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> Loading:
+def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
     """Take the coefficients of all forces from the environment that the elements carry."""
-    return Loading(*_find_loading(el, sizes, around, p))
+    # The groups that it needs: to hand the whole state to compiled code takes longer than the forces of a small berg.
+    return Loading(*_find_loading(Seen(el.place, el.body, el.environment), sizes, p))
 
 
 @kernel
 def _find_loading(
-    el: Elements, sizes: Sizes, around: Surroundings, p: KernelParameters
+    el: Seen, sizes: Sizes, p: KernelParameters
 ) -> tuple[
     Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, bool, bool
 ]:  # fmt: skip
     """Return the fields of `Loading`; see `riftberg.kernels` why no named tuple."""
     body = el.body
     count = body.mass.size
-    find_surroundings(el, sizes, around, p)
-    media = around.media.copy()
+    # Kept as long as this moment is; nothing is solved for or applied in them.
+    media, coriolis = np.empty((count, len(MEDIA), PUSH_Y + 1)), np.empty(count)
+    no_rate, nothing = np.empty((0, len(MEDIA))), np.empty((0, CORIOLIS + 1, 2))
+    find_surroundings(el, sizes, Surroundings(media, coriolis, np.ones(len(MEDIA), np.bool_), no_rate, nothing), p)
     inertia, floor, floor_spin, aground = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     spinning = np.zeros(count)
     mass, thickness, depth = body.mass, body.thickness, el.environment.depth
@@ -121,13 +126,15 @@ def _find_loading(
         if p.rotational_drag and not p.only_interactions:
             spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
     return (
-        media, around.coriolis.copy(), mass, inertia, floor, floor_spin, aground, spinning,
+        media, coriolis, mass, inertia, floor, floor_spin, aground, spinning,
         0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions, touches,
     )  # fmt: skip
 
 
 def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> Touching:
     """Find the pairs of different fragments that touch: the law of contact between bergs, as a force on each pair."""
+    if partners.partner.size == 0:
+        return Touching(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
     return Touching(*_touching_pairs(el, partners, sizes, law))
 
 
@@ -212,48 +219,119 @@ def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, 
 
 
 @kernel
-def keep_body_forces(
-    load: Loading, u: Floats, v: Floats, u_held: Floats, v_held: Floats, part: float, applied: Floats
-) -> None:
-    """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES` at these velocities.
-
-    ``u_held`` and ``v_held`` are those at which the sea floor has acted (`BodyMotion.held`).
-    """
-    for e in range(u.size):
-        for m in range(load.media.shape[1]):
-            if load.surrounded or (m == SEA_FLOOR and load.touches):
-                ax, ay, _, _, _ = _drag(load.media[e, m], u[e], v[e])
-                applied[e, m, 0] += part * ax
-                applied[e, m, 1] += part * ay
-        if load.surrounded:
-            applied[e, CORIOLIS, 0] += part * load.coriolis[e] * v[e]
-            applied[e, CORIOLIS, 1] -= part * load.coriolis[e] * u[e]
-        applied[e, SEA_FLOOR, 0] -= part * load.floor[e] * u_held[e]
-        applied[e, SEA_FLOOR, 1] -= part * load.floor[e] * v_held[e]
+def _velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
+    """Velocity (m s-1) and spin (rad s-1) of an element by the row of its motion and the velocity of its fragment."""
+    return (
+        m[0] * q[0] + m[1] * q[1] + m[2] * q[2],
+        m[3] * q[0] + m[4] * q[1] + m[5] * q[2],
+        m[6] * q[0] + m[7] * q[1] + m[8] * q[2],
+    )
 
 
 @kernel
-def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) -> tuple[Floats, Floats, Floats]:
-    """Forces on all elements but those of sea floor and contact, their sums for each fragment, and minus the derivatives.
+def element_velocities(body: Ints, motion: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
+    """Eastward and northward velocity (m s-1) and spin (rad s-1) of all elements."""
+    u, v, w = np.empty(body.size), np.empty(body.size), np.empty(body.size)
+    for e in range(body.size):
+        u[e], v[e], w[e] = _velocity(motion[e], rate[body[e]])
+    return u, v, w
+
+
+@kernel
+def keep_forces(
+    body: Ints, motion: Floats, acted: Floats, floor: Floats, held: Floats, part: float, applied: Floats
+) -> None:
+    """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES`.
+
+    Parameters
+    ----------
+    acted : array of float, shape (elements, forces, 2)
+        `Acting.acted`.
+    floor : array of float, shape (elements,)
+        Rate of the drag of the sea floor, s-1.
+    held : array of float, shape (fragments, 3)
+        Velocities at which it has acted (`BodyMotion.held`).
+    """
+    for e in range(body.size):
+        for m in range(acted.shape[1]):
+            applied[e, m, 0] += part * acted[e, m, 0]
+            applied[e, m, 1] += part * acted[e, m, 1]
+        if floor[e] > 0.0:
+            u, v, _ = _velocity(motion[e], held[body[e]])
+            applied[e, SEA_FLOOR, 0] -= part * floor[e] * u
+            applied[e, SEA_FLOOR, 1] -= part * floor[e] * v
+
+
+@kernel
+def _torque(load: Loading, e: int, w: float) -> tuple[float, float]:
+    """Torque (N m) of the water on an element that spins, and minus its derivative."""
+    spin = w - load.water_spin[e]
+    drag = load.inertia[e] * load.spinning[e] * abs(spin)
+    return -drag * spin, 2.0 * drag
+
+
+@kernel
+def forces_by_medium(body: Ints, motion: Floats, rate: Floats, load: Loading) -> tuple[Floats, Floats, Floats]:
+    """Forces on all elements but those of contact and the linear drag of the sea floor.
 
     Returns
     -------
+    acted : array of float, shape (elements, forces, 2)
+        Accelerations (m s-2) by each of `riftberg.stepping.media.FORCES`.
     force : array of float, shape (elements, 3)
         East and north (N), and torque about the vertical (N m).
     total : array of float, shape (fragments, 3)
         Force on the centre east and north, and the moment.
-    slope : array of float, shape (fragments, 3, 3)
-        Minus the derivative of ``total`` by the velocities.
     """
-    count = rate.shape[0]
-    force, total, slope = np.zeros((body.size, 3)), np.zeros((count, 3)), np.zeros((count, 3, 3))
+    media, mass = load.media, load.mass
+    acted, force = np.zeros((body.size, media.shape[1] + 1, 2)), np.empty((body.size, 3))
+    total = np.zeros(rate.shape)
+    for e in range(body.size):
+        b, m = body[e], motion[e]
+        u, v, w = _velocity(m, rate[b])
+        ax = ay = 0.0
+        if load.surrounded:
+            ax, ay = load.coriolis[e] * v, -load.coriolis[e] * u
+            acted[e, CORIOLIS, 0], acted[e, CORIOLIS, 1] = ax, ay
+        for k in range(media.shape[1]):
+            if load.surrounded or (k == SEA_FLOOR and load.touches):
+                dx, dy, _, _, _ = _drag(media[e, k], u, v)
+                acted[e, k, 0], acted[e, k, 1] = dx, dy
+                ax += dx
+                ay += dy
+        fx, fy, torque = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e], _torque(load, e, w)[0]
+        force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
+        for i in range(3):
+            total[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
+    return acted, force, total
+
+
+@kernel
+def with_floor(force: Floats, load: Loading, u: Floats, v: Floats, w: Floats) -> Floats:
+    """Forces on the elements (N, N, N m) with the linear drag of the sea floor at these velocities and spins."""
+    held = force.copy()
+    for e in range(u.size):
+        held[e, 0] -= load.mass[e] * load.floor[e] * u[e]
+        held[e, 1] -= load.mass[e] * load.floor[e] * v[e]
+        held[e, 2] -= load.inertia[e] * load.floor_spin[e] * w[e]
+    return held
+
+
+@kernel
+def totals_and_slopes(body: Ints, motion: Floats, rate: Floats, load: Loading) -> tuple[Floats, Floats]:
+    """Sums of the forces of `forces_by_medium` for each fragment, and minus their derivatives by the velocities.
+
+    Returns
+    -------
+    total : array of float, shape (fragments, 3)
+        Force on the centre east and north, and the moment.
+    slope : array of float, shape (fragments, 3, 3)
+    """
+    total, slope = np.zeros(rate.shape), np.zeros((rate.shape[0], 3, 3))
     media, mass = load.media, load.mass
     for e in range(body.size):
         b, m = body[e], motion[e]
-        q = rate[b]
-        u = m[0] * q[0] + m[1] * q[1] + m[2] * q[2]
-        v = m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
-        w = m[6] * q[0] + m[7] * q[1] + m[8] * q[2]
+        u, v, w = _velocity(m, rate[b])
         ax = ay = jxx = jxy = jyy = f = 0.0
         if load.surrounded:
             f = load.coriolis[e]
@@ -266,11 +344,8 @@ def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
                 jxx += dxx
                 jxy += dxy
                 jyy += dyy
-        spin = w - load.water_spin[e]
-        torque = -load.inertia[e] * load.spinning[e] * abs(spin) * spin
+        torque, turning = _torque(load, e, w)
         fx, fy = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e]
-        force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
-        turning = 2.0 * load.inertia[e] * load.spinning[e] * abs(spin)
         for i in range(3):
             total[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
             x = mass[e] * (jxx * m[i] + (jxy + f) * m[3 + i])
@@ -279,12 +354,13 @@ def forces_and_slope(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
             # x, y, z are rows of B^T J; transposed, because J of the Coriolis force is antisymmetric.
             for j in range(3):
                 slope[b, i, j] += x * m[j] + y * m[3 + j] + z * m[6 + j]
-    return force, total, slope
+    return total, slope
 
 
 @kernel
 def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, force: Floats, total: Floats) -> None:
-    """Add the forces of contact between fragments at these velocities, in place."""
+    """Add the forces of contact between fragments at these velocities, in place; ``force`` may be that of no elements."""
+    each = force.shape[0] > 0
     for k in range(touching.first.size):
         i, j = touching.first[k], touching.second[k]
         p, q, m, n = rate[body[i]], rate[body[j]], motion[i], motion[j]
@@ -293,10 +369,11 @@ def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, fo
         c = touching.damping[k]
         fx = touching.spring[k, 0] + c[0] * du + c[1] * dv
         fy = touching.spring[k, 1] + c[1] * du + c[2] * dv
-        force[i, 0] += fx
-        force[i, 1] += fy
-        force[j, 0] -= fx
-        force[j, 1] -= fy
+        if each:
+            force[i, 0] += fx
+            force[i, 1] += fy
+            force[j, 0] -= fx
+            force[j, 1] -= fy
         for a in range(3):
             total[body[i], a] += m[a] * fx + m[3 + a] * fy
             total[body[j], a] -= n[a] * fx + n[3 + a] * fy
@@ -371,6 +448,174 @@ def island_steps(
     return step
 
 
+@kernel
+def solved(matrix: Floats, right: Floats) -> tuple[float, float, float]:
+    """Solve three equations by elimination with pivots."""
+    a, x = matrix.copy(), right.copy()
+    for k in range(3):
+        best = k
+        for i in range(k + 1, 3):
+            if abs(a[i, k]) > abs(a[best, k]):
+                best = i
+        for j in range(3):
+            a[k, j], a[best, j] = a[best, j], a[k, j]
+        x[k], x[best] = x[best], x[k]
+        for i in range(k + 1, 3):
+            factor = a[i, k] / a[k, k]
+            for j in range(k, 3):
+                a[i, j] -= factor * a[k, j]
+            x[i] -= factor * x[k]
+    z = x[2] / a[2, 2]
+    y = (x[1] - a[1, 2] * z) / a[1, 1]
+    return (x[0] - a[0, 1] * y - a[0, 2] * z) / a[0, 0], y, z
+
+
+@kernel
+def _times(matrix: Floats, x: Floats) -> tuple[float, float, float]:
+    """Product of a 3 by 3 matrix and a vector."""
+    return (
+        matrix[0, 0] * x[0] + matrix[0, 1] * x[1] + matrix[0, 2] * x[2],
+        matrix[1, 0] * x[0] + matrix[1, 1] * x[1] + matrix[1, 2] * x[2],
+        matrix[2, 0] * x[0] + matrix[2, 1] * x[1] + matrix[2, 2] * x[2],
+    )
+
+
+@kernel
+def _product(a: Floats, b: Floats, out: Floats) -> None:
+    """Product of two 3 by 3 matrices."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@kernel
+def inverses(matrices: Floats) -> Floats:
+    """Inverse of each 3 by 3 matrix."""
+    out, unit = np.empty(matrices.shape), np.zeros(3)
+    for b in range(matrices.shape[0]):
+        for j in range(3):
+            unit[:] = 0.0
+            unit[j] = 1.0
+            out[b, 0, j], out[b, 1, j], out[b, 2, j] = solved(matrices[b], unit)
+    return out
+
+
+@kernel
+def _floor_factors(mobility: Floats, floor: Floats, half: float) -> tuple[Floats, Floats]:
+    """W and P M^-1 of the module's text over half a step of ``half`` seconds, for each fragment."""
+    w, p = np.empty(floor.shape), np.empty(floor.shape)
+    z, square, ahead = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for b in range(floor.shape[0]):
+        _product(mobility[b], floor[b], z)
+        for i in range(3):
+            for j in range(3):
+                z[i, j] *= half
+        _product(z, z, square)
+        for i in range(3):
+            for j in range(3):
+                one = 1.0 if i == j else 0.0
+                w[b, i, j], ahead[i, j] = one + z[i, j] + 0.5 * square[i, j], one + 0.5 * z[i, j]
+        _product(ahead, mobility[b], p[b])
+    return w, p
+
+
+@kernel
+def _opened(mobility: Floats, floor: Floats, rate: Floats, total: Floats, half: float) -> Floats:
+    """See `BodyMotion.opened`."""
+    w, p = _floor_factors(mobility, floor, half)
+    new, ahead = np.empty(rate.shape), np.empty(3)
+    for b in range(rate.shape[0]):
+        x, y, z = _times(p[b], total[b])
+        ahead[0], ahead[1], ahead[2] = rate[b, 0] + half * x, rate[b, 1] + half * y, rate[b, 2] + half * z
+        new[b, 0], new[b, 1], new[b, 2] = solved(w[b], ahead)
+    return new
+
+
+@kernel
+def _misses(w: Floats, p: Floats, rate: Floats, new: Floats, total: Floats, half: float) -> Floats:
+    """By how much velocities at the end of a step miss their equation."""
+    miss = np.empty(rate.shape)
+    for b in range(rate.shape[0]):
+        pushed, gone = _times(p[b], total[b]), _times(w[b], new[b])
+        for i in range(3):
+            miss[b, i] = rate[b, i] + half * pushed[i] - gone[i]
+    return miss
+
+
+@kernel
+def _lone_steps(w: Floats, p: Floats, slope: Floats, miss: Floats, half: float) -> Floats:
+    """One step of Newton's method for each fragment by itself."""
+    step, matrix = np.empty(miss.shape), np.empty((3, 3))
+    for b in range(miss.shape[0]):
+        _product(p[b], slope[b], matrix)
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] = w[b, i, j] + half * matrix[i, j]
+        step[b, 0], step[b, 1], step[b, 2] = solved(matrix, miss[b])
+    return step
+
+
+@kernel
+def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
+    """Whether a step of Newton's method changes the velocities at the rims of the fragments by nothing that counts.
+
+    A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
+    """
+    change = speed = 0.0
+    for b in range(step.shape[0]):
+        arm = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
+        change = max(change, abs(step[b, 0]), abs(step[b, 1]), arm * abs(step[b, 2]))
+        speed = max(speed, abs(new[b, 0]), abs(new[b, 1]), arm * abs(new[b, 2]))
+    return bool(change <= CLOSE_ENOUGH * speed)
+
+
+@kernel
+def _closed(
+    body: Ints, motion: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
+    rate: Floats, guess: Floats, half: float, members: Ints, start: Ints,
+) -> tuple[Floats, int]:  # fmt: skip
+    """See `BodyMotion.closed`; ``members`` and ``start`` are those of `island_steps`. Passes are -1 where they do not settle."""
+    w, p = _floor_factors(mobility, floor, half)
+    new, none = guess.copy(), np.zeros((0, 3))
+    for n in range(MOST_PASSES):
+        total, slope = totals_and_slopes(body, motion, new, load)
+        add_contact(body, motion, new, touching, none, total)
+        miss = _misses(w, p, rate, new, total, half)
+        step = _lone_steps(w, p, slope, miss, half)
+        if members.size > 0:
+            together = island_steps(members, start, body, motion, touching, w, p, slope, miss, half)
+            for k in range(members.size):
+                step[members[k]] = together[k]
+        new += step
+        if _settled(step, new, inertia):
+            return new, n + 1
+    return new, -1
+
+
+@kernel
+def _held(mobility: Floats, floor: Floats, total: Floats, after: Floats, half: float) -> Floats:
+    """See `BodyMotion.held`."""
+    held, z = np.empty(after.shape), np.empty((3, 3))
+    for b in range(after.shape[0]):
+        _product(mobility[b], floor[b], z)
+        slowed, pushed = _times(z, after[b]), _times(mobility[b], total[b])
+        for i in range(3):
+            held[b, i] = after[b, i] + 0.5 * half * slowed[i] - 0.5 * half * pushed[i]
+    return held
+
+
+class Acting(NamedTuple):
+    """The forces at the velocities of one moment, without the linear drag of the sea floor.
+
+    ``acted`` are the accelerations by medium (m s-2), without contact; ``force`` is on the elements (N, N, N m), ``total`` on
+    the fragments, both with contact.
+    """
+
+    acted: Floats
+    force: Floats
+    total: Floats
+
+
 class BodyMotion(NamedTuple):
     """What one place and time give for the motion of all fragments, before velocities are known.
 
@@ -386,58 +631,40 @@ class BodyMotion(NamedTuple):
     mobility: Floats
     floor: Floats
 
-    def forces(self, rate: Floats) -> tuple[Floats, Floats, Floats]:
-        """Forces on the elements, on the fragments, and minus the derivatives of those without contact."""
-        force, total, slope = forces_and_slope(self.body, self.elements, rate, self.load)
-        add_contact(self.body, self.elements, rate, self.touching, force, total)
-        return force, total, slope
+    def acting(self, rate: Floats) -> Acting:
+        """Forces at the velocities ``rate``."""
+        acted, force, total = forces_by_medium(self.body, self.elements, rate, self.load)
+        if self.touching.first.size:
+            add_contact(self.body, self.elements, rate, self.touching, force, total)
+        return Acting(acted, force, total)
 
-    def _floor_factors(self, half: float) -> tuple[Floats, Floats]:
-        """W and P M^-1 of the module's text over half a step of ``half`` seconds."""
-        one = np.eye(3)
-        z = half * (self.mobility @ self.floor)
-        return one + z + 0.5 * (z @ z), (one + 0.5 * z) @ self.mobility
+    def opened(self, rate: Floats, total: Floats, half: float) -> Floats:
+        """Velocities in the middle of the step, from those at its start, at which the forces are ``total``."""
+        return _opened(self.mobility, self.floor, rate, total, half)
 
-    def opened(self, rate: Floats, half: float) -> Floats:
-        """Velocities in the middle of the step, from those at its start."""
-        w, p = self._floor_factors(half)
-        _, total, _ = self.forces(rate)
-        ahead = rate + half * each_times(p, total)
-        return np.asarray(np.linalg.solve(w, ahead[:, :, None])[:, :, 0])
-
-    def closed(self, rate: Floats, half: float) -> Floats:
-        """Velocities at the end of the step, from those in its middle: Newton's method.
+    def closed(self, rate: Floats, guess: Floats, half: float) -> Floats:
+        """Velocities at the end of the step, from those in its middle: Newton's method, which begins with ``guess``.
 
         Raises
         ------
         RunError
             If the velocities do not settle.
         """
-        w, p = self._floor_factors(half)
-        members, start = self._islands()
-        new = rate.copy()
-        for _ in range(MOST_PASSES):
-            _, total, slope = self.forces(new)
-            miss = rate + half * each_times(p, total) - each_times(w, new)
-            step: Floats = np.asarray(np.linalg.solve(w + half * (p @ slope), miss[:, :, None])[:, :, 0], np.float64)
-            if members.size:
-                step[members] = island_steps(
-                    members, start, self.body, self.elements, self.touching, w, p, slope, miss, half
-                )
-            new = new + step
-            if np.abs(step).max() <= CLOSE_ENOUGH * (np.abs(new).max() + 1e-30) or _small(step, new):
-                return new
-        raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")
+        new, passes = _closed(
+            self.body, self.elements, self.load, self.touching, self.inertia, self.mobility, self.floor, rate, guess,
+            half, *self._islands(),
+        )  # fmt: skip
+        if passes < 0:
+            raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")
+        return new
 
-    def held(self, rate: Floats, after: Floats, half: float) -> Floats:
-        """Velocities at which the sea floor has acted in half a step that ended with ``after``, other forces at ``rate``.
+    def held(self, total: Floats, after: Floats, half: float) -> Floats:
+        """Velocities at which the sea floor has acted in half a step that ended with ``after``, under other forces ``total``.
 
         What `opened` and `closed` solve, ``W v' = v + h P F``, is ``M (v' - v) = h (F - D (v' + z v' / 2 - h M^-1 F / 2))``
         with ``z = h M^-1 D``: the momentum that the floor takes is that of its drag D at the velocities in the brackets.
         """
-        _, total, _ = self.forces(rate)
-        z = half * (self.mobility @ self.floor)
-        return after + 0.5 * each_times(z, after) - 0.5 * half * each_times(self.mobility, total)
+        return _held(self.mobility, self.floor, total, after, half)
 
     def _islands(self) -> tuple[Ints, Ints]:
         """Fragments that touch others, island by island, and where each island begins."""
@@ -455,19 +682,3 @@ class BodyMotion(NamedTuple):
 def each_times(matrices: Floats, vectors: Floats) -> Floats:
     """Product of each matrix with its vector."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
-
-
-def _small(step: Floats, rate: Floats) -> bool:
-    """Whether a step of Newton's method changes velocities and spins by nothing that counts."""
-    speed, spin = np.abs(rate[:, :2]).max() + 1e-9, np.abs(rate[:, 2]).max() + 1e-15
-    return bool(np.abs(step[:, :2]).max() <= CLOSE_ENOUGH * speed and np.abs(step[:, 2]).max() <= 1e-11 * spin)
-
-
-def element_velocities(body: Ints, motion: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
-    """Eastward and northward velocity (m s-1) and spin (rad s-1) of all elements."""
-    q = rate[body]
-    return (
-        np.asarray((motion[:, 0:3] * q).sum(axis=1)),
-        np.asarray((motion[:, 3:6] * q).sum(axis=1)),
-        np.asarray((motion[:, 6:9] * q).sum(axis=1)),
-    )
