@@ -18,7 +18,7 @@ from riftberg.state import Floats, Ints
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
 _FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
-_FEW = 2
+_FEW = 16
 """Others in the bin of an element, on average, that are not worth classes of reach."""
 
 
