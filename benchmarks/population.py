@@ -24,6 +24,7 @@ import xarray as xr
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.bergs.fields import LENGTHS, SHARES, thickness_of
+from riftberg.constants import EARTH_RADIUS_KID, EARTH_ROTATION, GRAVITY
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.gridded import GridRecorder
@@ -46,16 +47,32 @@ def coast(lon: np.ndarray) -> np.ndarray:
     return -70.0 + 2.0 * np.sin(np.radians(3.0 * lon)) + 6.0 * np.exp(-(((lon + 60.0) / 6.0) ** 2))
 
 
+def balanced(u: np.ndarray, lat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sea level (m) whose slope balances an eastward current (m s-1), and the northward current that it drives too.
+
+    ``f u = -g deta/dy``, summed up from the south, and ``f v = g deta/dx``.
+    """
+    f = 2.0 * EARTH_ROTATION * np.sin(np.radians(lat))
+    side = EARTH_RADIUS_KID * np.radians(CELL)
+    slope = -f * u / GRAVITY * side
+    level = np.cumsum(slope, axis=0) - 0.5 * slope
+    eastward = (np.roll(level, -1, axis=1) - np.roll(level, 1, axis=1)) / (2.0 * side * np.cos(np.radians(lat)))
+    return level, GRAVITY / f * eastward
+
+
 def ocean() -> OceanForcing:
-    """Return grid, land, a circumpolar and a coastal current, wind, temperature, salinity and sea ice."""
+    """Return grid, land, a circumpolar and a coastal current with their sea level, wind, temperature, salinity and sea ice."""
     lon, lat = np.meshgrid(np.arange(-180.0, 180.0 + CELL, CELL), np.arange(SOUTH, NORTH + CELL, CELL))
     x, y = 0.25 * (lon[1:, 1:] + lon[:-1, :-1] + lon[1:, :-1] + lon[:-1, 1:]), lat[1:, 1:] - CELL / 2
     mask = (y > coast(x)).astype(float)
     off = y - coast(x)
     temperature = -1.8 + 6.0 / (1.0 + np.exp(-(y + 55.0) / 3.0))
+    u = 0.25 * np.exp(-(((y + 54.0) / 6.0) ** 2)) - 0.15 * np.exp(-(((off - 1.0) / 1.5) ** 2))
+    level, v = balanced(u, y)
+    # What leaves the coast is not balanced: it is driven by the wind, and ends before the grid does.
+    northward = (0.03 * np.exp(-(((off - 1.0) / 1.5) ** 2)) + 0.02) / (1.0 + np.exp((y + 52.0) / 1.5))
     fields = {
-        "uo": 0.25 * np.exp(-(((y + 52.0) / 4.0) ** 2)) - 0.15 * np.exp(-(((off - 1.0) / 1.5) ** 2)),
-        "vo": 0.03 * np.exp(-(((off - 1.0) / 1.5) ** 2)) + 0.02,
+        "uo": u, "vo": v + northward, "ssh": level,
         "ua": 9.0 * np.exp(-(((y + 52.0) / 7.0) ** 2)) - 4.0 * np.exp(-((off / 3.0) ** 2)),
         "sst": temperature, "sss": np.full_like(x, 34.0), "depth": np.clip(300.0 + 500.0 * off, 300.0, 4000.0),
         "ice_fraction": 0.9 / (1.0 + np.exp((y + 62.0) / 1.5)),
@@ -63,7 +80,8 @@ def ocean() -> OceanForcing:
     }  # fmt: skip
     grid = ocean_grid(lon, lat, mask=mask)
     return OceanForcing(
-        grid, grid.fields(**{name: value * mask if name != "depth" else value for name, value in fields.items()})
+        grid,
+        grid.fields(**{name: value if name in ("depth", "ssh") else value * mask for name, value in fields.items()}),
     )
 
 

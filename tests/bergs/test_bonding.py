@@ -108,6 +108,7 @@ def test_a_position_that_is_no_number_is_refused() -> None:
         form_bonds(e, BondRule(), PLANE)
 
 
+@pytest.mark.compiled
 def test_a_large_lattice_is_quick() -> None:
     e = new_elements(100_000)
     column, row = np.divmod(np.arange(100_000), 400)
