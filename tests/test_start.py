@@ -163,3 +163,12 @@ def test_a_contact_that_goes_on_has_a_new_end_when_somebody_asks() -> None:
     assert log._goes_on((1, 2), 1800.0, 3600.0, None)  # type: ignore[arg-type]
     assert [row.end for row in log.rows] == [3600.0]
     assert [row.end for row in saved.rows] == [1800.0]
+
+
+@pytest.mark.compiled
+def test_with_another_numba_kernels_are_compiled_as_it_does(tmp_path: Path) -> None:
+    """`riftberg.kernel_parts` knows the inside of some versions only; the others must do without."""
+    other = "import riftberg.kernels\nriftberg.kernels.KNOWN_NUMBA = ()\n" + KERNELS
+    other = other.replace("len(doubled.part.overloads)", "hasattr(doubled, 'part')")
+    for _ in range(2):  # compiled, then from the cache
+        assert said(other, tmp_path, RIFTBERG_CACHE=str(tmp_path)).split()[::2][:2] == ["6.0", "False"]

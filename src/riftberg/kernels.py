@@ -27,7 +27,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import llvmlite.binding as llvm
 import numba
@@ -35,12 +35,14 @@ from numba.core import config
 from platformdirs import user_cache_path
 
 from riftberg.kernel_cache import SharedCache
-from riftberg.kernel_parts import Kernel
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean", "life", "coupling")
 """Sub-packages whose sources decide whether cached machine code is still right."""
+
+KNOWN_NUMBA: Final = ("0.68.",)
+"""Versions of numba for whose inside `riftberg.kernel_parts` is written; with others compiling takes three times as long."""
 
 for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold", "vectorize-memory-check-threshold"):
     llvm.set_option("riftberg", f"--{_option}=4096")
@@ -62,7 +64,8 @@ def cache_folder() -> Path:
         for source in sorted((root / package).rglob("*.py")):
             digest.update(source.read_bytes())
     digest.update((root / "constants.py").read_bytes())
-    digest.update(Path(__file__).read_bytes())
+    for source in (Path(__file__), root / "kernel_parts.py"):
+        digest.update(source.read_bytes())
     base = os.environ.get("RIFTBERG_CACHE")
     home = Path(base) if base else user_cache_path("riftberg")
     return _writable(home / "kernels" / digest.hexdigest()[:16])
@@ -134,7 +137,20 @@ def _compiled(function: _F, **options: Any) -> _F:
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     # Without the last option each kernel is compiled for C, too.
-    wanted = {"nopython": True, "boundscheck": None, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-    compiled = Kernel(function, targetoptions=wanted | options)
+    wanted = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
+    compiled = _in_parts(function, wanted) if numba.__version__.startswith(KNOWN_NUMBA) else _whole(function, wanted)
+    # Ours stands in for numba's cache, whose files two processes could mix up.
     compiled._cache = SharedCache(function, cache_folder)
     return cast("_F", compiled)
+
+
+def _in_parts(function: _F, options: dict[str, Any]) -> Any:
+    from riftberg.kernel_parts import Kernel
+
+    return Kernel(function, targetoptions={"nopython": True, "boundscheck": None, **options})
+
+
+def _whole(function: _F, options: dict[str, Any]) -> Any:
+    """Compile as numba does it, each function with code of its own."""
+    decorate: Any = numba.njit  # its types do not know all options
+    return decorate(**{name: value for name, value in options.items() if name != "_nrt"})(function)
