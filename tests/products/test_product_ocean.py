@@ -88,6 +88,9 @@ def test_glorys_native_packed_with_depth(shared: Path) -> None:
     np.testing.assert_array_equal(np.isnan(ds["uo"].values), ~wet)
     np.testing.assert_allclose(ds["uo"].values[wet], expected[wet], rtol=0, atol=1e-6)
     np.testing.assert_allclose(ds["sst"].values[0][wet[0, 0]], warm[wet[0, 0]], atol=1e-4)
+    deep = open_product(path, levels=True)["sst"]
+    assert deep.dims == ("time", "depth", "lat", "lon")
+    np.testing.assert_array_equal(deep.isel(depth=0), ds["sst"])
 
 
 def test_glorys_subset_stamped_at_midnight_is_put_at_noon(tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def expand(paths: Paths) -> list[str]:
     return files
 
 
-def open_product(paths: Paths, product: str | Product | None = None) -> xr.Dataset:
+def open_product(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> xr.Dataset:
     """Open the files of one product as one canonical dataset, lazily.
 
     Parameters
@@ -153,6 +153,9 @@ def open_product(paths: Paths, product: str | Product | None = None) -> xr.Datas
         records.
     product : str or Product, optional
         What they are, instead of recognising it.
+    levels : bool, optional
+        Keep temperature and salinity (``sst``, ``sss``) on all their levels, for what melts over a draft; without it
+        they are those of the uppermost level. Currents keep their levels always.
 
     Returns
     -------
@@ -164,7 +167,7 @@ def open_product(paths: Paths, product: str | Product | None = None) -> xr.Datas
     ForcingError
         If files are not recognised, or do not fit into one dataset; `open_all` opens such sets one by one.
     """
-    parts = open_all(paths, product)
+    parts = open_all(paths, product, levels=levels)
     if len(parts) > 1:
         served = "; ".join(
             f"{part.attrs['product']}: {', '.join(map(str, part.data_vars))} {dict(part.sizes)}" for part in parts
@@ -177,12 +180,12 @@ def open_product(paths: Paths, product: str | Product | None = None) -> xr.Datas
     return parts[0]
 
 
-def open_all(paths: Paths, product: str | Product | None = None) -> list[xr.Dataset]:
+def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> list[xr.Dataset]:
     """Open files of any products; those on one grid with the same records are joined.
 
     Parameters
     ----------
-    paths, product
+    paths, product, levels
         As in `open_product`.
 
     Returns
@@ -190,7 +193,15 @@ def open_all(paths: Paths, product: str | Product | None = None) -> list[xr.Data
     list of xarray.Dataset
         One canonical dataset for each product, grid and set of records.
     """
-    return open_named((path, product) for path in expand(paths))
+    opened = open_named((path, product) for path in expand(paths))
+    return opened if levels else [_at_the_surface(ds) for ds in opened]
+
+
+def _at_the_surface(ds: xr.Dataset) -> xr.Dataset:
+    """Return a dataset with temperature and salinity of the uppermost level alone."""
+    deep = [name for name in ("sst", "sss") if name in ds and "depth" in ds[name].dims]
+    ds = ds.assign({name: ds[name].isel(depth=0, drop=True) for name in deep})
+    return ds if not deep or any("depth" in field.dims for field in ds.values()) else ds.drop_dims("depth")
 
 
 def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:
