@@ -23,6 +23,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.interpolate import to_grid
+from riftberg.products.levels import uppermost
 from riftberg.products.packing import VALID
 from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window
@@ -124,15 +125,8 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
 
 def surface_of_others(ds: xr.Dataset, deep: set[str]) -> xr.Dataset:
     """Return a dataset with the uppermost level of all fields but those of ``deep``, which keep theirs."""
-    if "depth" not in ds.dims:
-        return ds
-    deep = deep if ds.sizes["depth"] > 1 else set()
-    fields = {
-        name: field if name in deep or "depth" not in field.dims else field.isel(depth=0, drop=True)
-        for name, field in ds.data_vars.items()
-    }
-    kept = ds.assign(fields)
-    return kept if deep & set(map(str, ds.data_vars)) else kept.drop_vars("depth", errors="ignore")
+    keeping = deep if ds.sizes.get("depth", 0) > 1 else set()
+    return uppermost(ds, [str(name) for name in ds.data_vars if name not in keeping])
 
 
 def _not_too_fine(ds: xr.Dataset) -> xr.Dataset:

@@ -57,11 +57,25 @@ def footprint(shape: int, length: float, width: float, angle: float, px: Floats,
             across = 0.5 * width if k < 2 else -0.5 * width
             px[k], py[k] = c * along - s * across, s * along + c * across
         return 4
-    corner = math.sqrt(length * width / (1.5 * math.sqrt(3.0)))
+    corner = _corner_of_hexagon(length * width)
     for k in range(6):
         turn = angle + (k + 0.5) * math.pi / 3.0
         px[k], py[k] = corner * math.cos(turn), corner * math.sin(turn)
     return 6
+
+
+@kernel
+def _corner_of_hexagon(area: float) -> float:
+    """How far the corners of a hexagon lie from its middle, m."""
+    return math.sqrt(area / (1.5 * math.sqrt(3.0)))
+
+
+@kernel
+def _farthest(shape: int, length: float, width: float) -> float:
+    """How far the corners of a footprint lie from the element, m."""
+    if shape == RECTANGLE:
+        return 0.5 * math.sqrt(length * length + width * width)
+    return _corner_of_hexagon(length * width)
 
 
 @kernel
@@ -267,12 +281,9 @@ def cover(
         Room for corners.
     """
     columns = lon.shape[1]
-    widest_reach = (
-        0.5 * math.sqrt(length * length + width * width)
-        if shape == RECTANGLE
-        else 0.62040325 * math.sqrt(length * width)
-    )
-    if shape == POINT or _lies_within(lon0, lat0, i0, j0, lon, lat, widest_reach, latlon, radius, period):
+    if shape == POINT or _lies_within(
+        lon0, lat0, i0, j0, lon, lat, _farthest(shape, length, width), latlon, radius, period
+    ):
         if start < cells.size:
             cells[start], shares[start] = j0 * columns + i0, 1.0
         return 1

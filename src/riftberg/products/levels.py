@@ -7,6 +7,7 @@ standard name and its name, in this order.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
@@ -279,3 +280,10 @@ def depths(axis: xr.DataArray, *, where: str) -> Floats:
             f"the levels {axis.name} lie above and below 0", where=where, remedy="Give depths, positive down"
         )
     return np.asarray(np.abs(values) * factor)
+
+
+def uppermost(ds: xr.Dataset, names: Iterable[str]) -> xr.Dataset:
+    """Return a canonical dataset with the named fields at their uppermost level; without depths that none has any more."""
+    deep = [name for name in names if name in ds and "depth" in ds[name].dims]
+    ds = ds.assign({name: ds[name].isel(depth=0, drop=True) for name in deep})
+    return ds if any("depth" in field.dims for field in ds.values()) else ds.drop_vars("depth", errors="ignore")

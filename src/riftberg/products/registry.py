@@ -28,6 +28,7 @@ from riftberg.products import (
     osisaf,
     srtm15,
 )
+from riftberg.products.levels import uppermost
 from riftberg.products.product import Product
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import own_interval
@@ -194,14 +195,8 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
         One canonical dataset for each product, grid and set of records.
     """
     opened = open_named((path, product) for path in expand(paths))
-    return opened if levels else [_at_the_surface(ds) for ds in opened]
-
-
-def _at_the_surface(ds: xr.Dataset) -> xr.Dataset:
-    """Return a dataset with temperature and salinity of the uppermost level alone."""
-    deep = [name for name in ("sst", "sss") if name in ds and "depth" in ds[name].dims]
-    ds = ds.assign({name: ds[name].isel(depth=0, drop=True) for name in deep})
-    return ds if not deep or any("depth" in field.dims for field in ds.values()) else ds.drop_dims("depth")
+    # Currents keep their levels, for a mean over the draft.
+    return opened if levels else [uppermost(ds, ("sst", "sss")) for ds in opened]
 
 
 def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:

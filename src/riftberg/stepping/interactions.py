@@ -75,7 +75,7 @@ class Partners(NamedTuple):
 
 
 @kernel
-def _stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[float, float]:
+def stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[float, float]:
     """Stiffness (s-2) and distance (m) at which the force vanishes, by kind of pair (equations 5.2)."""
     if kind in (COLLISION, PLAIN_CONTACT):
         stiffness = pair_stiffness(law.contact_spring, law.modulus, sum_radii, law.contact_stiffest)
@@ -112,7 +112,7 @@ def pair_terms(
         Partner's velocity minus the element's, at the start of the step and at the current iterate, m s-1.
     law : PairLaw
     """
-    stiffness, reach = _stiffness_and_reach(kind, sum_radii, law)
+    stiffness, reach = stiffness_and_reach(kind, sum_radii, law)
     d = math.sqrt(rx * rx + ry * ry)
     in_reach = d < reach
     if kind == BONDED:

@@ -8,7 +8,9 @@ from typing import Final
 import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.parameters import Parameters
+from riftberg.places import duration_text
 from riftberg.state import Elements, Floats
 
 STEADY: Final = 12.0
@@ -74,10 +76,6 @@ def ringing(elements: Elements, bonds: int, parameters: Parameters) -> str:
         return ""
     return (
         f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.stepping.time_step:g} s, "
-        f"which is long beside the {_length(period)} of a swing of the berg, so bonds may break that would hold. "
-        "stepping.scheme=quasi_static gives the stress that the ice has to bear"
+        f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg, so bonds may break "
+        "that would hold. stepping.scheme=quasi_static gives the stress that the ice has to bear"
     )
-
-
-def _length(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.kernels import kernel, stage
-from riftberg.physics.contact import damping_coefficients, damping_tensor, pair_stiffness, spring_acceleration
+from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
-from riftberg.stepping.interactions import PairLaw, Terms
+from riftberg.stepping.interactions import COLLISION, PairLaw, Terms, stiffness_and_reach
 from riftberg.stepping.sizes import Sizes
 
 
@@ -96,8 +96,7 @@ def contact_of(
         Smaller mass over the mass of the element.
     law : PairLaw
     """
-    stiffness = pair_stiffness(law.contact_spring, law.modulus, sum_radii, law.contact_stiffest)
-    reach = max(sum_radii, law.contact_distance)
+    stiffness, reach = stiffness_and_reach(COLLISION, sum_radii, law)
     d = math.sqrt(rx * rx + ry * ry)
     if d == 0.0 or not d < reach:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False

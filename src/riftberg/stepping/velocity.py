@@ -204,11 +204,8 @@ def solve_in_contact(
         As in `solve_velocity`.
     u, v : float
         Velocity of the element, m s-1.
-    touching : Touching
-    u_shown, v_shown : array of float
-        Velocities that the others show, m s-1.
-    by_speed : bool
-        Damping grows with the relative speed.
+    touching, u_shown, v_shown, by_speed
+        As in `contact_terms`.
 
     Returns
     -------
