@@ -7,7 +7,7 @@ from typing import NamedTuple
 from riftberg.kernels import borrower, kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.bond_rows import load_rows, store_rows
+from riftberg.stepping.bond_rows import crosses, load_rows
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
@@ -219,10 +219,11 @@ def _take_substeps_of_beams(
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as beams; returns the number of bonds broken."""
     rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and _reaches_pole(el.place.lat)
     broken = 0
     count = load_rows(rows, el, bonds, sizes, earlier, p)
+    period = p.period if crosses(el.shown.lon_pair, p.period) else 0.0
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
@@ -231,10 +232,11 @@ def _take_substeps_of_beams(
             _drift_and_show(el, scratch, dt, near_pole, p)
         now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
         broken += dem_accelerations(
-            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears, p
-        )
+            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears,
+            n == plan.substeps - 1, period, p,
+        )  # fmt: skip
         if floor_varies:
-            floor_rates(el, scratch)
+            floor_rates(el, scratch, dt)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
             _start_rotation(el, scratch, plan.dt / plan.substeps)
@@ -246,7 +248,6 @@ def _take_substeps_of_beams(
         _remember_fast(el)
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
-    store_rows(rows, count, bonds)
     _show_all(el)
     return broken
 
@@ -258,7 +259,7 @@ def _take_substeps_of_springs(
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
     pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and _reaches_pole(el.place.lat)
     passes = 1
     explicit = p.explicit_substeps
@@ -272,7 +273,7 @@ def _take_substeps_of_springs(
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
         if floor_varies:
-            floor_rates(el, scratch)
+            floor_rates(el, scratch, dt)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
             continue
