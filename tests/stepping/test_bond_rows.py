@@ -28,7 +28,7 @@ def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, 
     made.block[: -row.BLOCK] = np.nan  # what an earlier long step left must not matter
     made.sheet[:] = np.nan
     count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
-    show_ends(made, el, 0.0)
+    show_ends(made, el, 0.0, 0, el.mass.size)
     return el, bonds, made, count
 
 
@@ -126,7 +126,7 @@ def test_sums_over_bonds_are_those_of_a_plain_loop() -> None:
     el, bonds, made, count = loaded(9, 8, broken=(7,))
     applied(made, count, el.mass.size)
     sums = np.zeros((3, el.mass.size))
-    bond_law.sum_over_bonds(made, *sums)
+    bond_law.sum_over_bonds(made, *sums, 0, el.mass.size)
     plain = np.zeros_like(sums)
     begun = made.sums.reshape(-1, 3, row.LANES).transpose(1, 0, 2).reshape(3, -1)[:, : el.mass.size]
     plain[2] += begun[2]
@@ -151,10 +151,10 @@ def test_the_order_of_the_bonds_does_not_matter() -> None:
             getattr(bonds, name)[:] = getattr(bonds, name)[order]
         made = allocate_rows(bonds, el.mass.size)
         count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
-        show_ends(made, el, 0.0)
+        show_ends(made, el, 0.0, 0, el.mass.size)
         applied(made, count, el.mass.size)
         sums = np.zeros((3, el.mass.size))
-        bond_law.sum_over_bonds(made, *sums)
+        bond_law.sum_over_bonds(made, *sums, 0, el.mass.size)
         want = sums if want is None else want
         np.testing.assert_allclose(sums, want, rtol=0, atol=1e-12 * np.abs(want).max())
 
@@ -178,7 +178,7 @@ def test_what_bonds_bear_goes_to_the_state_but_for_those_that_broke() -> None:
 
 def test_the_turn_of_one_end_against_the_other_is_kept() -> None:
     el, bonds, made, _ = loaded(5, 4)
-    show_ends(made, el, 10.0)
+    show_ends(made, el, 10.0, 0, el.mass.size)
     before = bonds.relative_rotation.copy()
     block, _, _ = parts(made, 0, el.mass.size)
     note_all(made.bond[: row.LANES], bonds, block, made.sheet, made.turned)
@@ -204,7 +204,7 @@ def test_large_angles_have_the_sine_of_all_angles() -> None:
     """A bond of elements that turned far, in one block with others that did not."""
     el, bonds, made, count = loaded(5, 4)
     el.rotation[bonds.second[made.bond[0]]] += 2.5
-    show_ends(made, el, 0.0)
+    show_ends(made, el, 0.0, 0, el.mass.size)
     block, ends, _ = parts(made, 0, el.mass.size)
     bond_law.gather_ends(made.sheet, made.second[: row.LANES], made.ends)
     bond_law.sines(block, made.sheet, ends, False)

@@ -32,19 +32,6 @@ from riftberg.stepping import bond_blocks as row
 
 
 @kernel
-def show_ends(rows, el):
-    """Lay out what the bonds see of the elements."""
-    ends, shown, motion = rows.ends, el.shown, el.motion
-    x, y, u, v, spin, angle = (
-        shown.lon_pair, shown.lat_pair, shown.u_pair, shown.v_pair, motion.spin, motion.rotation,
-    )  # fmt: skip
-    for e in range(x.size):
-        at = row.end_of(e)
-        ends[at + row.X], ends[at + row.Y], ends[at + row.U], ends[at + row.V] = x[e], y[e], u[e], v[e]
-        ends[at + row.SPIN], ends[at + row.ANGLE] = spin[e], angle[e]
-
-
-@kernel
 def gather_ends(sheet, second, ends):
     """Bring what the law needs of the second ends into the sheet, one by one; all loads stand before all stores."""
     for k in range(row.LANES):
@@ -184,15 +171,21 @@ def add_to_first(block, sheet, sums):
 
 
 @kernel
-def sum_over_bonds(rows, fx, fy, torque):
-    """Sum forces (N) and torques (N m) over the bonds of each element: those that begin there, then those that end there."""
-    block, slot, sums = rows.block, rows.slot, rows.sums
-    for e in range(fx.size):
-        at = (e // row.LANES) * row.SUMS + e % row.LANES
-        sum_x, sum_y, sum_torque = sums[at + row.SUM_X], sums[at + row.SUM_Y], sums[at + row.SUM_TORQUE]
-        for k in range(slot.shape[1]):
-            at = slot[e, k]
-            sum_x -= block[at + row.FX]
-            sum_y -= block[at + row.FY]
-            sum_torque += block[at + row.TORQUE2]
-        fx[e], fy[e], torque[e] = sum_x, sum_y, sum_torque
+def sum_over_bonds(rows, fx, fy, torque, begin, end):
+    """Sum forces (N) and torques (N m) over the bonds of elements: those that begin there, then those that end there.
+
+    ``begin`` is the first of a block of elements.
+    """
+    block = rows.block
+    for b in range(begin // row.LANES, row.blocks_of(end)):
+        i, j = b * row.LANES, min((b + 1) * row.LANES, end)
+        to_x, to_y, to_torque, slot = fx[i:j], fy[i:j], torque[i:j], rows.slot[i:j]
+        sums = rows.sums[b * row.SUMS : (b + 1) * row.SUMS]
+        for k in range(to_x.size):
+            sum_x, sum_y, sum_torque = sums[row.SUM_X + k], sums[row.SUM_Y + k], sums[row.SUM_TORQUE + k]
+            for n in range(slot.shape[1]):
+                at = slot[k, n]
+                sum_x -= block[at + row.FX]
+                sum_y -= block[at + row.FY]
+                sum_torque += block[at + row.TORQUE2]
+            to_x[k], to_y[k], to_torque[k] = sum_x, sum_y, sum_torque

@@ -256,14 +256,23 @@ def _copy(target, source):
 
 
 @kernel
-def show_ends(rows: BondRows, el: Elements, dt: float) -> None:
-    """Lay out what the bonds see of the elements in a sub-step of ``dt`` seconds, and note how far they turn in it."""
-    turned, shown, motion = rows.turned, el.shown, el.motion
+def _add(target, source, times):
+    for k in range(source.size):
+        target[k] += source[k] * times
+
+
+@kernel
+def show_ends(rows: BondRows, el: Elements, dt: float, begin: int, end: int) -> None:
+    """Lay out what the bonds see of elements in a sub-step of ``dt`` seconds, and note how far they turn in it.
+
+    ``begin`` is the first of a block of elements.
+    """
+    shown, motion = el.shown, el.motion
     x, y, u, v, spin, angle = (
         shown.lon_pair, shown.lat_pair, shown.u_pair, shown.v_pair, motion.spin, motion.rotation,
     )  # fmt: skip
-    for b in range(row.blocks_of(x.size)):
-        i, j = b * row.LANES, (b + 1) * row.LANES
+    for b in range(begin // row.LANES, row.blocks_of(end)):
+        i, j = b * row.LANES, min((b + 1) * row.LANES, end)
         ends = rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
         _copy(ends[row.X :], x[i:j])
         _copy(ends[row.Y :], y[i:j])
@@ -271,5 +280,4 @@ def show_ends(rows: BondRows, el: Elements, dt: float) -> None:
         _copy(ends[row.V :], v[i:j])
         _copy(ends[row.SPIN :], spin[i:j])
         _copy(ends[row.ANGLE :], angle[i:j])
-    for e in range(x.size):
-        turned[e] += spin[e] * dt
+        _add(rows.turned[i:j], spin[i:j], dt)

@@ -1,4 +1,9 @@
-"""One explicit sub-step of the multiple-time-step scheme (equations 6.4, part 3)."""
+"""One explicit sub-step of the multiple-time-step scheme (equations 6.4, part 3).
+
+Loops over elements go from ``begin`` to ``end``, so that with bonds as beams all of them can be done for some hundred elements
+after the other: what one loop leaves for the next is then still in the cache. They count unsigned, because numba then leaves out
+the test for negative (wrap-around) indices.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +20,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping import bond_blocks as row
 from riftberg.stepping.bond_law import add_to_first, apply_bond_law, gather_ends, next_ends, sum_over_bonds
-from riftberg.stepping.bond_rows import BondRows, allocate_rows, show_ends
+from riftberg.stepping.bond_rows import BondRows, allocate_rows
 from riftberg.stepping.breaking import (
     ContactPairs,
     add_contacts,
@@ -80,7 +85,7 @@ def allocate_room(elements: Elements, bonds: Bonds) -> Room:
 
 
 @kernel
-def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
+def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool, begin: int, end: int) -> None:
     """Move the elements by their mid-step velocity and show position and velocity to the others (equations 6.4, 3a).
 
     With ``q1`` the northward mid-step velocity uses the eastward implicit acceleration, as the reference does (Q1).
@@ -90,7 +95,7 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
     per_unit = DEGREE * radius if latlon else 1.0
     per_metre = 1.0 / per_unit
     to_degrees = 1.0 if latlon else 0.0
-    for e in range(place.lon.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         # All loads stand before all stores, so that the loop vectorises (see `kick`).
         u, v, ax, ay = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
         bx, by, lon, lat = kicks.bx_fast[e], kicks.by_fast[e], place.lon[e], place.lat[e]
@@ -108,10 +113,10 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
 
 
 @stage
-def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
+def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool, begin: int, end: int) -> None:
     """As `drift`, on the tangent plane where latitude is above 89 degrees."""
     place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
-    for e in range(place.lon.size):
+    for e in range(begin, end):
         if active[e] == 0.0:
             continue
         wu = motion.u[e] + 0.5 * dt * (kicks.ax_fast[e] + kicks.bx_fast[e])
@@ -123,10 +128,10 @@ def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: 
 
 
 @kernel
-def divide_by_mass(el: Elements, scratch: Scratch) -> None:
+def divide_by_mass(el: Elements, scratch: Scratch, begin: int, end: int) -> None:
     """Add loads to the summed forces and turn all into accelerations and angular accelerations (equations 5.3, 3)."""
     kicks, body = el.kicks, el.body
-    for e in range(el.place.lon.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         per_mass = scratch.per_mass[e]
         scratch.accel_x[e] += (scratch.force_x[e] + body.load_x[e]) * per_mass
         scratch.accel_y[e] += (scratch.force_y[e] * body.free_y[e] + body.load_y[e]) * per_mass
@@ -134,12 +139,12 @@ def divide_by_mass(el: Elements, scratch: Scratch) -> None:
 
 
 @stage
-def dem_accelerations(
+def act_on_ends(
     el: Elements, bonds: Bonds, rows: BondRows, count: int, pairs: ContactPairs, search: bool, scratch: Scratch,
     sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, wears: bool, last: bool, period: float,
     p: KernelParameters,
 ) -> int:  # fmt: skip
-    """Accelerations and angular accelerations of all elements by bonds, loads and contact inside the berg.
+    """Forces of all bonds on their ends, which are shown, and accelerations by contact.
 
     Parameters
     ----------
@@ -167,7 +172,6 @@ def dem_accelerations(
         add_contacts(
             pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True, soft_dt
         )
-    show_ends(rows, el, dt)
     rows.sums[:] = 0.0
     width, sheet, broken = row.blocks_of(el.place.lon.size), rows.sheet, 0
     for n in range(count):
@@ -194,9 +198,14 @@ def dem_accelerations(
         if last:
             note_all(rows.bond[first:end], bonds, block, sheet, rows.turned)
         add_to_first(block, sheet, sums)
-    sum_over_bonds(rows, scratch.force_x, scratch.force_y, scratch.torque)
-    divide_by_mass(el, scratch)
     return broken
+
+
+@kernel
+def accelerate(el: Elements, rows: BondRows, scratch: Scratch, begin: int, end: int) -> None:
+    """Accelerations and angular accelerations of elements by bonds and loads, added to those by contact."""
+    sum_over_bonds(rows, scratch.force_x, scratch.force_y, scratch.torque, begin, end)
+    divide_by_mass(el, scratch, begin, end)
 
 
 @kernel
@@ -236,27 +245,27 @@ def add_collisions(
 
 
 @kernel
-def floor_rates(el: Elements, scratch: Scratch, dt: float) -> None:
+def floor_rates(el: Elements, scratch: Scratch, dt: float, begin: int, end: int) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion
-    for e in range(motion.u.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         speed = math.sqrt(motion.u[e] * motion.u[e] + motion.v[e] * motion.v[e])
         rate = scratch.ground_linear[e] + scratch.ground_quadratic[e] * speed
         scratch.ground_rate[e], scratch.ground_leaves[e] = rate, 1.0 / (1.0 + rate * dt)
 
 
 @kernel
-def sum_stopped(el: Elements, scratch: Scratch) -> None:
+def sum_stopped(el: Elements, scratch: Scratch, begin: int, end: int) -> None:
     """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
     motion = el.motion
-    for e in range(motion.u.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         rate = scratch.active[e] * scratch.ground_rate[e]
         scratch.stopped_x[e] -= rate * motion.u[e]
         scratch.stopped_y[e] -= rate * motion.v[e]
 
 
 @kernel
-def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
+def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool, begin: int, end: int) -> None:
     """Update velocities by half the old and half the new fast acceleration (equations 6.4, 3b).
 
     The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
@@ -267,7 +276,7 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
     motion, kicks = el.motion, el.kicks
     half = 0.5 * dt
     explicit = 0.0 if implicit_ground else 1.0
-    for e in range(el.place.lon.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
         u, v, ax_old, ay_old = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
         rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
@@ -283,20 +292,20 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
 
 
 @kernel
-def spin_up(el: Elements, scratch: Scratch, dt: float) -> None:
+def spin_up(el: Elements, scratch: Scratch, dt: float, begin: int, end: int) -> None:
     """Update angular velocity, then the angle with the new angular velocity (equations 6.4, 3c)."""
     motion, kicks = el.motion, el.kicks
-    for e in range(el.place.lon.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         spin = (motion.spin[e] + dt * kicks.spin_rate[e]) * scratch.ground_leaves_spin[e]
         motion.spin[e] = spin if scratch.active[e] > 0.0 else motion.spin[e]
         motion.rotation[e] += scratch.active[e] * dt * spin
 
 
 @kernel
-def show_velocities(el: Elements, active: Floats) -> None:
+def show_velocities(el: Elements, active: Floats, begin: int, end: int) -> None:
     """Let the others see the new velocities."""
     shown, motion = el.shown, el.motion
-    for e in range(motion.u.size):
+    for e in range(np.uint64(begin), np.uint64(end)):
         u, v, u_shown, v_shown, moves = motion.u[e], motion.v[e], shown.u_pair[e], shown.v_pair[e], active[e] > 0.0
         shown.u_pair[e] = u if moves else u_shown
         shown.v_pair[e] = v if moves else v_shown
