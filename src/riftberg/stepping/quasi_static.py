@@ -24,41 +24,20 @@ from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
-from riftberg.stepping.frames import (
-    Bodies,
-    element_motion,
-    flat_shape,
-    free_bodies,
-    mean_bend,
-    moved_frames,
-    place,
-    regrouped,
-    without_mean,
-)
+from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, moved_frames, place, regrouped
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.lattice_equilibrium import (
     ElasticLattice,
     Factors,
     Holds,
-    balanced_loads,
     elastic_energy,
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
+from riftberg.stepping.moments import Standing, arrive, depart, keep_applied_forces, motion_at, relax
 from riftberg.stepping.partners import MARGIN, will_touch
-from riftberg.stepping.rigid_bodies import (
-    Acting,
-    BodyMotion,
-    each_times,
-    element_velocities,
-    find_loading,
-    inertia_and_floor,
-    inverses,
-    keep_forces,
-    touching_pairs,
-    with_floor,
-)
+from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 
@@ -96,17 +75,6 @@ class Structure:
         if known is None or known.bend is not bend or known.alive is not self.alive:
             self.latest = known = Equilibrium(self.lattice, self.alive, bend, p)
         return known
-
-
-@dataclass
-class Standing:
-    """All that is known at one time: bodies, forces at their velocities, and the balanced loads of the lattice (N, N, N m)."""
-
-    time: float
-    bodies: Bodies
-    motion: BodyMotion
-    acting: Acting
-    load: Floats
 
 
 class QuasiStaticStepper:
@@ -197,6 +165,7 @@ class LongStep:
         self.touched: list[tuple[Ints, Ints]] = []
         self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
+        self.room: BodyRoom | None = None
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
         self.structure = structure or self._build(bodies)
@@ -287,12 +256,8 @@ class LongStep:
 
     def _apply(self, before: Standing, taken: float) -> None:
         """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
-        half, part = 0.5 * taken, 0.5 * taken / self.model.parameters.stepping.time_step
-        middle = before.motion.opened(before.bodies.rate, before.acting.total, half)
-        for moment, after in ((before, middle), (self.now, self.now.bodies.rate)):
-            motion, acting = moment.motion, moment.acting
-            held = motion.held(acting.total, after, half)
-            keep_forces(motion.body, motion.elements, acting.acted, motion.load.floor, held, part, self.applied)
+        part = 0.5 * taken / self.model.parameters.stepping.time_step
+        keep_applied_forces(before, self.now, 0.5 * taken, part, self.applied, self._room_for(self.now.bodies))
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -306,17 +271,11 @@ class LongStep:
 
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
-        el, c, now = self.el, self.c, self.now
-        rate = now.motion.opened(now.bodies.rate, now.acting.total, 0.5 * h)
-        pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
-        bodies = now.bodies._replace(pose=pose, rate=rate)
-        el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
-        bodies = self._place(bodies)
-        self.model.forcing.sample(el, now.time + h)
-        motion = self._motion(bodies)
-        bodies = bodies._replace(rate=motion.closed(rate, 2.0 * rate - now.bodies.rate, 0.5 * h))
+        c, now = self.c, self.now
+        bodies = self._place(depart(self.el, now, self.seat, h, c, self._room_for(now.bodies)))
+        self.model.forcing.sample(self.el, now.time + h)
+        self.now = self._loaded(bodies, self._motion(bodies), now.time + h, now.bodies.rate, 0.5 * h)
         before = now.bodies.bend
-        self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
         if self.model.parameters.damage.enabled:
             s = self.structure
@@ -326,12 +285,13 @@ class LongStep:
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
-        for _ in range(5):
-            # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
-            seated = bodies._replace(bend=self.seat)
-            place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
+        for n in range(5):
             if grid is None:
                 break
+            if n > 0:
+                # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
+                seated = bodies._replace(bend=self.seat)
+                place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
             lon, lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
             shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
@@ -341,14 +301,23 @@ class LongStep:
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         return bodies
 
+    def _room_for(self, bodies: Bodies) -> BodyRoom:
+        """Return room for the fragments."""
+        if self.room is None or self.room.w.shape != bodies.pose.shape:
+            self.room = allocate_body_room(bodies.pose.shape[0])
+        return self.room
+
     def _motion(self, bodies: Bodies) -> BodyMotion:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
-        motion = element_motion(bodies, c.latlon, c.earth_radius)
-        load = find_loading(el, self.sizes, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
-        inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
-        return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
+        motion = motion_at(el, self.sizes, bodies, touching, c, self._room_for(bodies))
+        s = self.structure
+        for b, inside in self._supported(bodies):
+            # Fragments with supports move only as these allow.
+            z = s.holds.modes(inside, s.flat)
+            motion.mobility[b] = z @ np.linalg.solve(z.T @ motion.inertia[b] @ z, z.T) if z.size else 0.0
+        return motion
 
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
@@ -357,15 +326,6 @@ class LongStep:
             return self._near
         reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
         return find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-
-    def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
-        """Inverse inertia; fragments with supports move only as these allow."""
-        mobility = inverses(inertia)
-        s = self.structure
-        for b, inside in self._supported(bodies):
-            z = s.holds.modes(inside, s.flat)
-            mobility[b] = z @ np.linalg.solve(z.T @ inertia[b] @ z, z.T) if z.size else 0.0
-        return mobility
 
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
         """Fragments with supports, and their elements."""
@@ -377,38 +337,28 @@ class LongStep:
     def _moment(self, bodies: Bodies, time: float) -> Standing:
         return self._loaded(bodies, self._motion(bodies), time)
 
-    def _loaded(self, bodies: Bodies, motion: BodyMotion, time: float) -> Standing:
-        """Forces and loads at the velocities of the bodies, which all elements take on."""
-        el, load, s = self.el, motion.load, self.structure
-        u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
-        for name, values in (("u", u), ("v", v)):
-            for kind in ("", "_sync", "_pair"):
-                getattr(el, name + kind)[:] = values
-        el.spin[:] = w
-        acting = motion.acting(bodies.rate)
-        turn = motion.elements[:, 9:11]
-        total = acting.total - each_times(motion.floor, bodies.rate)
-        el.spin_rate[:] = each_times(motion.mobility, total)[bodies.body, 2]
-        force = with_floor(acting.force, load, u, v, w)
-        balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
+    def _loaded(
+        self, bodies: Bodies, motion: BodyMotion, time: float, before: Floats | None = None, half: float = 0.0
+    ) -> Standing:
+        """Forces and loads of a moment; see `riftberg.stepping.moments.arrive`."""
+        s = self.structure
+        now = arrive(self.el, s.flat, bodies, motion, time, before, half, self._room_for(bodies))
         for _, inside in self._supported(bodies):
-            z = s.holds.modes(inside, s.flat)
-            balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
-        return Standing(time, bodies, motion, acting, balanced)
+            z, load = s.holds.modes(inside, s.flat), motion.load
+            turn = motion.elements[:, 9:11]
+            now.load[inside] = _supported_loads(inside, z, s.flat, turn, now.force, load.mass, load.inertia)
+        return now
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
         now = self.now
         bend = self.structure.factors.solve(now.load)
-        if not np.isfinite(bend).all():
-            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
-        load, body, flat = now.motion.load, now.bodies.body, self.structure.flat
-        mean = mean_bend(body, flat, now.bodies.pose.shape[0], bend, load.mass, load.inertia)
+        shifted = np.zeros(now.bodies.pose.shape[0], np.bool_)
         for b, _ in self._supported(now.bodies):
-            mean[b] = 0.0
-        without_mean(body, flat, bend, mean, load.mass)
-        self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.acting, now.load)
+            shifted[b] = True
+        if not relax(now.bodies, now.motion.load, self.structure.flat, bend, self.el.rotation, shifted):
+            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
+        self.now = now._replace(bodies=now.bodies._replace(bend=bend))
 
     def _contact_limit(self, left: float) -> float:
         """Longest step (s) that resolves the springs of contact between fragments."""
@@ -532,7 +482,7 @@ class LongStep:
         momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return bodies._replace(rate=each_times(motion.mobility, sums))
+        return bodies._replace(rate=(motion.mobility @ sums[:, :, None])[:, :, 0])
 
     def _build(self, bodies: Bodies) -> Structure:
         """Describe and factor the lattice of the bonds that hold."""
