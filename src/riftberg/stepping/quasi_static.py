@@ -86,6 +86,7 @@ class QuasiStaticStepper:
         self._now: Standing | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
         self._ice: list[bytes] = []
+        self._sizes: Sizes | None = None
         self._touched = NOBODY
 
     @property
@@ -119,12 +120,14 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
         self._forget_what_changed(model)
-        step = LongStep(model, self._bodies, self._structure, self._now)
+        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._applied = step.applied
         self._touched = joined(step.touched)
-        self._ice = _ice(model)
+        self._sizes = step.sizes
+        if step.cracked:
+            self._ice = _ice(model)
         model.time = step.start + model.parameters.stepping.time_step
 
     def _forget_what_changed(self, model: RunState) -> None:
@@ -136,9 +139,10 @@ class QuasiStaticStepper:
         if self._bodies is not None and self._bodies.body.size != count:
             self._bodies = None
         if self._ice != now:
-            self._structure = self._now = None
+            self._structure = self._now = self._sizes = None
         if self._ice and now[0] != self._ice[0]:
             self._bodies = None  # other elements, in the same number
+        self._ice = now
 
 
 def _ice(model: RunState) -> list[bytes]:
@@ -156,10 +160,11 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None
-    ) -> None:
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
+        sizes: Sizes | None,
+    ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
-        self.sizes: Sizes = interaction_sizes(self.el, self.c)
+        self.sizes: Sizes = sizes or interaction_sizes(self.el, self.c)
         self.start, self.cracked = model.time, False
         self.applied = np.zeros((self.el.size, len(FORCES), 2))
         self.touched: list[tuple[Ints, Ints]] = []
@@ -504,8 +509,7 @@ class LongStep:
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        turn = self.now.motion.elements[:, 9:11]
-        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn)
+        store_stresses(self.bonds, now.lattice, now.alive, now.deformation, now.stress, self.now.motion.elements)
 
 
 def _supported_loads(
