@@ -46,7 +46,8 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
-from riftberg.stepping.partners import MARGIN, will_touch
+from riftberg.stepping.meetings import Blow, Meeting, caught_up, meet
+from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
 from riftberg.stepping.rigid_bodies import (
     Acting,
     BodyMotion,
@@ -64,9 +65,6 @@ from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 EVENTS = 64
 """Cracks begin at most this often in a long step: overloads that follow each other sooner are met together."""
-
-CONTACT_PHASE = 1.0
-"""Largest step times frequency of the springs of contact, rad; beyond it the step is divided."""
 
 TOUCHDOWN = 64
 """Part of the shortest landing step within which the moment is found at which an element touches down."""
@@ -197,6 +195,8 @@ class LongStep:
         self.touched: list[tuple[Ints, Ints]] = []
         self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
+        self.meeting: Meeting | None = None  # of the last step
+        self._blown: tuple[Meeting, Equilibrium] | None = None
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
         self.structure = structure or self._build(bodies)
@@ -215,11 +215,10 @@ class LongStep:
             self._crack(-1)
         longest = dt
         while (left := end - self.now.time) > 1e-9 * dt:
-            pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
+            pieces = math.ceil(left / longest - 1e-9)
             h, self._soon = min(left / pieces, self._soon), math.inf
             longest = min(longest, self._go(h, dt, may_break))
             self._peak()
-            self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         self._store(self._equilibrium())
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
@@ -239,9 +238,14 @@ class LongStep:
             landed = self._landed(aground)
         if may_break:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+            least = dt / EVENTS if self.cracked else 0.0
+            if self._fails(self._struck()):
+                taken = self._blow(before, kept, h, min(least, self.meeting.shortest if self.meeting else h))
+                self._apply(before, taken)
+                self._crack(-1)
+                return dt
             place, share = s.criterion.first_break(before.bodies.bend, self._equilibrium(), limits)
             if place >= 0:
-                least = dt / EVENTS if self.cracked else 0.0
                 # The load of a landing sets in at its end, not evenly over the step.
                 if (short := max(share * h, least)) < h * (1.0 - 1e-9) and not landed:
                     self._back(before, kept)
@@ -283,16 +287,24 @@ class LongStep:
 
     def _peak(self) -> None:
         """Keep the largest stress of each bond within the long step."""
-        keep_peaks(self.bonds.peak_stress, self.structure.alive, self._equilibrium().stress)
+        for moment in (self._equilibrium(), self._struck()):
+            if moment is not None:
+                keep_peaks(self.bonds.peak_stress, self.structure.alive, moment.stress)
 
     def _apply(self, before: Standing, taken: float) -> None:
         """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
         half, part = 0.5 * taken, 0.5 * taken / self.model.parameters.stepping.time_step
+        met = self.meeting
+        earlier = self.applied[met.rows] if met else self.applied[:0]
         middle = before.motion.opened(before.bodies.rate, before.acting.total, half)
         for moment, after in ((before, middle), (self.now, self.now.bodies.rate)):
             motion, acting = moment.motion, moment.acting
             held = motion.held(acting.total, after, half)
             keep_forces(motion.body, motion.elements, acting.acted, motion.load.floor, held, part, self.applied)
+        self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
+        if met is not None:
+            self.applied[met.rows] = earlier + met.applied / self.model.parameters.stepping.time_step
+            self.touched.append((met.first, met.second))
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -303,18 +315,28 @@ class LongStep:
             getattr(self.el, name)[:] = values
         self.bonds.damage[:] = kept[-1]
         self.now = before
+        # Who may meet whom hangs on the velocities of the start.
+        self._show(before.motion, before.bodies)
 
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
         el, c, now = self.el, self.c, self.now
         rate = now.motion.opened(now.bodies.rate, now.acting.total, 0.5 * h)
+        met = self.meeting = self._meet(h)
+        if met is not None:
+            rate[met.bodies] = met.mean
         pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
         bodies = now.bodies._replace(pose=pose, rate=rate)
         el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
         bodies = self._place(bodies)
         self.model.forcing.sample(el, now.time + h)
         motion = self._motion(bodies)
-        bodies = bodies._replace(rate=motion.closed(rate, 2.0 * rate - now.bodies.rate, 0.5 * h))
+        after = motion.closed(rate, 2.0 * rate - now.bodies.rate, 0.5 * h)
+        if met is not None:
+            after[met.bodies] = met.rate
+            after[met.bodies], applied = caught_up(met, now.motion, motion, after, h)
+            self.meeting = met._replace(applied=applied)
+        bodies = bodies._replace(rate=after)
         before = now.bodies.bend
         self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
@@ -322,6 +344,17 @@ class LongStep:
             s = self.structure
             middle = Equilibrium(s.lattice, s.alive, 0.5 * (before + self.now.bodies.bend), c)
             wear(self.bonds, s.alive, s.criterion.ratios(middle, limits_of(self.bonds, s.alive, c)), h, c)
+
+    def _meet(self, h: float) -> Meeting | None:
+        """Let the fragments that may touch each other within ``h`` s do so."""
+        now, c = self.now, self.c
+        first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c)
+        try:
+            return meet(self.el, now.motion, now.bodies.rate, first, second, h, self.sizes, c)
+        except FloatingPointError:
+            raise RunError(
+                f"the velocities of bergs in contact did not settle at {self.model.date:%Y-%m-%d %H:%M}"
+            ) from None
 
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
@@ -356,7 +389,9 @@ class LongStep:
         if not c.interactions or bodies.pose.shape[0] < 2:
             return self._near
         reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
-        return find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        pairs = find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        newborn = el.life.fl_k == NEWBORN_CHILD
+        return among(pairs, ~newborn) if newborn.any() else pairs
 
     def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
         """Inverse inertia; fragments with supports move only as these allow."""
@@ -380,11 +415,7 @@ class LongStep:
     def _loaded(self, bodies: Bodies, motion: BodyMotion, time: float) -> Standing:
         """Forces and loads at the velocities of the bodies, which all elements take on."""
         el, load, s = self.el, motion.load, self.structure
-        u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
-        for name, values in (("u", u), ("v", v)):
-            for kind in ("", "_sync", "_pair"):
-                getattr(el, name + kind)[:] = values
-        el.spin[:] = w
+        u, v, w = self._show(motion, bodies)
         acting = motion.acting(bodies.rate)
         turn = motion.elements[:, 9:11]
         total = acting.total - each_times(motion.floor, bodies.rate)
@@ -399,7 +430,24 @@ class LongStep:
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
         now = self.now
-        bend = self.structure.factors.solve(now.load)
+        bend = self._bent(now.load)
+        self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
+        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.acting, now.load)
+
+    def _show(self, motion: BodyMotion, bodies: Bodies) -> tuple[Floats, Floats, Floats]:
+        """Let all elements take on the velocities of their bodies; returns these, and the spins."""
+        el = self.el
+        u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
+        for name, values in (("u", u), ("v", v)):
+            for kind in ("", "_sync", "_pair"):
+                getattr(el, name + kind)[:] = values
+        el.spin[:] = w
+        return u, v, w
+
+    def _bent(self, balanced: Floats) -> Floats:
+        """Displacements under loads in balance."""
+        now = self.now
+        bend = self.structure.factors.solve(balanced)
         if not np.isfinite(bend).all():
             raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
         load, body, flat = now.motion.load, now.bodies.body, self.structure.flat
@@ -407,46 +455,60 @@ class LongStep:
         for b, _ in self._supported(now.bodies):
             mean[b] = 0.0
         without_mean(body, flat, bend, mean, load.mass)
-        self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.acting, now.load)
+        return bend
 
-    def _contact_limit(self, left: float) -> float:
-        """Longest step (s) that resolves the springs of contact between fragments."""
-        touching = self.now.motion.touching
-        first, second = touching.first, touching.second
-        if (
-            self.c.contact_spring < 0.0
-        ):  # stiff ice: bergs that will touch within the step must not be deep in each other then
-            more = self._coming(left)
-            first, second = np.append(first, more[0]), np.append(second, more[1])
-        if first.size == 0:
-            return left
-        body, mass = self.now.bodies.body, self.now.motion.load.mass
-        count = self.now.bodies.pose.shape[0]
-        pair = self._contact_stiffness(first, second) * np.minimum(mass[first], mass[second])
-        stiff = np.bincount(body[first], pair, count) + np.bincount(body[second], pair, count)
-        fastest = math.sqrt(float((2.0 * stiff / np.bincount(body, mass, count)).max()))
-        return CONTACT_PHASE / fastest if fastest > 0.0 else left
+    # Blows
 
-    def _contact_stiffness(self, first: Ints, second: Ints) -> Floats:
-        """Stiffness (s-2) of pairs that touch, as `riftberg.physics.contact.pair_stiffness`."""
-        c, radius = self.c, self.sizes.radius
-        if c.contact_spring >= 0.0:
-            return np.full(first.size, c.contact_spring)
-        return np.asarray(c.modulus / (radius[first] + radius[second]) ** 2)
+    def _struck(self) -> Equilibrium | None:
+        """Return the equilibrium under the heaviest loads of contact in the last step; None where no bonded berg was touched."""
+        met = self.meeting
+        if met is None or not met.blow.rows.size:
+            return None
+        if self._blown is None or self._blown[0] is not met or self._blown[1].alive is not self.structure.alive:
+            self._blown = (
+                met,
+                Equilibrium(self.structure.lattice, self.structure.alive, self._bent(self._load(met.blow)), self.c),
+            )
+        return self._blown[1]
 
-    def _coming(self, left: float) -> tuple[Ints, Ints]:
-        """Pairs of different fragments that their speeds would bring together within ``left`` s; each once."""
-        el, c, body = self.el, self.c, self.now.bodies.body
-        if not c.interactions or self.now.bodies.pose.shape[0] < 2:
-            return NOBODY
-        u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
-        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        reach = MARGIN * (max(2.0 * float(radius.max()), c.contact_distance) + fastest * left)
-        pairs = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-        first = np.repeat(np.arange(el.size), np.diff(pairs.start))
-        once = first < pairs.partner
-        return will_touch(el, first[once], pairs.partner[once], radius, left, c)
+    def _load(self, blow: Blow) -> Floats:
+        """Balanced loads with those of a blow, each fragment's at its own moment."""
+        now, load, s = self.now, self.now.motion.load, self.structure
+        count = now.bodies.pose.shape[0]
+        force, turn, spin = np.zeros((self.el.size, 3)), now.motion.elements[:, 9:11].copy(), np.zeros(count)
+        force[blow.rows], turn[blow.rows], spin[blow.bodies] = blow.force, blow.turn, blow.spin
+        struck = balanced_loads(now.bodies.body, s.flat, turn, force, load.mass, load.inertia, spin)
+        for _, inside in self._supported(now.bodies):
+            z = s.holds.modes(inside, s.flat)
+            struck[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
+        balanced = now.load.copy()
+        balanced[blow.rows] = struck[blow.rows]
+        return balanced
+
+    def _fails(self, moment: Equilibrium | None) -> bool:
+        """Whether a bond is overloaded."""
+        return moment is not None and self._overloaded(moment) >= 0
+
+    def _blow(self, before: Standing, kept: list[np.ndarray], h: float, least: float) -> float:
+        """Shorten a step in which contact breaks a bond to the moment at which the first is overloaded; returns its length.
+
+        The lattice then stands under the heaviest loads up to there. Sub-steps of contact are resolved to a sixteenth.
+        """
+        whole, failed, near = 0.0, h, self.meeting.shortest / 16.0 if self.meeting is not None else h
+        while failed - whole > near and failed > least:
+            middle = 0.5 * (whole + failed)
+            self._back(before, kept)
+            self._advance(middle)
+            fails = self._fails(self._struck()) or self._fails(self._equilibrium())
+            whole, failed = (whole, middle) if fails else (middle, failed)
+        taken = min(max(failed, least), h)
+        self._back(before, kept)
+        self._advance(taken)
+        if not self._fails(self._equilibrium()) and (struck := self._struck()) is not None and self.meeting is not None:
+            now = self.now
+            bodies = now.bodies._replace(bend=struck.bend)
+            self.now = Standing(now.time, bodies, now.motion, now.acting, self._load(self.meeting.blow))
+        return taken
 
     # Breaking
 
@@ -458,7 +520,7 @@ class LongStep:
         bond = overloaded if overloaded >= 0 else first
         if bond < 0:
             return
-        self.cracked = True
+        self.cracked, self.meeting = True, None
         whole = elastic_energy(self.now.bodies.bend, self.now.load)
         starter = bond
         while bond >= 0:
