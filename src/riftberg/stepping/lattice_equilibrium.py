@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.errors import RunError
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
 from riftberg.state import Bonds, Floats, Ints
@@ -173,34 +173,49 @@ def balanced_loads(
     array of float, shape (elements, 3)
         N, N and N m; their sum and moment vanish for each fragment.
     """
-    count = spin.size
-    total, first, moment = np.zeros(count), np.zeros((count, 2)), np.zeros(count)
-    sums = np.zeros((count, 3))
-    load = np.zeros((body.size, 3))
+    load, rate = np.empty((body.size, 3)), np.zeros((spin.size, 3))
+    rate[:, 2] = spin
+    balance_loads(body, flat, turn, 0, force, mass, inertia, rate, np.empty((spin.size, 7)), load)
+    return load
+
+
+@kernel
+def balance_loads(
+    body: Ints, flat: Floats, turn: Floats, column: int, force: Floats, mass: Floats, inertia: Floats, rate: Floats,
+    sums: Floats, load: Floats,
+) -> None:  # fmt: skip
+    """Fill what `balanced_loads` returns.
+
+    ``turn`` stands in two columns from ``column`` on, the spin in the last one of ``rate``; ``sums`` (fragments, 7) is room.
+    """
+    # Columns: sums of the loads (3), centre of mass (2), mass, moment of inertia.
+    sums[:, :] = 0.0
     for e in range(body.size):
-        b, c, s = body[e], turn[e, 0], turn[e, 1]
-        load[e, 0], load[e, 1], load[e, 2] = (
-            c * force[e, 0] + s * force[e, 1],
-            c * force[e, 1] - s * force[e, 0],
-            force[e, 2],
-        )
-        total[b] += mass[e]
+        b, c, s = body[e], turn[e, column], turn[e, column + 1]
+        fx, fy = force[e, 0], force[e, 1]
+        load[e, 0], load[e, 1], load[e, 2] = c * fx + s * fy, c * fy - s * fx, force[e, 2]
+        sums[b, 5] += mass[e]
         for i in range(2):
-            first[b, i] += mass[e] * flat[e, i]
+            sums[b, 3 + i] += mass[e] * flat[e, i]
             sums[b, i] += load[e, i]
+    for b in range(sums.shape[0]):
+        for i in range(2):
+            sums[b, 3 + i] /= sums[b, 5]
+            sums[b, i] /= sums[b, 5]
     for e in range(body.size):
         b = body[e]
-        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
-        moment[b] += mass[e] * (x * x + y * y) + inertia[e]
+        x, y = flat[e, 0] - sums[b, 3], flat[e, 1] - sums[b, 4]
+        sums[b, 6] += mass[e] * (x * x + y * y) + inertia[e]
         sums[b, 2] += x * load[e, 1] - y * load[e, 0] + load[e, 2]
+    for b in range(sums.shape[0]):
+        sums[b, 2] /= sums[b, 6]
     for e in range(body.size):
         b, m = body[e], mass[e]
-        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
-        turning, square = sums[b, 2] / moment[b], spin[b] ** 2
-        load[e, 0] -= m * (sums[b, 0] / total[b] - turning * y - square * x)
-        load[e, 1] -= m * (sums[b, 1] / total[b] + turning * x - square * y)
+        x, y = flat[e, 0] - sums[b, 3], flat[e, 1] - sums[b, 4]
+        turning, square = sums[b, 2], rate[b, 2] ** 2
+        load[e, 0] -= m * (sums[b, 0] - turning * y - square * x)
+        load[e, 1] -= m * (sums[b, 1] + turning * x - square * y)
         load[e, 2] -= inertia[e] * turning
-    return load
 
 
 class Holds:
@@ -344,28 +359,41 @@ class Factors:
         RunError
             If the springs that hold the fragments carry a load: the lattice is a mechanism.
         """
-        scaled = load.copy()
-        scaled[:, 2] /= self._lattice.radius
-        b = scaled.ravel() * self._free
-        x = self._factors.solve(b)
+        bend = np.empty(load.shape)
+        size = self._factors.solve_scaled(load, self._lattice.radius, self._free, bend)
         if self._columns:
-            w, a = np.array(self._columns), np.array(self._solved)
-            small = np.diag(self._signs) + w @ a.T
-            x = x - a.T @ np.linalg.solve(small, w @ x)
-        self._check(x, b)
-        d: Floats = x.reshape(-1, 3)
-        d[:, 2] /= self._lattice.radius
-        return d
+            self._correct(bend)
+        self._check(float(give_of(bend, self._springs)), size)
+        bend[:, 2] /= self._lattice.radius
+        return bend
 
-    def _check(self, x: Floats, b: Floats) -> None:
-        size = float(np.abs(b).max(initial=0.0))
-        give = float(np.abs(x[self._springs]).max(initial=0.0))
+    def _correct(self, bend: Floats) -> None:
+        """Take account of the bonds that have broken, in place (Woodbury)."""
+        x = bend.reshape(-1)
+        w, a = np.array(self._columns), np.array(self._solved)
+        small = np.diag(self._signs) + w @ a.T
+        x -= a.T @ np.linalg.solve(small, w @ x)
+
+    def _check(self, give: float, size: float) -> None:
         force = give * self.spring
         if not (force <= BALANCE * size or give <= NO_GIVE):
             raise RunError(
                 f"the lattice is not in equilibrium: a freedom that should be free carries {force:.3g} N of loads of up to "
                 f"{size:.3g} N; bonds without shear stiffness or a mechanism cannot be held (stepping.scheme: mts can)"
             )
+
+
+@borrower
+def give_of(bend: Floats, springs: Ints) -> float:
+    """Largest displacement (m) of the freedoms that springs hold; not a number where one is none."""
+    most = 0.0
+    for n in range(springs.size):
+        x = abs(bend[springs[n] // 3, springs[n] % 3])
+        if not x <= most:
+            most = x
+            if x != x:
+                break
+    return most
 
 
 def elastic_energy(bend: Floats, load: Floats) -> float:

@@ -26,13 +26,13 @@ from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_law, pair_terms, stiffness_and_reach
-from riftberg.stepping.media import SEA_FLOOR
+from riftberg.stepping.media import FORCES, SEA_FLOOR
 from riftberg.stepping.rigid_bodies import (
     BodyMotion,
     Loading,
-    forces_by_medium,
-    inverses,
-    totals_and_slopes,
+    add_forces,
+    add_totals_and_slopes,
+    invert,
 )
 from riftberg.stepping.sizes import Sizes
 
@@ -244,10 +244,15 @@ def _cross(
     count = rate.shape[0]
     near, pairs = np.empty(first.size, np.int64), np.empty((first.size, 9))
     push, heaviest, change = np.empty((own.size, 2)), np.zeros(count), np.zeros((count, 3))
+    acted, force = np.zeros((own.size, load.media.shape[1] + 1, 2)), np.zeros((own.size, 3))
+    total, slope = np.zeros((count, 3)), np.zeros((count, 3, 3))
     left, before, shortest = span, 0.0, span
     while True:
-        acted, force, total = forces_by_medium(own, motion, rate, load)
-        _, slope = totals_and_slopes(own, motion, rate, load)
+        total[:, :] = 0.0
+        slope[:, :, :] = 0.0
+        add_totals_and_slopes(own, motion, rate, load, total, slope)
+        total[:, :] = 0.0
+        add_forces(own, motion, rate, load, acted, force, total)
         for b in range(count):
             for i in range(3):
                 for j in range(3):
@@ -317,19 +322,17 @@ def _cross(
 
 
 @kernel
-def _swung(m: Floats, angle: float) -> tuple[float, float]:
-    """How the spin moves an element whose body has turned by an angle (rad) since ``m`` was found, m."""
-    c, s = math.cos(angle), math.sin(angle)
+def _swung(m: Floats, c: float, s: float) -> tuple[float, float]:
+    """How the spin moves an element whose body has turned since ``m`` was found, m; by cosine and sine of the angle."""
     return m[2] * c - m[5] * s, m[5] * c + m[2] * s
 
 
 @kernel
-def _moved(m: Floats, path: Floats) -> tuple[float, float]:
-    """Path (m) of an element whose body has gone ``path`` since ``m`` was found."""
-    c, s = math.cos(path[2]) - 1.0, math.sin(path[2])
+def _moved(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
+    """Path (m) of an element whose body has gone ``path`` since ``m`` was found; cosine and sine are those of its turn."""
     return (
-        m[0] * path[0] + m[1] * path[1] + m[2] * s + m[5] * c,
-        m[3] * path[0] + m[4] * path[1] + m[5] * s - m[2] * c,
+        m[0] * path[0] + m[1] * path[1] + m[2] * s + m[5] * (c - 1.0),
+        m[3] * path[0] + m[4] * path[1] + m[5] * s - m[2] * (c - 1.0),
     )
 
 
@@ -352,8 +355,9 @@ def _touch(
         Longest step (s): the springs at hand are resolved, and no pair gets deep into another on the way.
     """
     found, ahead = 0, np.inf
-    stiff, pace = np.zeros(rate.shape[0]), np.zeros(rate.shape)
+    stiff, pace, angle = np.zeros(rate.shape[0]), np.zeros(rate.shape), np.empty((rate.shape[0], 2))
     for b in range(rate.shape[0]):
+        angle[b, 0], angle[b, 1] = math.cos(moved[b, 2]), math.sin(moved[b, 2])
         for i in range(3):
             for j in range(3):
                 pace[b, i] += mobility[b, i, j] * total[b, j]
@@ -361,13 +365,13 @@ def _touch(
         m, n = motion[first[k]], motion[second[k]]
         a, b = own[first[k]], own[second[k]]
         p, q, v, w = moved[a], moved[b], rate[a], rate[b]
-        x1, y1 = _moved(m, p)
-        x2, y2 = _moved(n, q)
+        x1, y1 = _moved(m, p, angle[a, 0], angle[a, 1])
+        x2, y2 = _moved(n, q, angle[b, 0], angle[b, 1])
         rx, ry = apart[k, 0] + x1 - x2, apart[k, 1] + y1 - y2
         stiffness, reach = stiffness_and_reach(COLLISION, radii[k], law)
         d = math.sqrt(rx * rx + ry * ry)
-        mx, my = _swung(m, p[2])
-        nx, ny = _swung(n, q[2])
+        mx, my = _swung(m, angle[a, 0], angle[a, 1])
+        nx, ny = _swung(n, angle[b, 0], angle[b, 1])
         du = n[0] * w[0] + n[1] * w[1] + nx * w[2] - (m[0] * v[0] + m[1] * v[1] + mx * v[2])
         dv = n[3] * w[0] + n[4] * w[1] + ny * w[2] - (m[3] * v[0] + m[4] * v[1] + my * v[2])
         if d < reach:
@@ -434,14 +438,15 @@ def _kick(
                 for k in range(3):
                     sum_ += mobility[b, i, k] * block[b, k, j]
                 matrix[b, i, j] = h * sum_ + (1.0 if i == j else 0.0)
-    matrix = inverses(matrix)
+    inverse = np.empty((count, 3, 3))
+    invert(matrix, inverse, np.empty((2, 3, 3)))
     for b in range(count):
         for i in range(3):
             for j in range(3):
                 held[b, i, j] = (
-                    matrix[b, i, 0] * mobility[b, 0, j]
-                    + matrix[b, i, 1] * mobility[b, 1, j]
-                    + matrix[b, i, 2] * mobility[b, 2, j]
+                    inverse[b, i, 0] * mobility[b, 0, j]
+                    + inverse[b, i, 1] * mobility[b, 1, j]
+                    + inverse[b, i, 2] * mobility[b, 2, j]
                 )
     for b in range(count):
         for i in range(3):
@@ -573,8 +578,10 @@ def _slow(own: Ints, motion: Floats, load: Loading, rate: Floats, h: float, appl
 
 def caught_up(
     meeting: Meeting, before: BodyMotion, after: BodyMotion, rate: Floats, span: float
-) -> tuple[Floats, Floats]:
-    """Correct what held media did to bodies that met: half of it, by those at the end of the step (trapezoidal rule).
+) -> tuple[Floats, Meeting]:
+    """Give bodies that met their velocities, with half of what the media at the end of the step make different.
+
+    Held media are those of the start; with this, they are taken by the trapezoidal rule.
 
     Parameters
     ----------
@@ -582,24 +589,39 @@ def caught_up(
     before, after : BodyMotion
         At both ends of the step.
     rate : array of float, shape (bodies, 3)
-        Velocities at the end, those of the bodies that met under the media of the start.
+        Velocities at the end of the bodies that did not meet; of all in return.
     span : float
         Length of the step, s.
 
     Returns
     -------
-    rate : array of float, shape (bodies that met, 3)
-        Their velocities.
-    applied : array of float, shape (rows that met, forces, 2)
-        Changes of velocity by all forces but contact, m s-1.
+    rate : array of float, shape (bodies, 3)
+    meeting : Meeting
+        With these velocities, and the changes that media made.
     """
     some, half = meeting.bodies, 0.5 * span
-    old, _, was = forces_by_medium(before.body, before.elements, rate, before.load)
-    _, slope = totals_and_slopes(after.body, after.elements, rate, after.load)
-    _, _, now = forces_by_medium(after.body, after.elements, rate, after.load)
+    rate[some] = meeting.rate
+    old, was = _forces(before, rate)
+    _, now = _forces(after, rate)
+    unused, slope = np.zeros(rate.shape), np.zeros((*rate.shape, 3))
+    add_totals_and_slopes(after.body, after.elements, rate, after.load, unused, slope)
     matrix = np.eye(3) + half * after.mobility[some] @ slope[some]
-    pushed = half * after.mobility[some] @ (now - was)[some][:, :, None]
-    new = rate.copy()
-    new[some] += np.linalg.solve(matrix, pushed)[:, :, 0]
-    acted, _, _ = forces_by_medium(after.body, after.elements, new, after.load)
-    return new[some], meeting.applied + half * (acted - old)[meeting.rows]
+    rate[some] += np.linalg.solve(matrix, half * after.mobility[some] @ (now - was)[some][:, :, None])[:, :, 0]
+    acted, _ = _forces(after, rate)
+    applied = meeting.applied + half * (acted - old)[meeting.rows]
+    return rate, meeting._replace(rate=rate[some], applied=applied)
+
+
+def _forces(motion: BodyMotion, rate: Floats) -> tuple[Floats, Floats]:
+    """Accelerations of the elements by each medium, and the forces on the bodies, at these velocities."""
+    count = motion.body.size
+    acted, force, total = np.zeros((count, len(FORCES), 2)), np.empty((count, 3)), np.zeros(rate.shape)
+    add_forces(motion.body, motion.elements, rate, motion.load, acted, force, total)
+    return acted, total
+
+
+def blow_on_all(blow: Blow, elements: int, bodies: int) -> tuple[Floats, Floats, Floats]:
+    """Force (N, N, N m) on all elements, cosine and sine of their axes, and spins of all bodies (rad s-1); 0 where no blow is."""
+    force, turn, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
+    force[blow.rows], turn[blow.rows], spin[blow.bodies] = blow.force, blow.turn, blow.spin
+    return force, turn, spin

@@ -24,17 +24,7 @@ from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
-from riftberg.stepping.frames import (
-    Bodies,
-    element_motion,
-    flat_shape,
-    free_bodies,
-    mean_bend,
-    moved_frames,
-    place,
-    regrouped,
-    without_mean,
-)
+from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, moved_frames, place, regrouped
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.lattice_equilibrium import (
@@ -46,20 +36,10 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
-from riftberg.stepping.meetings import Blow, Meeting, caught_up, meet
+from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet
+from riftberg.stepping.moments import Standing, arrive, close_alone, depart, keep_applied_forces, motion_at, relax
 from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
-from riftberg.stepping.rigid_bodies import (
-    Acting,
-    BodyMotion,
-    each_times,
-    element_velocities,
-    find_loading,
-    inertia_and_floor,
-    inverses,
-    keep_forces,
-    touching_pairs,
-    with_floor,
-)
+from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 
@@ -72,7 +52,7 @@ TOUCHDOWN = 64
 MOST_CORRECTIONS = 90
 """Columns of Woodbury's formula beyond which the matrix is factored anew."""
 
-PLACE = ("lon", "lat", "lon_pair", "lat_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
+PLACE = ("lon", "lat", "lon_pair", "lat_pair", "u_pair", "v_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
 """What a trial step changes and the next trial needs as it was; all else is found anew."""
 
 
@@ -94,17 +74,6 @@ class Structure:
         if known is None or known.bend is not bend or known.alive is not self.alive:
             self.latest = known = Equilibrium(self.lattice, self.alive, bend, p)
         return known
-
-
-@dataclass
-class Standing:
-    """All that is known at one time: bodies, forces at their velocities, and the balanced loads of the lattice (N, N, N m)."""
-
-    time: float
-    bodies: Bodies
-    motion: BodyMotion
-    acting: Acting
-    load: Floats
 
 
 class QuasiStaticStepper:
@@ -197,6 +166,7 @@ class LongStep:
         self._near = no_pairs(self.el.mass.size)
         self.meeting: Meeting | None = None  # of the last step
         self._blown: tuple[Meeting, Equilibrium] | None = None
+        self.room: BodyRoom | None = None
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
         self.structure = structure or self._build(bodies)
@@ -240,7 +210,7 @@ class LongStep:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
             least = dt / EVENTS if self.cracked else 0.0
             if self._fails(self._struck()):
-                taken = self._blow(before, kept, h, min(least, self.meeting.shortest if self.meeting else h))
+                taken = self._broken_by_blow(before, kept, h, least)
                 self._apply(before, taken)
                 self._crack(-1)
                 return dt
@@ -293,17 +263,13 @@ class LongStep:
 
     def _apply(self, before: Standing, taken: float) -> None:
         """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
-        half, part = 0.5 * taken, 0.5 * taken / self.model.parameters.stepping.time_step
-        met = self.meeting
+        dt, met = self.model.parameters.stepping.time_step, self.meeting
         earlier = self.applied[met.rows] if met else self.applied[:0]
-        middle = before.motion.opened(before.bodies.rate, before.acting.total, half)
-        for moment, after in ((before, middle), (self.now, self.now.bodies.rate)):
-            motion, acting = moment.motion, moment.acting
-            held = motion.held(acting.total, after, half)
-            keep_forces(motion.body, motion.elements, acting.acted, motion.load.floor, held, part, self.applied)
+        part, room = 0.5 * taken / dt, self._room_for(self.now.bodies)
+        keep_applied_forces(before, self.now, 0.5 * taken, part, self.applied, room)
         self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         if met is not None:
-            self.applied[met.rows] = earlier + met.applied / self.model.parameters.stepping.time_step
+            self.applied[met.rows] = earlier + met.applied / dt
             self.touched.append((met.first, met.second))
 
     def _keep(self) -> list[np.ndarray]:
@@ -315,30 +281,21 @@ class LongStep:
             getattr(self.el, name)[:] = values
         self.bonds.damage[:] = kept[-1]
         self.now = before
-        # Who may meet whom hangs on the velocities of the start.
-        self._show(before.motion, before.bodies)
 
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
-        el, c, now = self.el, self.c, self.now
-        rate = now.motion.opened(now.bodies.rate, now.acting.total, 0.5 * h)
+        c, now = self.c, self.now
         met = self.meeting = self._meet(h)
-        if met is not None:
-            rate[met.bodies] = met.mean
-        pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
-        bodies = now.bodies._replace(pose=pose, rate=rate)
-        el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
-        bodies = self._place(bodies)
-        self.model.forcing.sample(el, now.time + h)
+        bodies = self._place(depart(self.el, now, self.seat, h, c, self._room_for(now.bodies), met))
+        self.model.forcing.sample(self.el, now.time + h)
         motion = self._motion(bodies)
-        after = motion.closed(rate, 2.0 * rate - now.bodies.rate, 0.5 * h)
-        if met is not None:
-            after[met.bodies] = met.rate
-            after[met.bodies], applied = caught_up(met, now.motion, motion, after, h)
-            self.meeting = met._replace(applied=applied)
-        bodies = bodies._replace(rate=after)
+        if met is None:
+            self.now = self._loaded(bodies, motion, now.time + h, now.bodies.rate, 0.5 * h)
+        else:
+            rate = close_alone(motion, bodies.rate, now.bodies.rate, 0.5 * h, self._room_for(bodies))
+            rate, self.meeting = caught_up(met, now.motion, motion, rate, h)
+            self.now = self._loaded(bodies._replace(rate=rate), motion, now.time + h)
         before = now.bodies.bend
-        self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
         if self.model.parameters.damage.enabled:
             s = self.structure
@@ -348,6 +305,8 @@ class LongStep:
     def _meet(self, h: float) -> Meeting | None:
         """Let the fragments that may touch each other within ``h`` s do so."""
         now, c = self.now, self.c
+        if now.bodies.pose.shape[0] < 2:
+            return None
         first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c)
         try:
             return meet(self.el, now.motion, now.bodies.rate, first, second, h, self.sizes, c)
@@ -359,12 +318,13 @@ class LongStep:
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
-        for _ in range(5):
-            # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
-            seated = bodies._replace(bend=self.seat)
-            place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
+        for n in range(5):
             if grid is None:
                 break
+            if n > 0:
+                # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
+                seated = bodies._replace(bend=self.seat)
+                place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
             lon, lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
             shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
@@ -374,14 +334,23 @@ class LongStep:
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         return bodies
 
+    def _room_for(self, bodies: Bodies) -> BodyRoom:
+        """Return room for the fragments."""
+        if self.room is None or self.room.w.shape != bodies.pose.shape:
+            self.room = allocate_body_room(bodies.pose.shape[0])
+        return self.room
+
     def _motion(self, bodies: Bodies) -> BodyMotion:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
-        motion = element_motion(bodies, c.latlon, c.earth_radius)
-        load = find_loading(el, self.sizes, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
-        inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
-        return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
+        motion = motion_at(el, self.sizes, bodies, touching, c, self._room_for(bodies))
+        s = self.structure
+        for b, inside in self._supported(bodies):
+            # Fragments with supports move only as these allow.
+            z = s.holds.modes(inside, s.flat)
+            motion.mobility[b] = z @ np.linalg.solve(z.T @ motion.inertia[b] @ z, z.T) if z.size else 0.0
+        return motion
 
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
@@ -393,15 +362,6 @@ class LongStep:
         newborn = el.life.fl_k == NEWBORN_CHILD
         return among(pairs, ~newborn) if newborn.any() else pairs
 
-    def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
-        """Inverse inertia; fragments with supports move only as these allow."""
-        mobility = inverses(inertia)
-        s = self.structure
-        for b, inside in self._supported(bodies):
-            z = s.holds.modes(inside, s.flat)
-            mobility[b] = z @ np.linalg.solve(z.T @ inertia[b] @ z, z.T) if z.size else 0.0
-        return mobility
-
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
         """Fragments with supports, and their elements."""
         if not self.structure.holds.any:
@@ -412,71 +372,44 @@ class LongStep:
     def _moment(self, bodies: Bodies, time: float) -> Standing:
         return self._loaded(bodies, self._motion(bodies), time)
 
-    def _loaded(self, bodies: Bodies, motion: BodyMotion, time: float) -> Standing:
-        """Forces and loads at the velocities of the bodies, which all elements take on."""
-        el, load, s = self.el, motion.load, self.structure
-        u, v, w = self._show(motion, bodies)
-        acting = motion.acting(bodies.rate)
-        turn = motion.elements[:, 9:11]
-        total = acting.total - each_times(motion.floor, bodies.rate)
-        el.spin_rate[:] = each_times(motion.mobility, total)[bodies.body, 2]
-        force = with_floor(acting.force, load, u, v, w)
-        balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
+    def _loaded(
+        self, bodies: Bodies, motion: BodyMotion, time: float, before: Floats | None = None, half: float = 0.0
+    ) -> Standing:
+        """Forces and loads of a moment; see `riftberg.stepping.moments.arrive`."""
+        s = self.structure
+        now = arrive(self.el, s.flat, bodies, motion, time, before, half, self._room_for(bodies))
         for _, inside in self._supported(bodies):
-            z = s.holds.modes(inside, s.flat)
-            balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
-        return Standing(time, bodies, motion, acting, balanced)
+            z, load = s.holds.modes(inside, s.flat), motion.load
+            turn = motion.elements[:, 9:11]
+            now.load[inside] = _supported_loads(inside, z, s.flat, turn, now.force, load.mass, load.inertia)
+        return now
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
         now = self.now
-        bend = self._bent(now.load)
-        self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.acting, now.load)
-
-    def _show(self, motion: BodyMotion, bodies: Bodies) -> tuple[Floats, Floats, Floats]:
-        """Let all elements take on the velocities of their bodies; returns these, and the spins."""
-        el = self.el
-        u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
-        for name, values in (("u", u), ("v", v)):
-            for kind in ("", "_sync", "_pair"):
-                getattr(el, name + kind)[:] = values
-        el.spin[:] = w
-        return u, v, w
-
-    def _bent(self, balanced: Floats) -> Floats:
-        """Displacements under loads in balance."""
-        now = self.now
-        bend = self.structure.factors.solve(balanced)
-        if not np.isfinite(bend).all():
-            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
-        load, body, flat = now.motion.load, now.bodies.body, self.structure.flat
-        mean = mean_bend(body, flat, now.bodies.pose.shape[0], bend, load.mass, load.inertia)
+        bend = self.structure.factors.solve(now.load)
+        shifted = np.zeros(now.bodies.pose.shape[0], np.bool_)
         for b, _ in self._supported(now.bodies):
-            mean[b] = 0.0
-        without_mean(body, flat, bend, mean, load.mass)
-        return bend
+            shifted[b] = True
+        if not relax(now.bodies, now.motion.load, self.structure.flat, bend, self.el.rotation, shifted):
+            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
+        self.now = now._replace(bodies=now.bodies._replace(bend=bend))
 
     # Blows
 
     def _struck(self) -> Equilibrium | None:
         """Return the equilibrium under the heaviest loads of contact in the last step; None where no bonded berg was touched."""
-        met = self.meeting
+        met, s = self.meeting, self.structure
         if met is None or not met.blow.rows.size:
             return None
-        if self._blown is None or self._blown[0] is not met or self._blown[1].alive is not self.structure.alive:
-            self._blown = (
-                met,
-                Equilibrium(self.structure.lattice, self.structure.alive, self._bent(self._load(met.blow)), self.c),
-            )
+        if self._blown is None or self._blown[0] is not met:
+            self._blown = met, Equilibrium(s.lattice, s.alive, s.factors.solve(self._load(met.blow)), self.c)
         return self._blown[1]
 
     def _load(self, blow: Blow) -> Floats:
         """Balanced loads with those of a blow, each fragment's at its own moment."""
         now, load, s = self.now, self.now.motion.load, self.structure
-        count = now.bodies.pose.shape[0]
-        force, turn, spin = np.zeros((self.el.size, 3)), now.motion.elements[:, 9:11].copy(), np.zeros(count)
-        force[blow.rows], turn[blow.rows], spin[blow.bodies] = blow.force, blow.turn, blow.spin
+        force, turn, spin = blow_on_all(blow, self.el.size, now.bodies.pose.shape[0])
         struck = balanced_loads(now.bodies.body, s.flat, turn, force, load.mass, load.inertia, spin)
         for _, inside in self._supported(now.bodies):
             z = s.holds.modes(inside, s.flat)
@@ -489,12 +422,14 @@ class LongStep:
         """Whether a bond is overloaded."""
         return moment is not None and self._overloaded(moment) >= 0
 
-    def _blow(self, before: Standing, kept: list[np.ndarray], h: float, least: float) -> float:
+    def _broken_by_blow(self, before: Standing, kept: list[np.ndarray], h: float, least: float) -> float:
         """Shorten a step in which contact breaks a bond to the moment at which the first is overloaded; returns its length.
 
-        The lattice then stands under the heaviest loads up to there. Sub-steps of contact are resolved to a sixteenth.
+        Sub-steps of contact are resolved to a sixteenth. The lattice then stands under the heaviest loads up to there.
         """
-        whole, failed, near = 0.0, h, self.meeting.shortest / 16.0 if self.meeting is not None else h
+        met = self.meeting
+        near = met.shortest / 16.0 if met else h
+        whole, failed, least = 0.0, h, min(least, 16.0 * near)
         while failed - whole > near and failed > least:
             middle = 0.5 * (whole + failed)
             self._back(before, kept)
@@ -504,10 +439,9 @@ class LongStep:
         taken = min(max(failed, least), h)
         self._back(before, kept)
         self._advance(taken)
-        if not self._fails(self._equilibrium()) and (struck := self._struck()) is not None and self.meeting is not None:
-            now = self.now
-            bodies = now.bodies._replace(bend=struck.bend)
-            self.now = Standing(now.time, bodies, now.motion, now.acting, self._load(self.meeting.blow))
+        if self.meeting is not None and self._struck() is not None and not self._fails(self._equilibrium()):
+            self.now = self.now._replace(load=self._load(self.meeting.blow))
+            self._bend()
         return taken
 
     # Breaking
@@ -594,7 +528,7 @@ class LongStep:
         momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return bodies._replace(rate=each_times(motion.mobility, sums))
+        return bodies._replace(rate=(motion.mobility @ sums[:, :, None])[:, :, 0])
 
     def _build(self, bodies: Bodies) -> Structure:
         """Describe and factor the lattice of the bonds that hold."""
