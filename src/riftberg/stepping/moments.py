@@ -15,8 +15,10 @@ from riftberg.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints, Motion, Shown
 from riftberg.stepping.frames import Bodies, find_element_motion, mean_bend, move_frames, place, without_mean
+from riftberg.stepping.groups import NOBODY
 from riftberg.stepping.lattice_equilibrium import balance_loads
 from riftberg.stepping.media import FORCES, MEDIA, Seen
+from riftberg.stepping.meetings import Meeting
 from riftberg.stepping.rigid_bodies import (
     Acting,
     BodyMotion,
@@ -54,7 +56,9 @@ class Standing(NamedTuple):
     load: Floats
 
 
-def depart(el: Elements, now: Standing, seat: Floats, h: float, p: KernelParameters, room: BodyRoom) -> Bodies:
+def depart(
+    el: Elements, now: Standing, seat: Floats, h: float, p: KernelParameters, room: BodyRoom, met: Meeting | None = None
+) -> Bodies:
     """Move fragments over ``h`` s, with the velocities that they have in the middle of the step; elements are placed.
 
     Parameters
@@ -65,12 +69,16 @@ def depart(el: Elements, now: Standing, seat: Floats, h: float, p: KernelParamet
         The start of the step.
     seat : array of float, shape (elements, 3)
         Displacements that elements are placed with.
+    met : Meeting or None
+        Fragments that touch each other on the way, which go as it says.
     """
     bodies, motion = now.bodies, now.motion
+    some, mean = (met.bodies, met.mean) if met else (NOBODY[0], bodies.rate[:0])
     rate, pose = np.empty_like(bodies.rate), np.empty_like(bodies.pose)
     _depart(
         bodies, seat, motion.elements, motion.mobility, motion.floor, now.acting.total, h, p.latlon, p.earth_radius,
-        p.period, el.body.static, el.place.lon, el.place.lat, el.motion.rotation, rate, pose, room,
+        p.period, el.body.static, el.place.lon, el.place.lat, el.motion.rotation, rate, pose, some, mean,
+        room,
     )  # fmt: skip
     return Bodies(bodies.body, bodies.shape, pose, rate, bodies.bend)
 
@@ -79,11 +87,14 @@ def depart(el: Elements, now: Standing, seat: Floats, h: float, p: KernelParamet
 def _depart(
     bodies: Bodies, seat: Floats, motion: Floats, mobility: Floats, floor: Floats, total: Floats, h: float, latlon: bool,
     radius: float, period: float, static: Floats, lon: Floats, lat: Floats, rotation: Floats, rate: Floats, pose: Floats,
-    room: BodyRoom,
+    met: Ints, mean: Floats, room: BodyRoom,
 ) -> None:  # fmt: skip
     """See `depart`."""
     body = bodies.body
     open_step(mobility, floor, bodies.rate, total, 0.5 * h, rate, room)
+    for k in range(met.size):
+        for i in range(3):
+            rate[met[k], i] = mean[k, i]
     move_frames(bodies.pose, rate, h, latlon, radius, pose, room.small[0])
     for e in range(body.size):
         m, q = motion[e], rate[body[e]]
@@ -142,19 +153,14 @@ def arrive(
     RunError
         If the velocities do not settle.
     """
-    opened, alone, rate = bodies.rate, False, bodies.rate
-    if before is not None:
-        rate = 2.0 * opened - before
-        alone = motion.touching.first.size == 0
-        if not alone:
-            rate = motion.closed(opened, rate, half, room)
+    opened, closes = bodies.rate, before is not None
+    rate = opened if before is None else 2.0 * opened - before
     count = el.size
     acted, total = np.zeros((count, len(FORCES), 2)), np.zeros_like(rate)
     force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((rate.shape[0], 7))
-    none = np.empty((0, 3))
     passes = _arrive(
         bodies.body, motion.elements, motion.load, motion.touching, motion.inertia, motion.mobility, motion.floor, flat,
-        opened, rate, half, alone, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, none, sums, room,
+        opened, rate, half, closes, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, sums, room,
     )  # fmt: skip
     check_passes(passes)
     return Standing(time, bodies._replace(rate=rate), motion, Acting(acted, total), force, load)
@@ -163,13 +169,13 @@ def arrive(
 @borrower
 def _arrive(
     body: Ints, elements: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
-    flat: Floats, opened: Floats, rate: Floats, half: float, alone: bool, acted: Floats, total: Floats, force: Floats,
-    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, none: Floats, sums: Floats, room: BodyRoom,
+    flat: Floats, opened: Floats, rate: Floats, half: float, closes: bool, acted: Floats, total: Floats, force: Floats,
+    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, sums: Floats, room: BodyRoom,
 ) -> int:  # fmt: skip
     """See `arrive`; returns passes of Newton's method, -1 where velocities do not settle."""
     passes = 0
-    if alone:
-        passes = close_step(body, elements, load, touching, inertia, mobility, floor, opened, rate, half, none, room)
+    if closes:
+        passes = close_step(body, elements, load, inertia, mobility, floor, opened, rate, half, room)
     add_forces(body, elements, rate, load, acted, force, total)
     if touching.first.size > 0:
         add_contact(body, elements, rate, touching, force, total)
@@ -186,6 +192,27 @@ def _arrive(
         spin_rate[e] = room.miss[body[e], 2]
     balance_loads(body, flat, elements, 9, force, load.mass, load.inertia, rate, sums, balanced)
     return passes
+
+
+def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float, room: BodyRoom) -> Floats:
+    """Find the velocities at the end of a step as if no fragment touched another, as `arrive` does.
+
+    Parameters
+    ----------
+    motion : BodyMotion
+    opened, before : array of float, shape (fragments, 3)
+        Velocities in the middle and at the start of the step.
+    half : float
+        Half the step, s.
+
+    Raises
+    ------
+    RunError
+        If the velocities do not settle.
+    """
+    rate, m = 2.0 * opened - before, motion
+    check_passes(close_step(m.body, m.elements, m.load, m.inertia, m.mobility, m.floor, opened, rate, half, room))
+    return rate
 
 
 def relax(bodies: Bodies, load: Loading, flat: Floats, bend: Floats, rotation: Floats, shifted: Booleans) -> bool:

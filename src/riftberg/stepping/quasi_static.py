@@ -31,12 +31,14 @@ from riftberg.stepping.lattice_equilibrium import (
     ElasticLattice,
     Factors,
     Holds,
+    balanced_loads,
     elastic_energy,
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
-from riftberg.stepping.moments import Standing, arrive, depart, keep_applied_forces, motion_at, relax
-from riftberg.stepping.partners import MARGIN, will_touch
+from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet
+from riftberg.stepping.moments import Standing, arrive, close_alone, depart, keep_applied_forces, motion_at, relax
+from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
 from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
@@ -44,16 +46,13 @@ from riftberg.stepping.sizes import Sizes, interaction_sizes
 EVENTS = 64
 """Cracks begin at most this often in a long step: overloads that follow each other sooner are met together."""
 
-CONTACT_PHASE = 1.0
-"""Largest step times frequency of the springs of contact, rad; beyond it the step is divided."""
-
 TOUCHDOWN = 64
 """Part of the shortest landing step within which the moment is found at which an element touches down."""
 
 MOST_CORRECTIONS = 90
 """Columns of Woodbury's formula beyond which the matrix is factored anew."""
 
-PLACE = ("lon", "lat", "lon_pair", "lat_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
+PLACE = ("lon", "lat", "lon_pair", "lat_pair", "u_pair", "v_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
 """What a trial step changes and the next trial needs as it was; all else is found anew."""
 
 
@@ -170,6 +169,8 @@ class LongStep:
         self.touched: list[tuple[Ints, Ints]] = []
         self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
+        self.meeting: Meeting | None = None  # of the last step
+        self._blown: tuple[Meeting, Equilibrium] | None = None
         self.room: BodyRoom | None = None
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
@@ -189,11 +190,10 @@ class LongStep:
             self._crack(-1)
         longest = dt
         while (left := end - self.now.time) > 1e-9 * dt:
-            pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
+            pieces = math.ceil(left / longest - 1e-9)
             h, self._soon = min(left / pieces, self._soon), math.inf
             longest = min(longest, self._go(h, dt, may_break))
             self._peak()
-            self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         self._store(self._equilibrium())
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
@@ -213,9 +213,14 @@ class LongStep:
             landed = self._landed(aground)
         if may_break:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+            least = dt / EVENTS if self.cracked else 0.0
+            if self._fails(self._struck()):
+                taken = self._broken_by_blow(before, kept, h, least)
+                self._apply(before, taken)
+                self._crack(-1)
+                return dt
             place, share = s.criterion.first_break(before.bodies.bend, self._equilibrium(), limits)
             if place >= 0:
-                least = dt / EVENTS if self.cracked else 0.0
                 # The load of a landing sets in at its end, not evenly over the step.
                 if (short := max(share * h, least)) < h * (1.0 - 1e-9) and not landed:
                     self._back(before, kept)
@@ -257,12 +262,20 @@ class LongStep:
 
     def _peak(self) -> None:
         """Keep the largest stress of each bond within the long step."""
-        keep_peaks(self.bonds.peak_stress, self.structure.alive, self._equilibrium().stress)
+        for moment in (self._equilibrium(), self._struck()):
+            if moment is not None:
+                keep_peaks(self.bonds.peak_stress, self.structure.alive, moment.stress)
 
     def _apply(self, before: Standing, taken: float) -> None:
         """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
-        part = 0.5 * taken / self.model.parameters.stepping.time_step
-        keep_applied_forces(before, self.now, 0.5 * taken, part, self.applied, self._room_for(self.now.bodies))
+        dt, met = self.model.parameters.stepping.time_step, self.meeting
+        earlier = self.applied[met.rows] if met else self.applied[:0]
+        part, room = 0.5 * taken / dt, self._room_for(self.now.bodies)
+        keep_applied_forces(before, self.now, 0.5 * taken, part, self.applied, room)
+        self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
+        if met is not None:
+            self.applied[met.rows] = earlier + met.applied / dt
+            self.touched.append((met.first, met.second))
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -277,15 +290,35 @@ class LongStep:
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
         c, now = self.c, self.now
-        bodies = self._place(depart(self.el, now, self.seat, h, c, self._room_for(now.bodies)))
+        met = self.meeting = self._meet(h)
+        bodies = self._place(depart(self.el, now, self.seat, h, c, self._room_for(now.bodies), met))
         self.model.forcing.sample(self.el, now.time + h)
-        self.now = self._loaded(bodies, self._motion(bodies), now.time + h, now.bodies.rate, 0.5 * h)
+        motion = self._motion(bodies)
+        if met is None:
+            self.now = self._loaded(bodies, motion, now.time + h, now.bodies.rate, 0.5 * h)
+        else:
+            rate = close_alone(motion, bodies.rate, now.bodies.rate, 0.5 * h, self._room_for(bodies))
+            rate, self.meeting = caught_up(met, now.motion, motion, rate, h)
+            self.now = self._loaded(bodies._replace(rate=rate), motion, now.time + h)
         before = now.bodies.bend
         self._bend()
         if self.model.parameters.damage.enabled:
             s = self.structure
             middle = Equilibrium(s.lattice, s.alive, 0.5 * (before + self.now.bodies.bend), c)
             wear(self.bonds, s.alive, s.criterion.ratios(middle, limits_of(self.bonds, s.alive, c)), h, c)
+
+    def _meet(self, h: float) -> Meeting | None:
+        """Let the fragments that may touch each other within ``h`` s do so."""
+        now, c = self.now, self.c
+        if now.bodies.pose.shape[0] < 2:
+            return None
+        first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c)
+        try:
+            return meet(self.el, now.motion, now.bodies.rate, first, second, h, self.sizes, c)
+        except FloatingPointError:
+            raise RunError(
+                f"the velocities of bergs in contact did not settle at {self.model.date:%Y-%m-%d %H:%M}"
+            ) from None
 
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
@@ -330,7 +363,9 @@ class LongStep:
         if not c.interactions or bodies.pose.shape[0] < 2:
             return self._near
         reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
-        return find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        pairs = find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        newborn = el.life.fl_k == NEWBORN_CHILD
+        return among(pairs, ~newborn) if newborn.any() else pairs
 
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
         """Fragments with supports, and their elements."""
@@ -365,43 +400,54 @@ class LongStep:
             raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
         self.now = now._replace(bodies=now.bodies._replace(bend=bend))
 
-    def _contact_limit(self, left: float) -> float:
-        """Longest step (s) that resolves the springs of contact between fragments."""
-        touching = self.now.motion.touching
-        first, second = touching.first, touching.second
-        if (
-            self.c.contact_spring < 0.0
-        ):  # stiff ice: bergs that will touch within the step must not be deep in each other then
-            more = self._coming(left)
-            first, second = np.append(first, more[0]), np.append(second, more[1])
-        if first.size == 0:
-            return left
-        body, mass = self.now.bodies.body, self.now.motion.load.mass
-        count = self.now.bodies.pose.shape[0]
-        pair = self._contact_stiffness(first, second) * np.minimum(mass[first], mass[second])
-        stiff = np.bincount(body[first], pair, count) + np.bincount(body[second], pair, count)
-        fastest = math.sqrt(float((2.0 * stiff / np.bincount(body, mass, count)).max()))
-        return CONTACT_PHASE / fastest if fastest > 0.0 else left
+    # Blows
 
-    def _contact_stiffness(self, first: Ints, second: Ints) -> Floats:
-        """Stiffness (s-2) of pairs that touch, as `riftberg.physics.contact.pair_stiffness`."""
-        c, radius = self.c, self.sizes.radius
-        if c.contact_spring >= 0.0:
-            return np.full(first.size, c.contact_spring)
-        return np.asarray(c.modulus / (radius[first] + radius[second]) ** 2)
+    def _struck(self) -> Equilibrium | None:
+        """Return the equilibrium under the heaviest loads of contact in the last step; None where no bonded berg was touched."""
+        met, s = self.meeting, self.structure
+        if met is None or not met.blow.rows.size:
+            return None
+        if self._blown is None or self._blown[0] is not met:
+            self._blown = met, Equilibrium(s.lattice, s.alive, s.factors.solve(self._load(met.blow)), self.c)
+        return self._blown[1]
 
-    def _coming(self, left: float) -> tuple[Ints, Ints]:
-        """Pairs of different fragments that their speeds would bring together within ``left`` s; each once."""
-        el, c, body = self.el, self.c, self.now.bodies.body
-        if not c.interactions or self.now.bodies.pose.shape[0] < 2:
-            return NOBODY
-        u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
-        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        reach = MARGIN * (max(2.0 * float(radius.max()), c.contact_distance) + fastest * left)
-        pairs = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-        first = np.repeat(np.arange(el.size), np.diff(pairs.start))
-        once = first < pairs.partner
-        return will_touch(el, first[once], pairs.partner[once], radius, left, c)
+    def _load(self, blow: Blow) -> Floats:
+        """Balanced loads with those of a blow, each fragment's at its own moment."""
+        now, load, s = self.now, self.now.motion.load, self.structure
+        force, turn, spin = blow_on_all(blow, self.el.size, now.bodies.pose.shape[0])
+        struck = balanced_loads(now.bodies.body, s.flat, turn, force, load.mass, load.inertia, spin)
+        for _, inside in self._supported(now.bodies):
+            z = s.holds.modes(inside, s.flat)
+            struck[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
+        balanced = now.load.copy()
+        balanced[blow.rows] = struck[blow.rows]
+        return balanced
+
+    def _fails(self, moment: Equilibrium | None) -> bool:
+        """Whether a bond is overloaded."""
+        return moment is not None and self._overloaded(moment) >= 0
+
+    def _broken_by_blow(self, before: Standing, kept: list[np.ndarray], h: float, least: float) -> float:
+        """Shorten a step in which contact breaks a bond to the moment at which the first is overloaded; returns its length.
+
+        Sub-steps of contact are resolved to a sixteenth. The lattice then stands under the heaviest loads up to there.
+        """
+        met = self.meeting
+        near = met.shortest / 16.0 if met else h
+        whole, failed, least = 0.0, h, min(least, 16.0 * near)
+        while failed - whole > near and failed > least:
+            middle = 0.5 * (whole + failed)
+            self._back(before, kept)
+            self._advance(middle)
+            fails = self._fails(self._struck()) or self._fails(self._equilibrium())
+            whole, failed = (whole, middle) if fails else (middle, failed)
+        taken = min(max(failed, least), h)
+        self._back(before, kept)
+        self._advance(taken)
+        if self.meeting is not None and self._struck() is not None and not self._fails(self._equilibrium()):
+            self.now = self.now._replace(load=self._load(self.meeting.blow))
+            self._bend()
+        return taken
 
     # Breaking
 
@@ -413,7 +459,7 @@ class LongStep:
         bond = overloaded if overloaded >= 0 else first
         if bond < 0:
             return
-        self.cracked = True
+        self.cracked, self.meeting = True, None
         whole = elastic_energy(self.now.bodies.bend, self.now.load)
         starter = bond
         while bond >= 0:

@@ -13,7 +13,7 @@ where f are all forces on an element but the drag c of the sea floor (s-1). A st
 ``W = 1 + z + z^2 / 2`` and ``P = 1 + z / 2`` are the Pade approximants of exp(z) and of the mean of exp: the sea floor,
 which stops an element within a minute, is met implicitly (L-stable) and still with second order where the step resolves
 it. Drag of water, air and ice and the Coriolis force are centred by both halves together. The second half is solved by
-Newton's method; fragments that touch are solved together.
+Newton's method. Fragments that touch others go through the step in `riftberg.stepping.meetings`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from riftberg.physics.geometry import separation
 from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints, Motion, Shown
 from riftberg.state.neighbours import PairList
-from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
     CORIOLIS,
@@ -362,8 +361,7 @@ def add_totals_and_slopes(
 
 @kernel
 def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, force: Floats, total: Floats) -> None:
-    """Add the forces of contact between fragments at these velocities, in place; ``force`` may be that of no elements."""
-    each = force.shape[0] > 0
+    """Add the forces of contact between fragments at these velocities, in place."""
     for k in range(touching.first.size):
         i, j = touching.first[k], touching.second[k]
         p, q, m, n = rate[body[i]], rate[body[j]], motion[i], motion[j]
@@ -372,83 +370,13 @@ def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, fo
         c = touching.damping[k]
         fx = touching.spring[k, 0] + c[0] * du + c[1] * dv
         fy = touching.spring[k, 1] + c[1] * du + c[2] * dv
-        if each:
-            force[i, 0] += fx
-            force[i, 1] += fy
-            force[j, 0] -= fx
-            force[j, 1] -= fy
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[j, 0] -= fx
+        force[j, 1] -= fy
         for a in range(3):
             total[body[i], a] += m[a] * fx + m[3 + a] * fy
             total[body[j], a] -= n[a] * fx + n[3 + a] * fy
-
-
-@kernel
-def contact_slope(body: Ints, motion: Floats, touching: Touching, row: Ints, size: int) -> Floats:
-    """Minus the derivative of the forces of contact by the velocities of the fragments that have a row."""
-    matrix = np.zeros((3 * size, 3 * size))
-    for k in range(touching.first.size):
-        i, j = touching.first[k], touching.second[k]
-        if row[body[i]] < 0:
-            continue
-        c = touching.damping[k]
-        for first in range(2):
-            e = i if first == 0 else j
-            for second in range(2):
-                o = i if second == 0 else j
-                sign = 1.0 if first == second else -1.0
-                at, to = 3 * row[body[e]], 3 * row[body[o]]
-                for a in range(3):
-                    x = c[0] * motion[e, a] + c[1] * motion[e, 3 + a]
-                    y = c[1] * motion[e, a] + c[2] * motion[e, 3 + a]
-                    for b in range(3):
-                        matrix[at + a, to + b] += sign * (x * motion[o, b] + y * motion[o, 3 + b])
-    return matrix
-
-
-@kernel
-def island_steps(
-    members: Ints, start: Ints, body: Ints, motion: Floats, touching: Touching, w: Floats, p: Floats, slope: Floats,
-    miss: Floats, half: float,
-) -> Floats:  # fmt: skip
-    """One step of Newton's method for all islands of fragments that touch each other, shape (members, 3).
-
-    Parameters
-    ----------
-    members, start : array of int
-        Fragments of all islands one after the other, and where each island begins in them; ``start`` ends with their number.
-    body, motion, touching
-        See `BodyMotion`.
-    w, p, slope : array of float, shape (fragments, 3, 3)
-        W and P M^-1 of the module's text, and minus the derivative of the forces without contact.
-    miss : array of float, shape (fragments, 3)
-        By how much the velocities miss their equation.
-    half : float
-        Half the step, s.
-    """
-    step, row = np.zeros((members.size, 3)), np.full(w.shape[0], -1, np.int64)
-    for k in range(start.size - 1):
-        first, size = start[k], start[k + 1] - start[k]
-        for n in range(size):
-            row[members[first + n]] = n
-        force = contact_slope(body, motion, touching, row, size)
-        matrix, right = np.zeros((3 * size, 3 * size)), np.empty(3 * size)
-        for n in range(size):
-            b, at = members[first + n], 3 * n
-            row[b] = -1
-            for i in range(3):
-                right[at + i] = miss[b, i]
-                for j in range(3):
-                    force[at + i, at + j] += slope[b, i, j]
-            for i in range(3):
-                for c in range(3 * size):
-                    for j in range(3):
-                        matrix[at + i, c] += half * p[b, i, j] * force[at + j, c]
-                for j in range(3):
-                    matrix[at + i, at + j] += w[b, i, j]
-        found = np.linalg.solve(matrix, right)
-        for n in range(3 * size):
-            step[first + n // 3, n % 3] = found[n]
-    return step
 
 
 class BodyRoom(NamedTuple):
@@ -554,17 +482,15 @@ def open_step(
 
 @kernel
 def newton_step(
-    body: Ints, motion: Floats, load: Loading, touching: Touching, rate: Floats, new: Floats, half: float, none: Floats,
-    room: BodyRoom,
-) -> None:  # fmt: skip
+    body: Ints, motion: Floats, load: Loading, rate: Floats, new: Floats, half: float, room: BodyRoom
+) -> None:
     """Find the step of Newton's method for each fragment by itself, from the velocities ``new`` at the end of a step.
 
-    ``room.w`` and ``room.p`` are those of `floor_factors`; ``none`` has no rows.
+    ``room.w`` and ``room.p`` are those of `floor_factors`.
     """
     room.total[:, :] = 0.0
     room.slope[:, :, :] = 0.0
     add_totals_and_slopes(body, motion, new, load, room.total, room.slope)
-    add_contact(body, motion, new, touching, none, room.total)
     matrix, right = room.small[0], room.small[1, 0]
     for b in range(new.shape[0]):
         pushed, gone = _times(room.p[b], room.total[b]), _times(room.w[b], new[b])
@@ -593,10 +519,12 @@ def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
 
 @kernel
 def close_step(
-    body: Ints, motion: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
-    rate: Floats, new: Floats, half: float, none: Floats, room: BodyRoom,
+    body: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, rate: Floats,
+    new: Floats, half: float, room: BodyRoom,
 ) -> int:  # fmt: skip
-    """Find the velocities ``new`` at the end of the step, where no fragment touches another; see `BodyMotion.closed`.
+    """Find the velocities ``new`` at the end of the step from those in its middle, ``rate``: Newton's method from a guess.
+
+    No fragment touches another (`riftberg.stepping.meetings`).
 
     Returns
     -------
@@ -605,32 +533,13 @@ def close_step(
     """
     floor_factors(mobility, floor, half, room)
     for n in range(MOST_PASSES):
-        newton_step(body, motion, load, touching, rate, new, half, none, room)
+        newton_step(body, motion, load, rate, new, half, room)
         for b in range(new.shape[0]):
             for i in range(3):
                 new[b, i] += room.step[b, i]
         if _settled(room.step, new, inertia):
             return n + 1
     return -1
-
-
-@kernel
-def _closed(
-    body: Ints, motion: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
-    rate: Floats, guess: Floats, half: float, members: Ints, start: Ints, room: BodyRoom,
-) -> tuple[Floats, int]:  # fmt: skip
-    """See `BodyMotion.closed`; ``members`` and ``start`` are those of `island_steps`. Passes are -1 where they do not settle."""
-    floor_factors(mobility, floor, half, room)
-    new, none = guess.copy(), np.zeros((0, 3))
-    for n in range(MOST_PASSES):
-        newton_step(body, motion, load, touching, rate, new, half, none, room)
-        together = island_steps(members, start, body, motion, touching, room.w, room.p, room.slope, room.miss, half)
-        for k in range(members.size):
-            room.step[members[k]] = together[k]
-        new += room.step
-        if _settled(room.step, new, inertia):
-            return new, n + 1
-    return new, -1
 
 
 @kernel
@@ -674,33 +583,6 @@ class BodyMotion(NamedTuple):
     inertia: Floats
     mobility: Floats
     floor: Floats
-
-    def closed(self, rate: Floats, guess: Floats, half: float, room: BodyRoom) -> Floats:
-        """Velocities at the end of the step, from those in its middle: Newton's method, which begins with ``guess``.
-
-        Fragments that touch are solved together.
-
-        Raises
-        ------
-        RunError
-            If the velocities do not settle.
-        """
-        new, passes = _closed(
-            self.body, self.elements, self.load, self.touching, self.inertia, self.mobility, self.floor, rate, guess,
-            half, *self._islands(), room,
-        )  # fmt: skip
-        check_passes(passes)
-        return new
-
-    def _islands(self) -> tuple[Ints, Ints]:
-        """Fragments that touch others, island by island, and where each island begins."""
-        a, b = self.body[self.touching.first], self.body[self.touching.second]
-        count = self.mobility.shape[0]
-        part = connected_parts(count, a, b, np.zeros(a.size, np.int64))
-        inside = np.flatnonzero(np.isin(part, part[a]))
-        members = inside[np.argsort(part[inside], kind="stable")]
-        _, sizes = np.unique(part[members], return_counts=True)
-        return members, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
 
 def check_passes(passes: int) -> None:
