@@ -87,6 +87,7 @@ class QuasiStaticStepper:
         self._ice: list[bytes] = []
         self._sizes: Sizes | None = None
         self._touched = NOBODY
+        self._began: tuple[float, Bodies | None] = math.nan, None  # the last step
 
     @property
     def applied(self) -> Floats:
@@ -118,8 +119,12 @@ class QuasiStaticStepper:
 
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
+        if self._began[0] == model.time:  # the last step was taken back, after it had been taken here
+            self._bodies, self._now = self._began[1], None
         self._forget_what_changed(model)
+        self._began = model.time, self._bodies
         step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
+        self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._applied = step.applied
