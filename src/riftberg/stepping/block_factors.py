@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower, kernel
 from riftberg.state import Floats, Ints
 
 
@@ -53,6 +53,8 @@ class BlockFactors:
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
         self._order = minimum_degree(diagonal.shape[0], first, second)
         self._start, self._row, self._lower, self._inverse = _factored(self._order, first, second, diagonal, between)
+        count = self._order.size
+        self._work, self._one, self._free = np.empty((count, 3)), np.ones(count), np.ones(3 * count)
 
     @property
     def blocks(self) -> int:
@@ -66,7 +68,33 @@ class BlockFactors:
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution for a right-hand side, shape (3 elements,)."""
-        return _solved(self._order, self._start, self._row, self._lower, self._inverse, right)
+        count = self._order.size
+        out = np.empty((count, 3))
+        self.solve_scaled(right.reshape(count, 3), self._one, self._free, out)
+        return out.ravel()
+
+    def solve_scaled(self, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
+        """Solve for loads (N, N, N m), whose moments act at the rims ``radius`` (m) of the elements.
+
+        Parameters
+        ----------
+        right : array of float, shape (elements, 3)
+        radius : array of float, shape (elements,)
+        free : array of float, shape (3 elements,)
+            0 where there is no load whatever ``right`` says, else 1.
+        out : array of float, shape (elements, 3)
+            Takes the solution.
+
+        Returns
+        -------
+        float
+            The largest load, N.
+        """
+        return float(
+            _solve(
+                self._order, self._start, self._row, self._lower, self._inverse, right, radius, free, self._work, out
+            )
+        )
 
 
 @kernel
@@ -196,14 +224,19 @@ def _factored(
     return start, row, lower, inverse
 
 
-@kernel
-def _solved(order: Ints, start: Ints, row: Ints, lower: Floats, inverse: Floats, right: Floats) -> Floats:
-    """Solve for one right-hand side: forward by columns, then backward."""
-    count = order.size
-    x, out = np.empty((count, 3)), np.empty(3 * count)
+@borrower
+def _solve(
+    order: Ints, start: Ints, row: Ints, lower: Floats, inverse: Floats, right: Floats, radius: Floats, free: Floats,
+    x: Floats, out: Floats,
+) -> float:  # fmt: skip
+    """See `BlockFactors.solve_scaled`: forward by columns, then backward; ``x`` is room."""
+    count, most = order.size, 0.0
     for k in range(count):
-        for i in range(3):
-            x[k, i] = right[3 * order[k] + i]
+        e = order[k]
+        for i in range(2):
+            x[k, i] = right[e, i] * free[3 * e + i]
+        x[k, 2] = right[e, 2] / radius[e] * free[3 * e + 2]
+        most = max(most, max(abs(x[k, 0]), max(abs(x[k, 1]), abs(x[k, 2]))))
     for k in range(count):
         a, b, c = x[k, 0], x[k, 1], x[k, 2]
         for p in range(start[k], start[k + 1]):
@@ -223,6 +256,6 @@ def _solved(order: Ints, start: Ints, row: Ints, lower: Floats, inverse: Floats,
             v -= m[0, 1] * e + m[1, 1] * f + m[2, 1] * g
             w -= m[0, 2] * e + m[1, 2] * f + m[2, 2] * g
         x[k, 0], x[k, 1], x[k, 2] = u, v, w
-        j = 3 * order[k]
-        out[j], out[j + 1], out[j + 2] = u, v, w
-    return out
+        j = order[k]
+        out[j, 0], out[j, 1], out[j, 2] = u, v, w
+    return most

@@ -57,9 +57,25 @@ def unit_vector(lon: float, lat: float) -> tuple[float, float, float]:
 @kernel
 def axes_at(r: Floats) -> tuple[float, float, float, float, float]:
     """East (ex, ey, 0) and north (nx, ny, nz) at a unit vector, as (ex, ey, nx, ny, nz); at the pole those of longitude 0."""
-    across = math.sqrt(r[0] * r[0] + r[1] * r[1])
-    c, s = (r[0] / across, r[1] / across) if across > 0.0 else (1.0, 0.0)
-    return -s, c, -c * r[2], -s * r[2], across
+    return axes_at_point(r[0], r[1], r[2])
+
+
+@kernel
+def axes_at_point(x: float, y: float, z: float) -> tuple[float, float, float, float, float]:
+    """See `axes_at`."""
+    across = math.sqrt(x * x + y * y)
+    c, s = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
+    return -s, c, -c * z, -s * z, across
+
+
+@kernel
+def _turned(q: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector of a frame, in the axes that the frame is given in."""
+    return (
+        q[0, 0] * x + q[0, 1] * y + q[0, 2] * z,
+        q[1, 0] * x + q[1, 1] * y + q[1, 2] * z,
+        q[2, 0] * x + q[2, 1] * y + q[2, 2] * z,
+    )
 
 
 @kernel
@@ -91,22 +107,27 @@ def element_motion(bodies: Bodies, latlon: bool, radius: float) -> Floats:
         6 to 8: its spin about its own vertical; 9 and 10: cosine and sine of the angle of its axis in the fragment
         against local east.
     """
+    motion = np.empty((bodies.body.size, 11))
+    find_element_motion(bodies, latlon, radius, motion)
+    return motion
+
+
+@kernel
+def find_element_motion(bodies: Bodies, latlon: bool, radius: float, motion: Floats) -> None:
+    """Fill what `element_motion` returns."""
     body, shape, pose = bodies.body, bodies.shape, bodies.pose
-    motion = np.zeros((body.size, 11))
-    ra, rb, r = np.empty(3), np.empty(3), np.empty(3)
     for e in range(body.size):
         q, m = pose[body[e]], motion[e]
         if not latlon:
             rx = q[0, 0] * shape[e, 0] + q[0, 1] * shape[e, 1]
             ry = q[1, 0] * shape[e, 0] + q[1, 1] * shape[e, 1]
+            m[:] = 0.0
             m[0], m[2], m[4], m[5], m[8], m[9], m[10] = 1.0, -ry, 1.0, rx, 1.0, q[0, 0], q[1, 0]
             continue
-        ax, ay, az, bx, by, bz = transported(shape[e])
-        for i in range(3):
-            r[i] = q[i, 0] * shape[e, 0] + q[i, 1] * shape[e, 1] + q[i, 2] * shape[e, 2]
-            ra[i] = q[i, 0] * ax + q[i, 1] * ay + q[i, 2] * az
-            rb[i] = q[i, 0] * bx + q[i, 1] * by + q[i, 2] * bz
-        ex, ey, nx, ny, nz = axes_at(r)
+        ax, ay, az, _, _, _ = transported(shape[e])
+        x, y, z = _turned(q, shape[e, 0], shape[e, 1], shape[e, 2])
+        ux, uy, uz = _turned(q, ax, ay, az)
+        ex, ey, nx, ny, nz = axes_at_point(x, y, z)
         cex, cey, cnx, cny, cnz = axes_at(q[:, 2])
         m[0] = cnx * nx + cny * ny + cnz * nz
         m[1] = -(cex * nx + cey * ny)
@@ -114,12 +135,11 @@ def element_motion(bodies: Bodies, latlon: bool, radius: float) -> Floats:
         m[3] = -(cnx * ex + cny * ey)
         m[4] = cex * ex + cey * ey
         m[5] = -radius * (q[0, 2] * ex + q[1, 2] * ey)
-        m[6] = (cnx * r[0] + cny * r[1] + cnz * r[2]) / radius
-        m[7] = -(cex * r[0] + cey * r[1]) / radius
-        m[8] = q[0, 2] * r[0] + q[1, 2] * r[1] + q[2, 2] * r[2]
-        m[9] = ex * ra[0] + ey * ra[1]
-        m[10] = nx * ra[0] + ny * ra[1] + nz * ra[2]
-    return motion
+        m[6] = (cnx * x + cny * y + cnz * z) / radius
+        m[7] = -(cex * x + cey * y) / radius
+        m[8] = q[0, 2] * x + q[1, 2] * y + q[2, 2] * z
+        m[9] = ex * ux + ey * uy
+        m[10] = nx * ux + ny * uy + nz * uz
 
 
 @kernel
@@ -169,10 +189,21 @@ def _turn_by_rate(q: Floats, along: Floats, rate: Floats, dt: float, radius: flo
 @kernel
 def moved_frames(pose: Floats, rate: Floats, dt: float, latlon: bool, radius: float) -> Floats:
     """Frames after ``dt`` s of steady eastward and northward velocity and spin; of second order on a sphere."""
-    new = pose.copy()
+    new = np.empty(pose.shape)
+    move_frames(pose, rate, dt, latlon, radius, new, np.empty((3, 3)))
+    return new
+
+
+@kernel
+def move_frames(
+    pose: Floats, rate: Floats, dt: float, latlon: bool, radius: float, new: Floats, middle: Floats
+) -> None:
+    """Fill what `moved_frames` returns; ``middle`` is room for a frame."""
     for k in range(pose.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                new[k, i, j] = middle[i, j] = pose[k, i, j]
         if latlon:
-            middle = pose[k].copy()
             _turn_by_rate(middle, pose[k, :, 2], rate[k], 0.5 * dt, radius)
             _turn_by_rate(new[k], middle[:, 2], rate[k], dt, radius)
             _make_square(new[k])
@@ -184,7 +215,6 @@ def moved_frames(pose: Floats, rate: Floats, dt: float, latlon: bool, radius: fl
         new[k, 0, 1], new[k, 1, 1] = -new[k, 1, 0], new[k, 0, 0]
         new[k, 0, 2] += dt * rate[k, 0]
         new[k, 1, 2] += dt * rate[k, 1]
-    return new
 
 
 @kernel
@@ -280,7 +310,7 @@ def _regrouped(
             shape[e, i] = to[0, i] * bodies.shape[e, 0] + to[1, i] * bodies.shape[e, 1] + to[2, i] * bodies.shape[e, 2]
         _turn_axes(bodies.shape[e], shape[e], to, bend[e])
     new = Bodies(body, shape, pose, rate, bend)
-    _take_over_mean(new, mass, inertia, total, latlon, radius)
+    _take_over_mean(new, mass, inertia, latlon, radius)
     return new.body, new.shape, new.pose, new.rate, new.bend
 
 
@@ -321,66 +351,65 @@ def _turn_axes(before: Floats, after: Floats, to: Floats, bend: Floats) -> None:
 
 
 @kernel
-def mean_bend(body: Ints, flat: Floats, count: int, bend: Floats, mass: Floats, inertia: Floats) -> Floats:
-    """Mean displacement (m) and turn (rad) of each fragment by the load of its elements, shape (fragments, 3).
+def mean_bend(
+    body: Ints, flat: Floats, bend: Floats, mass: Floats, inertia: Floats, mean: Floats, first: Floats
+) -> None:
+    """Find the mean displacement (m) and turn (rad) of each fragment by the load of its elements.
 
     Parameters
     ----------
     body : array of int, shape (elements,)
-        Fragment of each element, of ``count``.
+        Fragment of each element.
     flat : array of float, shape (elements, 2)
         Places in the fragments (`flat_shape`), m.
     bend : array of float, shape (elements, 3)
         Displacements, m, m and rad.
     mass, inertia : array of float, shape (elements,)
         kg and kg m2.
+    mean : array of float, shape (fragments, 3)
+        Takes them.
+    first : array of float, shape (fragments, 4)
+        Takes the centre of mass (m), the mass (kg) and the moment of inertia (kg m2).
     """
-    mean, total, moment = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
-    first = np.zeros((count, 2))
+    mean[:, :] = 0.0
+    first[:, :] = 0.0
     for e in range(body.size):
         b = body[e]
-        total[b] += mass[e]
+        first[b, 2] += mass[e]
         for i in range(2):
             mean[b, i] += mass[e] * bend[e, i]
             first[b, i] += mass[e] * flat[e, i]
-    for b in range(count):
+    for b in range(mean.shape[0]):
         for i in range(2):
-            mean[b, i] /= total[b]
-            first[b, i] /= total[b]
+            mean[b, i] /= first[b, 2]
+            first[b, i] /= first[b, 2]
     for e in range(body.size):
         b = body[e]
         x, y = flat[e, 0] - first[b, 0], flat[e, 1] - first[b, 1]
-        moment[b] += mass[e] * (x * x + y * y) + inertia[e]
+        first[b, 3] += mass[e] * (x * x + y * y) + inertia[e]
         mean[b, 2] += mass[e] * (x * bend[e, 1] - y * bend[e, 0]) + inertia[e] * bend[e, 2]
-    for b in range(count):
-        mean[b, 2] /= moment[b]
-    return mean
+    for b in range(mean.shape[0]):
+        mean[b, 2] /= first[b, 3]
 
 
 @kernel
-def without_mean(body: Ints, flat: Floats, bend: Floats, mean: Floats, mass: Floats) -> None:
+def without_mean(body: Ints, flat: Floats, bend: Floats, mean: Floats, first: Floats) -> None:
     """Take the mean displacement and turn (`mean_bend`) off, in place: what is left is deformation alone."""
-    count = mean.shape[0]
-    first, total = np.zeros((count, 2)), np.zeros(count)
     for e in range(body.size):
         b = body[e]
-        total[b] += mass[e]
-        first[b, 0] += mass[e] * flat[e, 0]
-        first[b, 1] += mass[e] * flat[e, 1]
-    for e in range(body.size):
-        b = body[e]
-        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
+        x, y = flat[e, 0] - first[b, 0], flat[e, 1] - first[b, 1]
         bend[e, 0] -= mean[b, 0] - mean[b, 2] * y
         bend[e, 1] -= mean[b, 1] + mean[b, 2] * x
         bend[e, 2] -= mean[b, 2]
 
 
 @kernel
-def _take_over_mean(bodies: Bodies, mass: Floats, inertia: Floats, total: Floats, latlon: bool, radius: float) -> None:
+def _take_over_mean(bodies: Bodies, mass: Floats, inertia: Floats, latlon: bool, radius: float) -> None:
     """Move the frames by the mean displacement and turn of their elements, and take those off the elements."""
     flat = flat_shape(bodies.shape, latlon, radius)
-    mean = mean_bend(bodies.body, flat, bodies.pose.shape[0], bodies.bend, mass, inertia)
-    without_mean(bodies.body, flat, bodies.bend, mean, mass)
+    mean, first = np.empty((bodies.pose.shape[0], 3)), np.empty((bodies.pose.shape[0], 4))
+    mean_bend(bodies.body, flat, bodies.bend, mass, inertia, mean, first)
+    without_mean(bodies.body, flat, bodies.bend, mean, first)
     for b in range(mean.shape[0]):
         q, dx, dy, turn = bodies.pose[b], mean[b, 0], mean[b, 1], mean[b, 2]
         if latlon:

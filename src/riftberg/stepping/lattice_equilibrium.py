@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.errors import RunError
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
 from riftberg.state import Bonds, Floats, Ints
@@ -41,7 +41,8 @@ class ElasticLattice(NamedTuple):
 
     ``rows`` are the 3 x 6 matrices that give extension, slip and bend of a bond from the displacements of its ends;
     ``stiffness`` its three springs; ``nx``, ``ny`` its direction in the frame of its fragment; ``length``, ``rest``,
-    ``width``, ``thickness`` in metres; ``radius`` of the elements (m) scales their turns.
+    ``width``, ``thickness`` in metres; ``radius`` of the elements (m) scales their turns, ``arm_first`` and ``arm_second`` (m)
+    are the slip by a turn of either end.
     """
 
     first: Ints
@@ -55,6 +56,8 @@ class ElasticLattice(NamedTuple):
     rows: Floats
     stiffness: Floats
     radius: Floats
+    arm_first: Floats
+    arm_second: Floats
 
 
 def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
@@ -71,12 +74,13 @@ def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p:
 @kernel
 def _find_lattice(
     first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
-) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
     """Return the fields of `ElasticLattice`; see `riftberg.kernels` why no named tuple."""
     count = first.size
     nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
     rows, stiffness = np.zeros((count, 3, 6)), np.zeros((count, 3))
+    arm_first, arm_second = np.zeros(count), np.zeros(count)
     radius = sizes.bond_radius
     for b in range(count):
         i, j = first[b], second[b]
@@ -92,11 +96,12 @@ def _find_lattice(
         m[0, 0], m[0, 1], m[0, 3], m[0, 4] = nx[b], ny[b], -nx[b], -ny[b]
         m[1, 0], m[1, 1], m[1, 3], m[1, 4] = ny[b], -nx[b], -ny[b], nx[b]
         m[1, 2], m[1, 5] = lever1, lever2
+        arm_first[b], arm_second[b] = lever1 * r1, lever2 * r2
         m[2, 2], m[2, 5] = 1.0 / r1, -1.0 / r2
         stiffness[b, 0] = p.youngs_modulus * height[b] * width[b] / rest[b]
         stiffness[b, 1] = stiffness[b, 0] * 0.5 / (1.0 + p.poisson)
         stiffness[b, 2] = stiffness[b, 0] * width[b] ** 2 / 12.0
-    return first, second, nx, ny, length, rest, width, height, rows, stiffness, radius
+    return first, second, nx, ny, length, rest, width, height, rows, stiffness, radius, arm_first, arm_second
 
 
 @kernel
@@ -129,24 +134,45 @@ def _blocks(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) ->
 @kernel
 def deformed(lattice: ElasticLattice, bend: Floats, b: int) -> tuple[float, float, float]:
     """Extension, slip (m) and bend (rad) of a bond, with turns of the ends in rad."""
-    i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
-    ri, rj = lattice.radius[i], lattice.radius[j]
-    e = m[0, 0] * (bend[i, 0] - bend[j, 0]) + m[0, 1] * (bend[i, 1] - bend[j, 1])
-    s = m[1, 0] * (bend[i, 0] - bend[j, 0]) + m[1, 1] * (bend[i, 1] - bend[j, 1])
-    s += m[1, 2] * ri * bend[i, 2] + m[1, 5] * rj * bend[j, 2]
-    return e, s, bend[i, 2] - bend[j, 2]
+    i, j = lattice.first[b], lattice.second[b]
+    nx, ny, x, y = lattice.nx[b], lattice.ny[b], bend[i, 0] - bend[j, 0], bend[i, 1] - bend[j, 1]
+    s = ny * x - nx * y
+    s += lattice.arm_first[b] * bend[i, 2] + lattice.arm_second[b] * bend[j, 2]
+    return nx * x + ny * y, s, bend[i, 2] - bend[j, 2]
 
 
-@kernel
 def bond_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
     """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
-    stress = np.zeros((alive.size, 2))
+    return deformations_and_stresses(lattice, alive, bend, p)[1]
+
+
+def deformations_and_stresses(
+    lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters
+) -> tuple[Floats, Floats]:
+    """Extension, slip (m) and bend (rad) of the bonds that hold, and their tensile and shear stress (Pa), a row for each."""
+    deformation, stress = np.empty((alive.size, 3)), np.empty((alive.size, 2))
+    # Two numbers instead of all parameters: these take as long to hand over as the stresses of a small berg.
+    _stresses(lattice, alive, bend, p.youngs_modulus, p.poisson, deformation, stress)
+    return deformation, stress
+
+
+@borrower
+def _stresses(
+    lattice: ElasticLattice,
+    alive: Ints,
+    bend: Floats,
+    youngs: float,
+    poisson: float,
+    deformation: Floats,
+    stress: Floats,
+) -> None:
+    """Fill what `deformations_and_stresses` returns."""
     for k in range(alive.size):
         b = alive[k]
         e, s, angle = deformed(lattice, bend, b)
-        stress[k, 0] = tensile_stress(p.youngs_modulus / lattice.rest[b], -0.5 * e, angle, lattice.width[b])
-        stress[k, 1] = shear_stress_of(p.youngs_modulus / lattice.rest[b], p.poisson, abs(s))
-    return stress
+        deformation[k, 0], deformation[k, 1], deformation[k, 2] = e, s, angle
+        stress[k, 0] = tensile_stress(youngs / lattice.rest[b], -0.5 * e, angle, lattice.width[b])
+        stress[k, 1] = shear_stress_of(youngs / lattice.rest[b], poisson, abs(s))
 
 
 @kernel
@@ -173,34 +199,49 @@ def balanced_loads(
     array of float, shape (elements, 3)
         N, N and N m; their sum and moment vanish for each fragment.
     """
-    count = spin.size
-    total, first, moment = np.zeros(count), np.zeros((count, 2)), np.zeros(count)
-    sums = np.zeros((count, 3))
-    load = np.zeros((body.size, 3))
+    load, rate = np.empty((body.size, 3)), np.zeros((spin.size, 3))
+    rate[:, 2] = spin
+    balance_loads(body, flat, turn, 0, force, mass, inertia, rate, np.empty((spin.size, 7)), load)
+    return load
+
+
+@kernel
+def balance_loads(
+    body: Ints, flat: Floats, turn: Floats, column: int, force: Floats, mass: Floats, inertia: Floats, rate: Floats,
+    sums: Floats, load: Floats,
+) -> None:  # fmt: skip
+    """Fill what `balanced_loads` returns.
+
+    ``turn`` stands in two columns from ``column`` on, the spin in the last one of ``rate``; ``sums`` (fragments, 7) is room.
+    """
+    # Columns: sums of the loads (3), centre of mass (2), mass, moment of inertia.
+    sums[:, :] = 0.0
     for e in range(body.size):
-        b, c, s = body[e], turn[e, 0], turn[e, 1]
-        load[e, 0], load[e, 1], load[e, 2] = (
-            c * force[e, 0] + s * force[e, 1],
-            c * force[e, 1] - s * force[e, 0],
-            force[e, 2],
-        )
-        total[b] += mass[e]
+        b, c, s = body[e], turn[e, column], turn[e, column + 1]
+        fx, fy = force[e, 0], force[e, 1]
+        load[e, 0], load[e, 1], load[e, 2] = c * fx + s * fy, c * fy - s * fx, force[e, 2]
+        sums[b, 5] += mass[e]
         for i in range(2):
-            first[b, i] += mass[e] * flat[e, i]
+            sums[b, 3 + i] += mass[e] * flat[e, i]
             sums[b, i] += load[e, i]
+    for b in range(sums.shape[0]):
+        for i in range(2):
+            sums[b, 3 + i] /= sums[b, 5]
+            sums[b, i] /= sums[b, 5]
     for e in range(body.size):
         b = body[e]
-        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
-        moment[b] += mass[e] * (x * x + y * y) + inertia[e]
+        x, y = flat[e, 0] - sums[b, 3], flat[e, 1] - sums[b, 4]
+        sums[b, 6] += mass[e] * (x * x + y * y) + inertia[e]
         sums[b, 2] += x * load[e, 1] - y * load[e, 0] + load[e, 2]
+    for b in range(sums.shape[0]):
+        sums[b, 2] /= sums[b, 6]
     for e in range(body.size):
         b, m = body[e], mass[e]
-        x, y = flat[e, 0] - first[b, 0] / total[b], flat[e, 1] - first[b, 1] / total[b]
-        turning, square = sums[b, 2] / moment[b], spin[b] ** 2
-        load[e, 0] -= m * (sums[b, 0] / total[b] - turning * y - square * x)
-        load[e, 1] -= m * (sums[b, 1] / total[b] + turning * x - square * y)
+        x, y = flat[e, 0] - sums[b, 3], flat[e, 1] - sums[b, 4]
+        turning, square = sums[b, 2], rate[b, 2] ** 2
+        load[e, 0] -= m * (sums[b, 0] - turning * y - square * x)
+        load[e, 1] -= m * (sums[b, 1] + turning * x - square * y)
         load[e, 2] -= inertia[e] * turning
-    return load
 
 
 class Holds:
@@ -344,28 +385,41 @@ class Factors:
         RunError
             If the springs that hold the fragments carry a load: the lattice is a mechanism.
         """
-        scaled = load.copy()
-        scaled[:, 2] /= self._lattice.radius
-        b = scaled.ravel() * self._free
-        x = self._factors.solve(b)
+        bend = np.empty(load.shape)
+        size = self._factors.solve_scaled(load, self._lattice.radius, self._free, bend)
         if self._columns:
-            w, a = np.array(self._columns), np.array(self._solved)
-            small = np.diag(self._signs) + w @ a.T
-            x = x - a.T @ np.linalg.solve(small, w @ x)
-        self._check(x, b)
-        d: Floats = x.reshape(-1, 3)
-        d[:, 2] /= self._lattice.radius
-        return d
+            self._correct(bend)
+        self._check(float(give_of(bend, self._springs)), size)
+        bend[:, 2] /= self._lattice.radius
+        return bend
 
-    def _check(self, x: Floats, b: Floats) -> None:
-        size = float(np.abs(b).max(initial=0.0))
-        give = float(np.abs(x[self._springs]).max(initial=0.0))
+    def _correct(self, bend: Floats) -> None:
+        """Take account of the bonds that have broken, in place (Woodbury)."""
+        x = bend.reshape(-1)
+        w, a = np.array(self._columns), np.array(self._solved)
+        small = np.diag(self._signs) + w @ a.T
+        x -= a.T @ np.linalg.solve(small, w @ x)
+
+    def _check(self, give: float, size: float) -> None:
         force = give * self.spring
         if not (force <= BALANCE * size or give <= NO_GIVE):
             raise RunError(
                 f"the lattice is not in equilibrium: a freedom that should be free carries {force:.3g} N of loads of up to "
                 f"{size:.3g} N; bonds without shear stiffness or a mechanism cannot be held (stepping.scheme: mts can)"
             )
+
+
+@borrower
+def give_of(bend: Floats, springs: Ints) -> float:
+    """Largest displacement (m) of the freedoms that springs hold; not a number where one is none."""
+    most = 0.0
+    for n in range(springs.size):
+        x = abs(bend[springs[n] // 3, springs[n] % 3])
+        if not x <= most:
+            most = x
+            if x != x:
+                break
+    return most
 
 
 def elastic_energy(bend: Floats, load: Floats) -> float:

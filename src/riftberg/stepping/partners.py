@@ -57,28 +57,31 @@ class Neighbourhood:
 
         `will_touch` decides for each pair by itself, so that bergs elsewhere have no say in it.
         """
-        none = np.zeros(0, np.int64)
-        if not c.interactions or el.size < 2 or not (el.berg != el.berg[0]).any():
-            return none, none
-        u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
-        touching = np.maximum(radius, 0.5 * c.contact_distance)
-        speed = np.hypot(u - u.mean(), v - v.mean())
-        # Each as far as it can come by itself: one that is large or quick must not make all others look far.
-        reach = NEAR * touching + (1.0 + MISSED) * np.where(np.isfinite(speed), speed, 0.0) * dt
-        shown = el.shown
-        first, second = near_pairs(
-            shown.lon_pair, shown.lat_pair, el.berg, MARGIN * reach, c.latlon, c.earth_radius, c.period
-        )
-        # A child of footloose calving lies on the rim of its parent until it has drifted off.
-        newborn = el.life.fl_k == NEWBORN_CHILD
-        if newborn.any():
-            grown = ~(newborn[first] | newborn[second])
-            first, second = first[grown], second[grown]
-        return will_touch(el, first, second, radius, dt, c)
+        return pairs_that_may_meet(el, el.berg, sizes, dt, c)
 
     def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
         return without(self.find(el, reach, SAME_BERG, c), self.bonded(el, bonds)[0])
+
+
+def pairs_that_may_meet(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+    """Pairs of elements of different bergs by their numbers ``berg``; see `Neighbourhood.meetings`."""
+    none = np.zeros(0, np.int64)
+    if not c.interactions or el.size < 2 or not (berg != berg[0]).any():
+        return none, none
+    u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
+    touching = np.maximum(radius, 0.5 * c.contact_distance)
+    speed = np.hypot(u - u.mean(), v - v.mean())
+    # Each as far as it can come by itself: one that is large or quick must not make all others look far.
+    reach = NEAR * touching + (1.0 + MISSED) * np.where(np.isfinite(speed), speed, 0.0) * dt
+    shown = el.shown
+    first, second = near_pairs(shown.lon_pair, shown.lat_pair, berg, MARGIN * reach, c.latlon, c.earth_radius, c.period)
+    # A child of footloose calving lies on the rim of its parent until it has drifted off.
+    newborn = el.life.fl_k == NEWBORN_CHILD
+    if newborn.any():
+        grown = ~(newborn[first] | newborn[second])
+        first, second = first[grown], second[grown]
+    return will_touch(el, first, second, radius, dt, c)
 
 
 def will_touch(

@@ -24,17 +24,7 @@ from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
-from riftberg.stepping.frames import (
-    Bodies,
-    element_motion,
-    flat_shape,
-    free_bodies,
-    mean_bend,
-    moved_frames,
-    place,
-    regrouped,
-    without_mean,
-)
+from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, moved_frames, place, regrouped
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.lattice_equilibrium import (
@@ -46,27 +36,15 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
-from riftberg.stepping.partners import MARGIN, will_touch
-from riftberg.stepping.rigid_bodies import (
-    Acting,
-    BodyMotion,
-    each_times,
-    element_velocities,
-    find_loading,
-    inertia_and_floor,
-    inverses,
-    keep_forces,
-    touching_pairs,
-    with_floor,
-)
+from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet
+from riftberg.stepping.moments import Standing, arrive, close_alone, depart, keep_applied_forces, motion_at, relax
+from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
+from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 EVENTS = 64
 """Cracks begin at most this often in a long step: overloads that follow each other sooner are met together."""
-
-CONTACT_PHASE = 1.0
-"""Largest step times frequency of the springs of contact, rad; beyond it the step is divided."""
 
 TOUCHDOWN = 64
 """Part of the shortest landing step within which the moment is found at which an element touches down."""
@@ -74,7 +52,7 @@ TOUCHDOWN = 64
 MOST_CORRECTIONS = 90
 """Columns of Woodbury's formula beyond which the matrix is factored anew."""
 
-PLACE = ("lon", "lat", "lon_pair", "lat_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
+PLACE = ("lon", "lat", "lon_pair", "lat_pair", "u_pair", "v_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
 """What a trial step changes and the next trial needs as it was; all else is found anew."""
 
 
@@ -98,17 +76,6 @@ class Structure:
         return known
 
 
-@dataclass
-class Standing:
-    """All that is known at one time: bodies, forces at their velocities, and the balanced loads of the lattice (N, N, N m)."""
-
-    time: float
-    bodies: Bodies
-    motion: BodyMotion
-    acting: Acting
-    load: Floats
-
-
 class QuasiStaticStepper:
     """Rigid bodies with lattices in equilibrium."""
 
@@ -118,7 +85,9 @@ class QuasiStaticStepper:
         self._now: Standing | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
         self._ice: list[bytes] = []
+        self._sizes: Sizes | None = None
         self._touched = NOBODY
+        self._began: tuple[float, Bodies | None] = math.nan, None  # the last step
 
     @property
     def applied(self) -> Floats:
@@ -150,13 +119,19 @@ class QuasiStaticStepper:
 
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
+        if self._began[0] == model.time:  # the last step was taken back, after it had been taken here
+            self._bodies, self._now = self._began[1], None
         self._forget_what_changed(model)
-        step = LongStep(model, self._bodies, self._structure, self._now)
+        self._began = model.time, self._bodies
+        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
+        self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._applied = step.applied
         self._touched = joined(step.touched)
-        self._ice = _ice(model)
+        self._sizes = step.sizes
+        if step.cracked:
+            self._ice = _ice(model)
         model.time = step.start + model.parameters.stepping.time_step
 
     def _forget_what_changed(self, model: RunState) -> None:
@@ -168,9 +143,10 @@ class QuasiStaticStepper:
         if self._bodies is not None and self._bodies.body.size != count:
             self._bodies = None
         if self._ice != now:
-            self._structure = self._now = None
+            self._structure = self._now = self._sizes = None
         if self._ice and now[0] != self._ice[0]:
             self._bodies = None  # other elements, in the same number
+        self._ice = now
 
 
 def _ice(model: RunState) -> list[bytes]:
@@ -188,15 +164,19 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None
-    ) -> None:
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
+        sizes: Sizes | None,
+    ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
-        self.sizes: Sizes = interaction_sizes(self.el, self.c)
+        self.sizes: Sizes = sizes or interaction_sizes(self.el, self.c)
         self.start, self.cracked = model.time, False
         self.applied = np.zeros((self.el.size, len(FORCES), 2))
         self.touched: list[tuple[Ints, Ints]] = []
         self._soon = math.inf  # longest next part, s
         self._near = no_pairs(self.el.mass.size)
+        self.meeting: Meeting | None = None  # of the last step
+        self._blown: tuple[Meeting, Equilibrium] | None = None
+        self.room: BodyRoom | None = None
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
         self.structure = structure or self._build(bodies)
@@ -215,11 +195,10 @@ class LongStep:
             self._crack(-1)
         longest = dt
         while (left := end - self.now.time) > 1e-9 * dt:
-            pieces = math.ceil(left / min(longest, self._contact_limit(left)) - 1e-9)
+            pieces = math.ceil(left / longest - 1e-9)
             h, self._soon = min(left / pieces, self._soon), math.inf
             longest = min(longest, self._go(h, dt, may_break))
             self._peak()
-            self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
         self._store(self._equilibrium())
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
@@ -239,9 +218,14 @@ class LongStep:
             landed = self._landed(aground)
         if may_break:
             s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+            least = dt / EVENTS if self.cracked else 0.0
+            if self._fails(self._struck()):
+                taken = self._broken_by_blow(before, kept, h, least)
+                self._apply(before, taken)
+                self._crack(-1)
+                return dt
             place, share = s.criterion.first_break(before.bodies.bend, self._equilibrium(), limits)
             if place >= 0:
-                least = dt / EVENTS if self.cracked else 0.0
                 # The load of a landing sets in at its end, not evenly over the step.
                 if (short := max(share * h, least)) < h * (1.0 - 1e-9) and not landed:
                     self._back(before, kept)
@@ -283,16 +267,20 @@ class LongStep:
 
     def _peak(self) -> None:
         """Keep the largest stress of each bond within the long step."""
-        keep_peaks(self.bonds.peak_stress, self.structure.alive, self._equilibrium().stress)
+        for moment in (self._equilibrium(), self._struck()):
+            if moment is not None:
+                keep_peaks(self.bonds.peak_stress, self.structure.alive, moment.stress)
 
     def _apply(self, before: Standing, taken: float) -> None:
         """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
-        half, part = 0.5 * taken, 0.5 * taken / self.model.parameters.stepping.time_step
-        middle = before.motion.opened(before.bodies.rate, before.acting.total, half)
-        for moment, after in ((before, middle), (self.now, self.now.bodies.rate)):
-            motion, acting = moment.motion, moment.acting
-            held = motion.held(acting.total, after, half)
-            keep_forces(motion.body, motion.elements, acting.acted, motion.load.floor, held, part, self.applied)
+        dt, met = self.model.parameters.stepping.time_step, self.meeting
+        earlier = self.applied[met.rows] if met else self.applied[:0]
+        part, room = 0.5 * taken / dt, self._room_for(self.now.bodies)
+        keep_applied_forces(before, self.now, 0.5 * taken, part, self.applied, room)
+        self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
+        if met is not None:
+            self.applied[met.rows] = earlier + met.applied / dt
+            self.touched.append((met.first, met.second))
 
     def _keep(self) -> list[np.ndarray]:
         return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
@@ -306,32 +294,47 @@ class LongStep:
 
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
-        el, c, now = self.el, self.c, self.now
-        rate = now.motion.opened(now.bodies.rate, now.acting.total, 0.5 * h)
-        pose = moved_frames(now.bodies.pose, rate, h, c.latlon, c.earth_radius)
-        bodies = now.bodies._replace(pose=pose, rate=rate)
-        el.rotation[:] += h * element_velocities(bodies.body, now.motion.elements, rate)[2]
-        bodies = self._place(bodies)
-        self.model.forcing.sample(el, now.time + h)
+        c, now = self.c, self.now
+        met = self.meeting = self._meet(h)
+        bodies = self._place(depart(self.el, now, self.seat, h, c, self._room_for(now.bodies), met))
+        self.model.forcing.sample(self.el, now.time + h)
         motion = self._motion(bodies)
-        bodies = bodies._replace(rate=motion.closed(rate, 2.0 * rate - now.bodies.rate, 0.5 * h))
+        if met is None:
+            self.now = self._loaded(bodies, motion, now.time + h, now.bodies.rate, 0.5 * h)
+        else:
+            rate = close_alone(motion, bodies.rate, now.bodies.rate, 0.5 * h, self._room_for(bodies))
+            rate, self.meeting = caught_up(met, now.motion, motion, rate, h)
+            self.now = self._loaded(bodies._replace(rate=rate), motion, now.time + h)
         before = now.bodies.bend
-        self.now = self._loaded(bodies, motion, now.time + h)
         self._bend()
         if self.model.parameters.damage.enabled:
             s = self.structure
             middle = Equilibrium(s.lattice, s.alive, 0.5 * (before + self.now.bodies.bend), c)
             wear(self.bonds, s.alive, s.criterion.ratios(middle, limits_of(self.bonds, s.alive, c)), h, c)
 
+    def _meet(self, h: float) -> Meeting | None:
+        """Let the fragments that may touch each other within ``h`` s do so."""
+        now, c = self.now, self.c
+        if now.bodies.pose.shape[0] < 2:
+            return None
+        first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c)
+        try:
+            return meet(self.el, now.motion, now.bodies.rate, first, second, h, self.sizes, c)
+        except FloatingPointError:
+            raise RunError(
+                f"the velocities of bergs in contact did not settle at {self.model.date:%Y-%m-%d %H:%M}"
+            ) from None
+
     def _place(self, bodies: Bodies) -> Bodies:
         """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
-        for _ in range(5):
-            # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
-            seated = bodies._replace(bend=self.seat)
-            place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
+        for n in range(5):
             if grid is None:
                 break
+            if n > 0:
+                # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
+                seated = bodies._replace(bend=self.seat)
+                place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
             lon, lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
             shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
@@ -341,14 +344,23 @@ class LongStep:
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         return bodies
 
+    def _room_for(self, bodies: Bodies) -> BodyRoom:
+        """Return room for the fragments."""
+        if self.room is None or self.room.w.shape != bodies.pose.shape:
+            self.room = allocate_body_room(bodies.pose.shape[0])
+        return self.room
+
     def _motion(self, bodies: Bodies) -> BodyMotion:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
-        motion = element_motion(bodies, c.latlon, c.earth_radius)
-        load = find_loading(el, self.sizes, c)
         touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
-        inertia, floor = inertia_and_floor(bodies.body, bodies.pose.shape[0], motion, load)
-        return BodyMotion(bodies.body, motion, load, touching, inertia, self._mobility(bodies, inertia), floor)
+        motion = motion_at(el, self.sizes, bodies, touching, c, self._room_for(bodies))
+        s = self.structure
+        for b, inside in self._supported(bodies):
+            # Fragments with supports move only as these allow.
+            z = s.holds.modes(inside, s.flat)
+            motion.mobility[b] = z @ np.linalg.solve(z.T @ motion.inertia[b] @ z, z.T) if z.size else 0.0
+        return motion
 
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
@@ -356,16 +368,9 @@ class LongStep:
         if not c.interactions or bodies.pose.shape[0] < 2:
             return self._near
         reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
-        return find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-
-    def _mobility(self, bodies: Bodies, inertia: Floats) -> Floats:
-        """Inverse inertia; fragments with supports move only as these allow."""
-        mobility = inverses(inertia)
-        s = self.structure
-        for b, inside in self._supported(bodies):
-            z = s.holds.modes(inside, s.flat)
-            mobility[b] = z @ np.linalg.solve(z.T @ inertia[b] @ z, z.T) if z.size else 0.0
-        return mobility
+        pairs = find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
+        newborn = el.life.fl_k == NEWBORN_CHILD
+        return among(pairs, ~newborn) if newborn.any() else pairs
 
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
         """Fragments with supports, and their elements."""
@@ -377,76 +382,77 @@ class LongStep:
     def _moment(self, bodies: Bodies, time: float) -> Standing:
         return self._loaded(bodies, self._motion(bodies), time)
 
-    def _loaded(self, bodies: Bodies, motion: BodyMotion, time: float) -> Standing:
-        """Forces and loads at the velocities of the bodies, which all elements take on."""
-        el, load, s = self.el, motion.load, self.structure
-        u, v, w = element_velocities(bodies.body, motion.elements, bodies.rate)
-        for name, values in (("u", u), ("v", v)):
-            for kind in ("", "_sync", "_pair"):
-                getattr(el, name + kind)[:] = values
-        el.spin[:] = w
-        acting = motion.acting(bodies.rate)
-        turn = motion.elements[:, 9:11]
-        total = acting.total - each_times(motion.floor, bodies.rate)
-        el.spin_rate[:] = each_times(motion.mobility, total)[bodies.body, 2]
-        force = with_floor(acting.force, load, u, v, w)
-        balanced = balanced_loads(bodies.body, s.flat, turn, force, load.mass, load.inertia, bodies.rate[:, 2])
+    def _loaded(
+        self, bodies: Bodies, motion: BodyMotion, time: float, before: Floats | None = None, half: float = 0.0
+    ) -> Standing:
+        """Forces and loads of a moment; see `riftberg.stepping.moments.arrive`."""
+        s = self.structure
+        now = arrive(self.el, s.flat, bodies, motion, time, before, half, self._room_for(bodies))
         for _, inside in self._supported(bodies):
-            z = s.holds.modes(inside, s.flat)
-            balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
-        return Standing(time, bodies, motion, acting, balanced)
+            z, load = s.holds.modes(inside, s.flat), motion.load
+            turn = motion.elements[:, 9:11]
+            now.load[inside] = _supported_loads(inside, z, s.flat, turn, now.force, load.mass, load.inertia)
+        return now
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
         now = self.now
         bend = self.structure.factors.solve(now.load)
-        if not np.isfinite(bend).all():
-            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
-        load, body, flat = now.motion.load, now.bodies.body, self.structure.flat
-        mean = mean_bend(body, flat, now.bodies.pose.shape[0], bend, load.mass, load.inertia)
+        shifted = np.zeros(now.bodies.pose.shape[0], np.bool_)
         for b, _ in self._supported(now.bodies):
-            mean[b] = 0.0
-        without_mean(body, flat, bend, mean, load.mass)
-        self.el.rotation[:] += bend[:, 2] - now.bodies.bend[:, 2]
-        self.now = Standing(now.time, now.bodies._replace(bend=bend), now.motion, now.acting, now.load)
+            shifted[b] = True
+        if not relax(now.bodies, now.motion.load, self.structure.flat, bend, self.el.rotation, shifted):
+            raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
+        self.now = now._replace(bodies=now.bodies._replace(bend=bend))
 
-    def _contact_limit(self, left: float) -> float:
-        """Longest step (s) that resolves the springs of contact between fragments."""
-        touching = self.now.motion.touching
-        first, second = touching.first, touching.second
-        if (
-            self.c.contact_spring < 0.0
-        ):  # stiff ice: bergs that will touch within the step must not be deep in each other then
-            more = self._coming(left)
-            first, second = np.append(first, more[0]), np.append(second, more[1])
-        if first.size == 0:
-            return left
-        body, mass = self.now.bodies.body, self.now.motion.load.mass
-        count = self.now.bodies.pose.shape[0]
-        pair = self._contact_stiffness(first, second) * np.minimum(mass[first], mass[second])
-        stiff = np.bincount(body[first], pair, count) + np.bincount(body[second], pair, count)
-        fastest = math.sqrt(float((2.0 * stiff / np.bincount(body, mass, count)).max()))
-        return CONTACT_PHASE / fastest if fastest > 0.0 else left
+    # Blows
 
-    def _contact_stiffness(self, first: Ints, second: Ints) -> Floats:
-        """Stiffness (s-2) of pairs that touch, as `riftberg.physics.contact.pair_stiffness`."""
-        c, radius = self.c, self.sizes.radius
-        if c.contact_spring >= 0.0:
-            return np.full(first.size, c.contact_spring)
-        return np.asarray(c.modulus / (radius[first] + radius[second]) ** 2)
+    def _struck(self) -> Equilibrium | None:
+        """Return the equilibrium under the heaviest loads of contact in the last step; None where no bonded berg was touched."""
+        met, s = self.meeting, self.structure
+        if met is None or not met.blow.rows.size:
+            return None
+        if self._blown is None or self._blown[0] is not met:
+            self._blown = met, Equilibrium(s.lattice, s.alive, s.factors.solve(self._load(met.blow)), self.c)
+        return self._blown[1]
 
-    def _coming(self, left: float) -> tuple[Ints, Ints]:
-        """Pairs of different fragments that their speeds would bring together within ``left`` s; each once."""
-        el, c, body = self.el, self.c, self.now.bodies.body
-        if not c.interactions or self.now.bodies.pose.shape[0] < 2:
-            return NOBODY
-        u, v, radius = el.motion.u, el.motion.v, self.sizes.radius
-        fastest = 2.0 * float(np.hypot(u - u.mean(), v - v.mean()).max())
-        reach = MARGIN * (max(2.0 * float(radius.max()), c.contact_distance) + fastest * left)
-        pairs = find_pairs(el.lon_pair, el.lat_pair, body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-        first = np.repeat(np.arange(el.size), np.diff(pairs.start))
-        once = first < pairs.partner
-        return will_touch(el, first[once], pairs.partner[once], radius, left, c)
+    def _load(self, blow: Blow) -> Floats:
+        """Balanced loads with those of a blow, each fragment's at its own moment."""
+        now, load, s = self.now, self.now.motion.load, self.structure
+        force, turn, spin = blow_on_all(blow, self.el.size, now.bodies.pose.shape[0])
+        struck = balanced_loads(now.bodies.body, s.flat, turn, force, load.mass, load.inertia, spin)
+        for _, inside in self._supported(now.bodies):
+            z = s.holds.modes(inside, s.flat)
+            struck[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
+        balanced = now.load.copy()
+        balanced[blow.rows] = struck[blow.rows]
+        return balanced
+
+    def _fails(self, moment: Equilibrium | None) -> bool:
+        """Whether a bond is overloaded."""
+        return moment is not None and self._overloaded(moment) >= 0
+
+    def _broken_by_blow(self, before: Standing, kept: list[np.ndarray], h: float, least: float) -> float:
+        """Shorten a step in which contact breaks a bond to the moment at which the first is overloaded; returns its length.
+
+        Sub-steps of contact are resolved to a sixteenth. The lattice then stands under the heaviest loads up to there.
+        """
+        met = self.meeting
+        near = met.shortest / 16.0 if met else h
+        whole, failed, least = 0.0, h, min(least, 16.0 * near)
+        while failed - whole > near and failed > least:
+            middle = 0.5 * (whole + failed)
+            self._back(before, kept)
+            self._advance(middle)
+            fails = self._fails(self._struck()) or self._fails(self._equilibrium())
+            whole, failed = (whole, middle) if fails else (middle, failed)
+        taken = min(max(failed, least), h)
+        self._back(before, kept)
+        self._advance(taken)
+        if self.meeting is not None and self._struck() is not None and not self._fails(self._equilibrium()):
+            self.now = self.now._replace(load=self._load(self.meeting.blow))
+            self._bend()
+        return taken
 
     # Breaking
 
@@ -458,7 +464,7 @@ class LongStep:
         bond = overloaded if overloaded >= 0 else first
         if bond < 0:
             return
-        self.cracked = True
+        self.cracked, self.meeting = True, None
         whole = elastic_energy(self.now.bodies.bend, self.now.load)
         starter = bond
         while bond >= 0:
@@ -532,7 +538,7 @@ class LongStep:
         momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return bodies._replace(rate=each_times(motion.mobility, sums))
+        return bodies._replace(rate=(motion.mobility @ sums[:, :, None])[:, :, 0])
 
     def _build(self, bodies: Bodies) -> Structure:
         """Describe and factor the lattice of the bonds that hold."""
@@ -554,8 +560,7 @@ class LongStep:
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        turn = self.now.motion.elements[:, 9:11]
-        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn)
+        store_stresses(self.bonds, now.lattice, now.alive, now.deformation, now.stress, self.now.motion.elements)
 
 
 def _supported_loads(

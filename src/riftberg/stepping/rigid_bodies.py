@@ -13,7 +13,7 @@ where f are all forces on an element but the drag c of the sea floor (s-1). A st
 ``W = 1 + z + z^2 / 2`` and ``P = 1 + z / 2`` are the Pade approximants of exp(z) and of the mean of exp: the sea floor,
 which stops an element within a minute, is met implicitly (L-stable) and still with second order where the step resolves
 it. Drag of water, air and ice and the Coriolis force are centred by both halves together. The second half is solved by
-Newton's method; fragments that touch are solved together.
+Newton's method. Fragments that touch others go through the step in `riftberg.stepping.meetings`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.errors import RunError
 from riftberg.kernels import kernel
@@ -29,9 +30,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.geometry import separation
 from riftberg.physics.grounding import grounding_spin_rate
-from riftberg.state import Elements, Floats, Ints
+from riftberg.state import Elements, Floats, Ints, Motion, Shown
 from riftberg.state.neighbours import PairList
-from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
     CORIOLIS,
@@ -49,6 +49,8 @@ from riftberg.stepping.media import (
     grounded_part,
 )
 from riftberg.stepping.sizes import Sizes
+
+Booleans = NDArray[np.bool_]
 
 MOST_PASSES = 50
 """Passes of Newton's method after which a step is given up; two to four are usual."""
@@ -90,45 +92,44 @@ class Touching(NamedTuple):
     damping: Floats
 
 
-def find_loading(el: Elements, sizes: Sizes, p: KernelParameters) -> Loading:
-    """Take the coefficients of all forces from the environment that the elements carry."""
-    # The groups that it needs: to hand the whole state to compiled code takes longer than the forces of a small berg.
-    return Loading(*_find_loading(Seen(el.place, el.body, el.environment), sizes, p))
+def allocate_loading(el: Elements, p: KernelParameters) -> Loading:
+    """Return room for what acts on the elements, kept as long as the moment is that it tells of."""
+    count, body = el.size, el.body
+    inertia, floor, floor_spin, aground, spinning, water_spin = np.zeros((6, count))
+    return Loading(
+        np.empty((count, len(MEDIA), PUSH_Y + 1)), np.empty(count), body.mass, inertia, floor, floor_spin, aground, spinning,
+        water_spin, body.load_x, body.load_y, not p.only_interactions, p.ground_on_substeps or not p.only_interactions,
+    )  # fmt: skip
 
 
 @kernel
-def _find_loading(
-    el: Seen, sizes: Sizes, p: KernelParameters
-) -> tuple[
-    Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, bool, bool
-]:  # fmt: skip
-    """Return the fields of `Loading`; see `riftberg.kernels` why no named tuple."""
-    body = el.body
-    count = body.mass.size
-    # Kept as long as this moment is; nothing is solved for or applied in them.
-    media, coriolis = np.empty((count, len(MEDIA), PUSH_Y + 1)), np.empty(count)
-    no_rate, nothing = np.empty((0, len(MEDIA))), np.empty((0, CORIOLIS + 1, 2))
-    find_surroundings(el, sizes, Surroundings(media, coriolis, np.ones(len(MEDIA), np.bool_), no_rate, nothing), p)
-    inertia, floor, floor_spin, aground = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
-    spinning = np.zeros(count)
-    mass, thickness, depth = body.mass, body.thickness, el.environment.depth
-    radius, bond_mass = sizes.bond_radius, sizes.bond_mass
-    touches = p.ground_on_substeps or not p.only_interactions
-    for e in range(count):
+def fill_loading(el: Seen, sizes: Sizes, p: KernelParameters, acts: Booleans, nothing: Floats, load: Loading) -> None:
+    """Take the coefficients of all forces from the environment that the elements carry.
+
+    Parameters
+    ----------
+    acts : array of bool, shape (media,)
+    nothing : array of float, shape (1, 0, 0)
+        In place of what a solve would keep: nothing is solved for or applied here.
+    load : Loading
+        Room, with zeros where a number may be left out (`allocate_loading`).
+    """
+    media, mass, inertia, floor, floor_spin = load.media, load.mass, load.inertia, load.floor, load.floor_spin
+    find_surroundings(el, sizes, Surroundings(media, load.coriolis, acts, nothing[0], nothing), p)
+    thickness, depth, vorticity = el.body.thickness, el.environment.depth, el.environment.vorticity
+    radius, bond_mass, aground = sizes.bond_radius, sizes.bond_mass, load.aground
+    for e in range(mass.size):
         inertia[e] = 0.5 * mass[e] * radius[e] ** 2
         aground[e] = grounded_part(thickness[e], depth[e], p)
-        if touches:
+        load.water_spin[e] = 0.5 * vorticity[e]
+        if load.touches:
             # The linear drag of the sea floor is the one stiff force: it is met implicitly, apart from the others.
             floor[e] = media[e, SEA_FLOOR, LINEAR]
         media[e, SEA_FLOOR, LINEAR] = 0.0
         if p.ground_torque:
             floor_spin[e] = grounding_spin_rate(p.ground_coefficient, radius[e], bond_mass[e], aground[e])
         if p.rotational_drag and not p.only_interactions:
-            spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
-    return (
-        media, coriolis, mass, inertia, floor, floor_spin, aground, spinning,
-        0.5 * el.environment.vorticity, body.load_x, body.load_y, not p.only_interactions, touches,
-    )  # fmt: skip
+            load.spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
 
 
 def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> Touching:
@@ -183,11 +184,10 @@ def _add_outer(into: Floats, factor: float, a: Floats, b: Floats) -> None:
 
 
 @kernel
-def inertia_and_floor(bodies_body: Ints, count: int, motion: Floats, load: Loading) -> tuple[Floats, Floats]:
-    """Matrices of inertia and of the drag of the sea floor of each fragment, shape (fragments, 3, 3)."""
-    inertia, floor = np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
-    for e in range(bodies_body.size):
-        b, m = bodies_body[e], motion[e]
+def add_inertia_and_floor(body: Ints, motion: Floats, load: Loading, inertia: Floats, floor: Floats) -> None:
+    """Add to the matrices of inertia and of the drag of the sea floor of each fragment, shape (fragments, 3, 3)."""
+    for e in range(body.size):
+        b, m = body[e], motion[e]
         u, v, w = m[0:3], m[3:6], m[6:9]
         _add_outer(inertia[b], load.mass[e], u, u)
         _add_outer(inertia[b], load.mass[e], v, v)
@@ -197,7 +197,6 @@ def inertia_and_floor(bodies_body: Ints, count: int, motion: Floats, load: Loadi
             _add_outer(floor[b], load.mass[e] * load.floor[e], v, v)
         if load.floor_spin[e] > 0.0:
             _add_outer(floor[b], load.inertia[e] * load.floor_spin[e], w, w)
-    return inertia, floor
 
 
 @kernel
@@ -226,15 +225,6 @@ def _velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
         m[3] * q[0] + m[4] * q[1] + m[5] * q[2],
         m[6] * q[0] + m[7] * q[1] + m[8] * q[2],
     )
-
-
-@kernel
-def element_velocities(body: Ints, motion: Floats, rate: Floats) -> tuple[Floats, Floats, Floats]:
-    """Eastward and northward velocity (m s-1) and spin (rad s-1) of all elements."""
-    u, v, w = np.empty(body.size), np.empty(body.size), np.empty(body.size)
-    for e in range(body.size):
-        u[e], v[e], w[e] = _velocity(motion[e], rate[body[e]])
-    return u, v, w
 
 
 @kernel
@@ -271,21 +261,21 @@ def _torque(load: Loading, e: int, w: float) -> tuple[float, float]:
 
 
 @kernel
-def forces_by_medium(body: Ints, motion: Floats, rate: Floats, load: Loading) -> tuple[Floats, Floats, Floats]:
-    """Forces on all elements but those of contact and the linear drag of the sea floor.
+def add_forces(
+    body: Ints, motion: Floats, rate: Floats, load: Loading, acted: Floats, force: Floats, total: Floats
+) -> None:
+    """Find the forces on all elements but those of contact and the linear drag of the sea floor.
 
-    Returns
-    -------
+    Parameters
+    ----------
     acted : array of float, shape (elements, forces, 2)
-        Accelerations (m s-2) by each of `riftberg.stepping.media.FORCES`.
+        Takes the accelerations (m s-2) by each of `riftberg.stepping.media.FORCES`; zeros before.
     force : array of float, shape (elements, 3)
-        East and north (N), and torque about the vertical (N m).
+        Takes the force east and north (N), and the torque about the vertical (N m).
     total : array of float, shape (fragments, 3)
-        Force on the centre east and north, and the moment.
+        The force on the centre east and north, and the moment, are added to it.
     """
     media, mass = load.media, load.mass
-    acted, force = np.zeros((body.size, media.shape[1] + 1, 2)), np.empty((body.size, 3))
-    total = np.zeros(rate.shape)
     for e in range(body.size):
         b, m = body[e], motion[e]
         u, v, w = _velocity(m, rate[b])
@@ -293,7 +283,7 @@ def forces_by_medium(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
         if load.surrounded:
             ax, ay = load.coriolis[e] * v, -load.coriolis[e] * u
             acted[e, CORIOLIS, 0], acted[e, CORIOLIS, 1] = ax, ay
-        for k in range(media.shape[1]):
+        for k in range(len(MEDIA)):
             if load.surrounded or (k == SEA_FLOOR and load.touches):
                 dx, dy, _, _, _ = _drag(media[e, k], u, v)
                 acted[e, k, 0], acted[e, k, 1] = dx, dy
@@ -303,40 +293,48 @@ def forces_by_medium(body: Ints, motion: Floats, rate: Floats, load: Loading) ->
         force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
         for i in range(3):
             total[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
-    return acted, force, total
 
 
 @kernel
-def with_floor(force: Floats, load: Loading, u: Floats, v: Floats, w: Floats) -> Floats:
-    """Forces on the elements (N, N, N m) with the linear drag of the sea floor at these velocities and spins."""
-    held = force.copy()
-    for e in range(u.size):
-        held[e, 0] -= load.mass[e] * load.floor[e] * u[e]
-        held[e, 1] -= load.mass[e] * load.floor[e] * v[e]
-        held[e, 2] -= load.inertia[e] * load.floor_spin[e] * w[e]
-    return held
+def take_velocities(
+    body: Ints, motion: Floats, rate: Floats, load: Loading, force: Floats, own: Motion, shown: Shown
+) -> None:
+    """Give the elements the velocities of their fragments, and ``force`` the linear drag of the sea floor at these, in place."""
+    for e in range(body.size):
+        u, v, w = _velocity(motion[e], rate[body[e]])
+        own.u[e] = own.u_sync[e] = shown.u_pair[e] = u
+        own.v[e] = own.v_sync[e] = shown.v_pair[e] = v
+        own.spin[e] = w
+        force[e, 0] -= load.mass[e] * load.floor[e] * u
+        force[e, 1] -= load.mass[e] * load.floor[e] * v
+        force[e, 2] -= load.inertia[e] * load.floor_spin[e] * w
 
 
 @kernel
-def totals_and_slopes(body: Ints, motion: Floats, rate: Floats, load: Loading) -> tuple[Floats, Floats]:
-    """Sums of the forces of `forces_by_medium` for each fragment, and minus their derivatives by the velocities.
+def add_totals_and_slopes(
+    body: Ints, motion: Floats, rate: Floats, load: Loading, total: Floats, slope: Floats
+) -> None:
+    """Add up the forces of `add_forces` for each fragment, and minus their derivatives by the velocities.
 
-    Returns
-    -------
+    The matrices are written out, and all is read before anything is written: the compiler cannot know that the arrays are
+    apart, and would read the motion of an element again for each number.
+
+    Parameters
+    ----------
     total : array of float, shape (fragments, 3)
         Force on the centre east and north, and the moment.
     slope : array of float, shape (fragments, 3, 3)
     """
-    total, slope = np.zeros(rate.shape), np.zeros((rate.shape[0], 3, 3))
     media, mass = load.media, load.mass
     for e in range(body.size):
-        b, m = body[e], motion[e]
-        u, v, w = _velocity(m, rate[b])
+        b, m, q = body[e], motion[e], rate[body[e]]
+        m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
+        u, v = m0 * q[0] + m1 * q[1] + m2 * q[2], m3 * q[0] + m4 * q[1] + m5 * q[2]
         ax = ay = jxx = jxy = jyy = f = 0.0
         if load.surrounded:
             f = load.coriolis[e]
             ax, ay = f * v, -f * u
-        for k in range(media.shape[1]):
+        for k in range(len(MEDIA)):
             if load.surrounded or (k == SEA_FLOOR and load.touches):
                 dx, dy, dxx, dxy, dyy = _drag(media[e, k], u, v)
                 ax += dx
@@ -344,23 +342,26 @@ def totals_and_slopes(body: Ints, motion: Floats, rate: Floats, load: Loading) -
                 jxx += dxx
                 jxy += dxy
                 jyy += dyy
-        torque, turning = _torque(load, e, w)
-        fx, fy = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e]
-        for i in range(3):
-            total[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
-            x = mass[e] * (jxx * m[i] + (jxy + f) * m[3 + i])
-            y = mass[e] * ((jxy - f) * m[i] + jyy * m[3 + i])
-            z = turning * m[6 + i]
-            # x, y, z are rows of B^T J; transposed, because J of the Coriolis force is antisymmetric.
-            for j in range(3):
-                slope[b, i, j] += x * m[j] + y * m[3 + j] + z * m[6 + j]
-    return total, slope
+        torque, turning = _torque(load, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
+        fx, fy, weight = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e], mass[e]
+        t, s = total[b], slope[b]
+        t0, t1, t2 = m0 * fx + m3 * fy + m6 * torque, m1 * fx + m4 * fy + m7 * torque, m2 * fx + m5 * fy + m8 * torque
+        # x, y, z are rows of B^T J; transposed, because J of the Coriolis force is antisymmetric.
+        x0, y0, z0 = weight * (jxx * m0 + (jxy + f) * m3), weight * ((jxy - f) * m0 + jyy * m3), turning * m6
+        x1, y1, z1 = weight * (jxx * m1 + (jxy + f) * m4), weight * ((jxy - f) * m1 + jyy * m4), turning * m7
+        x2, y2, z2 = weight * (jxx * m2 + (jxy + f) * m5), weight * ((jxy - f) * m2 + jyy * m5), turning * m8
+        s00, s01, s02 = x0 * m0 + y0 * m3 + z0 * m6, x0 * m1 + y0 * m4 + z0 * m7, x0 * m2 + y0 * m5 + z0 * m8
+        s10, s11, s12 = x1 * m0 + y1 * m3 + z1 * m6, x1 * m1 + y1 * m4 + z1 * m7, x1 * m2 + y1 * m5 + z1 * m8
+        s20, s21, s22 = x2 * m0 + y2 * m3 + z2 * m6, x2 * m1 + y2 * m4 + z2 * m7, x2 * m2 + y2 * m5 + z2 * m8
+        t[0], t[1], t[2] = t[0] + t0, t[1] + t1, t[2] + t2
+        s[0, 0], s[0, 1], s[0, 2] = s[0, 0] + s00, s[0, 1] + s01, s[0, 2] + s02
+        s[1, 0], s[1, 1], s[1, 2] = s[1, 0] + s10, s[1, 1] + s11, s[1, 2] + s12
+        s[2, 0], s[2, 1], s[2, 2] = s[2, 0] + s20, s[2, 1] + s21, s[2, 2] + s22
 
 
 @kernel
 def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, force: Floats, total: Floats) -> None:
-    """Add the forces of contact between fragments at these velocities, in place; ``force`` may be that of no elements."""
-    each = force.shape[0] > 0
+    """Add the forces of contact between fragments at these velocities, in place."""
     for k in range(touching.first.size):
         i, j = touching.first[k], touching.second[k]
         p, q, m, n = rate[body[i]], rate[body[j]], motion[i], motion[j]
@@ -369,89 +370,37 @@ def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, fo
         c = touching.damping[k]
         fx = touching.spring[k, 0] + c[0] * du + c[1] * dv
         fy = touching.spring[k, 1] + c[1] * du + c[2] * dv
-        if each:
-            force[i, 0] += fx
-            force[i, 1] += fy
-            force[j, 0] -= fx
-            force[j, 1] -= fy
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[j, 0] -= fx
+        force[j, 1] -= fy
         for a in range(3):
             total[body[i], a] += m[a] * fx + m[3 + a] * fy
             total[body[j], a] -= n[a] * fx + n[3 + a] * fy
 
 
-@kernel
-def contact_slope(body: Ints, motion: Floats, touching: Touching, row: Ints, size: int) -> Floats:
-    """Minus the derivative of the forces of contact by the velocities of the fragments that have a row."""
-    matrix = np.zeros((3 * size, 3 * size))
-    for k in range(touching.first.size):
-        i, j = touching.first[k], touching.second[k]
-        if row[body[i]] < 0:
-            continue
-        c = touching.damping[k]
-        for first in range(2):
-            e = i if first == 0 else j
-            for second in range(2):
-                o = i if second == 0 else j
-                sign = 1.0 if first == second else -1.0
-                at, to = 3 * row[body[e]], 3 * row[body[o]]
-                for a in range(3):
-                    x = c[0] * motion[e, a] + c[1] * motion[e, 3 + a]
-                    y = c[1] * motion[e, a] + c[2] * motion[e, 3 + a]
-                    for b in range(3):
-                        matrix[at + a, to + b] += sign * (x * motion[o, b] + y * motion[o, 3 + b])
-    return matrix
+class BodyRoom(NamedTuple):
+    """Room for Newton's method: matrices (fragments, 3, 3), vectors (fragments, 3), and four matrices of 3 by 3."""
+
+    w: Floats
+    p: Floats
+    slope: Floats
+    total: Floats
+    miss: Floats
+    step: Floats
+    small: Floats
+
+
+def allocate_body_room(count: int) -> BodyRoom:
+    """Return room for ``count`` fragments."""
+    w, p, slope = np.empty((3, count, 3, 3))
+    total, miss, step = np.empty((3, count, 3))
+    return BodyRoom(w, p, slope, total, miss, step, np.empty((4, 3, 3)))
 
 
 @kernel
-def island_steps(
-    members: Ints, start: Ints, body: Ints, motion: Floats, touching: Touching, w: Floats, p: Floats, slope: Floats,
-    miss: Floats, half: float,
-) -> Floats:  # fmt: skip
-    """One step of Newton's method for all islands of fragments that touch each other, shape (members, 3).
-
-    Parameters
-    ----------
-    members, start : array of int
-        Fragments of all islands one after the other, and where each island begins in them; ``start`` ends with their number.
-    body, motion, touching
-        See `BodyMotion`.
-    w, p, slope : array of float, shape (fragments, 3, 3)
-        W and P M^-1 of the module's text, and minus the derivative of the forces without contact.
-    miss : array of float, shape (fragments, 3)
-        By how much the velocities miss their equation.
-    half : float
-        Half the step, s.
-    """
-    step, row = np.zeros((members.size, 3)), np.full(w.shape[0], -1, np.int64)
-    for k in range(start.size - 1):
-        first, size = start[k], start[k + 1] - start[k]
-        for n in range(size):
-            row[members[first + n]] = n
-        force = contact_slope(body, motion, touching, row, size)
-        matrix, right = np.zeros((3 * size, 3 * size)), np.empty(3 * size)
-        for n in range(size):
-            b, at = members[first + n], 3 * n
-            row[b] = -1
-            for i in range(3):
-                right[at + i] = miss[b, i]
-                for j in range(3):
-                    force[at + i, at + j] += slope[b, i, j]
-            for i in range(3):
-                for c in range(3 * size):
-                    for j in range(3):
-                        matrix[at + i, c] += half * p[b, i, j] * force[at + j, c]
-                for j in range(3):
-                    matrix[at + i, at + j] += w[b, i, j]
-        found = np.linalg.solve(matrix, right)
-        for n in range(3 * size):
-            step[first + n // 3, n % 3] = found[n]
-    return step
-
-
-@kernel
-def solved(matrix: Floats, right: Floats) -> tuple[float, float, float]:
-    """Solve three equations by elimination with pivots."""
-    a, x = matrix.copy(), right.copy()
+def solve_three(a: Floats, x: Floats) -> tuple[float, float, float]:
+    """Solve three equations ``a`` with the right-hand side ``x`` by elimination with pivots; both are used up."""
     for k in range(3):
         best = k
         for i in range(k + 1, 3):
@@ -489,22 +438,22 @@ def _product(a: Floats, b: Floats, out: Floats) -> None:
 
 
 @kernel
-def inverses(matrices: Floats) -> Floats:
-    """Inverse of each 3 by 3 matrix."""
-    out, unit = np.empty(matrices.shape), np.zeros(3)
+def invert(matrices: Floats, out: Floats, small: Floats) -> None:
+    """Find the inverse of each 3 by 3 matrix; ``small`` is room for two of them."""
+    a, unit = small[0], small[1, 0]
     for b in range(matrices.shape[0]):
         for j in range(3):
-            unit[:] = 0.0
-            unit[j] = 1.0
-            out[b, 0, j], out[b, 1, j], out[b, 2, j] = solved(matrices[b], unit)
-    return out
+            for i in range(3):
+                unit[i] = 1.0 if i == j else 0.0
+                for k in range(3):
+                    a[i, k] = matrices[b, i, k]
+            out[b, 0, j], out[b, 1, j], out[b, 2, j] = solve_three(a, unit)
 
 
 @kernel
-def _floor_factors(mobility: Floats, floor: Floats, half: float) -> tuple[Floats, Floats]:
-    """W and P M^-1 of the module's text over half a step of ``half`` seconds, for each fragment."""
-    w, p = np.empty(floor.shape), np.empty(floor.shape)
-    z, square, ahead = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+def floor_factors(mobility: Floats, floor: Floats, half: float, room: BodyRoom) -> None:
+    """Find W and P M^-1 of the module's text over half a step of ``half`` seconds, for each fragment."""
+    z, square, ahead = room.small[0], room.small[1], room.small[2]
     for b in range(floor.shape[0]):
         _product(mobility[b], floor[b], z)
         for i in range(3):
@@ -514,45 +463,44 @@ def _floor_factors(mobility: Floats, floor: Floats, half: float) -> tuple[Floats
         for i in range(3):
             for j in range(3):
                 one = 1.0 if i == j else 0.0
-                w[b, i, j], ahead[i, j] = one + z[i, j] + 0.5 * square[i, j], one + 0.5 * z[i, j]
-        _product(ahead, mobility[b], p[b])
-    return w, p
+                room.w[b, i, j], ahead[i, j] = one + z[i, j] + 0.5 * square[i, j], one + 0.5 * z[i, j]
+        _product(ahead, mobility[b], room.p[b])
 
 
 @kernel
-def _opened(mobility: Floats, floor: Floats, rate: Floats, total: Floats, half: float) -> Floats:
-    """See `BodyMotion.opened`."""
-    w, p = _floor_factors(mobility, floor, half)
-    new, ahead = np.empty(rate.shape), np.empty(3)
+def open_step(
+    mobility: Floats, floor: Floats, rate: Floats, total: Floats, half: float, new: Floats, room: BodyRoom
+) -> None:
+    """Find velocities ``new`` in the middle of the step, from those at its start, at which the forces are ``total``."""
+    floor_factors(mobility, floor, half, room)
+    ahead = room.small[0, 0]
     for b in range(rate.shape[0]):
-        x, y, z = _times(p[b], total[b])
+        x, y, z = _times(room.p[b], total[b])
         ahead[0], ahead[1], ahead[2] = rate[b, 0] + half * x, rate[b, 1] + half * y, rate[b, 2] + half * z
-        new[b, 0], new[b, 1], new[b, 2] = solved(w[b], ahead)
-    return new
+        new[b, 0], new[b, 1], new[b, 2] = solve_three(room.w[b], ahead)
 
 
 @kernel
-def _misses(w: Floats, p: Floats, rate: Floats, new: Floats, total: Floats, half: float) -> Floats:
-    """By how much velocities at the end of a step miss their equation."""
-    miss = np.empty(rate.shape)
-    for b in range(rate.shape[0]):
-        pushed, gone = _times(p[b], total[b]), _times(w[b], new[b])
+def newton_step(
+    body: Ints, motion: Floats, load: Loading, rate: Floats, new: Floats, half: float, room: BodyRoom
+) -> None:
+    """Find the step of Newton's method for each fragment by itself, from the velocities ``new`` at the end of a step.
+
+    ``room.w`` and ``room.p`` are those of `floor_factors`.
+    """
+    room.total[:, :] = 0.0
+    room.slope[:, :, :] = 0.0
+    add_totals_and_slopes(body, motion, new, load, room.total, room.slope)
+    matrix, right = room.small[0], room.small[1, 0]
+    for b in range(new.shape[0]):
+        pushed, gone = _times(room.p[b], room.total[b]), _times(room.w[b], new[b])
         for i in range(3):
-            miss[b, i] = rate[b, i] + half * pushed[i] - gone[i]
-    return miss
-
-
-@kernel
-def _lone_steps(w: Floats, p: Floats, slope: Floats, miss: Floats, half: float) -> Floats:
-    """One step of Newton's method for each fragment by itself."""
-    step, matrix = np.empty(miss.shape), np.empty((3, 3))
-    for b in range(miss.shape[0]):
-        _product(p[b], slope[b], matrix)
+            room.miss[b, i] = right[i] = rate[b, i] + half * pushed[i] - gone[i]
+        _product(room.p[b], room.slope[b], matrix)
         for i in range(3):
             for j in range(3):
-                matrix[i, j] = w[b, i, j] + half * matrix[i, j]
-        step[b, 0], step[b, 1], step[b, 2] = solved(matrix, miss[b])
-    return step
+                matrix[i, j] = room.w[b, i, j] + half * matrix[i, j]
+        room.step[b, 0], room.step[b, 1], room.step[b, 2] = solve_three(matrix, right)
 
 
 @kernel
@@ -570,49 +518,54 @@ def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
 
 
 @kernel
-def _closed(
-    body: Ints, motion: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
-    rate: Floats, guess: Floats, half: float, members: Ints, start: Ints,
-) -> tuple[Floats, int]:  # fmt: skip
-    """See `BodyMotion.closed`; ``members`` and ``start`` are those of `island_steps`. Passes are -1 where they do not settle."""
-    w, p = _floor_factors(mobility, floor, half)
-    new, none = guess.copy(), np.zeros((0, 3))
+def close_step(
+    body: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, rate: Floats,
+    new: Floats, half: float, room: BodyRoom,
+) -> int:  # fmt: skip
+    """Find the velocities ``new`` at the end of the step from those in its middle, ``rate``: Newton's method from a guess.
+
+    No fragment touches another (`riftberg.stepping.meetings`).
+
+    Returns
+    -------
+    int
+        Passes of Newton's method, -1 where they do not settle.
+    """
+    floor_factors(mobility, floor, half, room)
     for n in range(MOST_PASSES):
-        total, slope = totals_and_slopes(body, motion, new, load)
-        add_contact(body, motion, new, touching, none, total)
-        miss = _misses(w, p, rate, new, total, half)
-        step = _lone_steps(w, p, slope, miss, half)
-        if members.size > 0:
-            together = island_steps(members, start, body, motion, touching, w, p, slope, miss, half)
-            for k in range(members.size):
-                step[members[k]] = together[k]
-        new += step
-        if _settled(step, new, inertia):
-            return new, n + 1
-    return new, -1
+        newton_step(body, motion, load, rate, new, half, room)
+        for b in range(new.shape[0]):
+            for i in range(3):
+                new[b, i] += room.step[b, i]
+        if _settled(room.step, new, inertia):
+            return n + 1
+    return -1
 
 
 @kernel
-def _held(mobility: Floats, floor: Floats, total: Floats, after: Floats, half: float) -> Floats:
-    """See `BodyMotion.held`."""
-    held, z = np.empty(after.shape), np.empty((3, 3))
+def find_held(
+    mobility: Floats, floor: Floats, total: Floats, after: Floats, half: float, held: Floats, small: Floats
+) -> None:
+    """Find the velocities at which the sea floor has acted in half a step to ``after``, under other forces ``total``.
+
+    What `open_step` and `close_step` solve, ``W v' = v + h P F``, is ``M (v' - v) = h (F - D (v' + z v' / 2 - h M^-1 F / 2))``
+    with ``z = h M^-1 D``: the momentum that the floor takes is that of its drag D at the velocities in the brackets.
+    """
+    z = small[0]
     for b in range(after.shape[0]):
         _product(mobility[b], floor[b], z)
         slowed, pushed = _times(z, after[b]), _times(mobility[b], total[b])
         for i in range(3):
             held[b, i] = after[b, i] + 0.5 * half * slowed[i] - 0.5 * half * pushed[i]
-    return held
 
 
 class Acting(NamedTuple):
     """The forces at the velocities of one moment, without the linear drag of the sea floor.
 
-    ``acted`` are the accelerations by medium (m s-2), without contact; ``force`` is on the elements (N, N, N m), ``total`` on
-    the fragments, both with contact.
+    ``acted`` are the accelerations by medium (m s-2), without contact; ``total`` the forces on fragments (N, N, N m), with it.
     """
 
     acted: Floats
-    force: Floats
     total: Floats
 
 
@@ -631,54 +584,13 @@ class BodyMotion(NamedTuple):
     mobility: Floats
     floor: Floats
 
-    def acting(self, rate: Floats) -> Acting:
-        """Forces at the velocities ``rate``."""
-        acted, force, total = forces_by_medium(self.body, self.elements, rate, self.load)
-        if self.touching.first.size:
-            add_contact(self.body, self.elements, rate, self.touching, force, total)
-        return Acting(acted, force, total)
 
-    def opened(self, rate: Floats, total: Floats, half: float) -> Floats:
-        """Velocities in the middle of the step, from those at its start, at which the forces are ``total``."""
-        return _opened(self.mobility, self.floor, rate, total, half)
+def check_passes(passes: int) -> None:
+    """Refuse velocities that have not settled.
 
-    def closed(self, rate: Floats, guess: Floats, half: float) -> Floats:
-        """Velocities at the end of the step, from those in its middle: Newton's method, which begins with ``guess``.
-
-        Raises
-        ------
-        RunError
-            If the velocities do not settle.
-        """
-        new, passes = _closed(
-            self.body, self.elements, self.load, self.touching, self.inertia, self.mobility, self.floor, rate, guess,
-            half, *self._islands(),
-        )  # fmt: skip
-        if passes < 0:
-            raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")
-        return new
-
-    def held(self, total: Floats, after: Floats, half: float) -> Floats:
-        """Velocities at which the sea floor has acted in half a step that ended with ``after``, under other forces ``total``.
-
-        What `opened` and `closed` solve, ``W v' = v + h P F``, is ``M (v' - v) = h (F - D (v' + z v' / 2 - h M^-1 F / 2))``
-        with ``z = h M^-1 D``: the momentum that the floor takes is that of its drag D at the velocities in the brackets.
-        """
-        return _held(self.mobility, self.floor, total, after, half)
-
-    def _islands(self) -> tuple[Ints, Ints]:
-        """Fragments that touch others, island by island, and where each island begins."""
-        if self.touching.first.size == 0:
-            return np.zeros(0, np.int64), np.zeros(1, np.int64)
-        a, b = self.body[self.touching.first], self.body[self.touching.second]
-        count = self.mobility.shape[0]
-        part = connected_parts(count, a, b, np.zeros(a.size, np.int64))
-        inside = np.flatnonzero(np.isin(part, part[a]))
-        members = inside[np.argsort(part[inside], kind="stable")]
-        _, sizes = np.unique(part[members], return_counts=True)
-        return members, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-
-
-def each_times(matrices: Floats, vectors: Floats) -> Floats:
-    """Product of each matrix with its vector."""
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+    Raises
+    ------
+    RunError
+    """
+    if passes < 0:
+        raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")
