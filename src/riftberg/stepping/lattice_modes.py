@@ -15,10 +15,13 @@ of the symmetric matrix::
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from riftberg.kernels import kernel
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.sizes import Sizes
@@ -73,36 +76,74 @@ class BondOperator:
         """Length of the vectors that `apply` takes."""
         return 3 * self.nx.size + 3 * self.count
 
+    @property
+    def arrays(self) -> Any:
+        """All fields, in order, for compiled code."""
+        return tuple(vars(self).values())
+
     def apply(self, vector: Floats) -> Floats:
         """Multiply by the symmetric matrix whose largest eigenvalue is the inverse of the longest stable sub-step."""
-        bonds = self.nx.size
-        z1, z2, z3 = vector[: 3 * bonds].reshape(3, bonds)
-        u, v, turn = vector[3 * bonds :].reshape(3, self.count)
-        u, v, turn = u * self.root_mass, v * self.root_mass, turn * self.root_inertia
-        first, second = self.ends[:bonds], self.ends[bonds:]
-        du, dv = u[first] - u[second], v[first] - v[second]
-        along, across = self.nx * du + self.ny * dv, self.ny * du - self.nx * dv
-        slip = across + self.lever1 * turn[first] + self.lever2 * turn[second]
-        bend = turn[first] - turn[second]
-        along_force = self.normal * z1 + self.damp_normal * along
-        slip_force = self.shear * z2 + self.damp_slip * slip
-        across_force = slip_force + self.damp_tangent * across
-        moment = self.bending * z3 + self.damp_spin * bend
-        fx = self.nx * along_force + self.ny * across_force
-        fy = self.ny * along_force - self.nx * across_force
-        parts = (
-            self.normal * along,
-            self.shear * slip,
-            self.bending * bend,
-            self.root_mass * self._sum(fx, -fx),
-            self.root_mass * self._sum(fy, -fy),
-            self.root_inertia * self._sum(self.lever1 * slip_force + moment, self.lever2 * slip_force - moment),
-        )
-        return 0.5 * np.concatenate(parts)
+        image = np.zeros(self.size)
+        _multiply(*self.arrays, vector, image)
+        return image
 
-    def _sum(self, on_first: Floats, on_second: Floats) -> Floats:
-        forces = np.concatenate([on_first, on_second])
-        return np.asarray(np.bincount(self.ends, forces, minlength=self.count), dtype=np.float64)
+
+@kernel
+def _multiply(
+    ends: Ints, count: int, nx: Floats, ny: Floats, lever1: Floats, lever2: Floats, normal: Floats, shear: Floats,
+    bending: Floats, damp_normal: Floats, damp_slip: Floats, damp_tangent: Floats, damp_spin: Floats, root_mass: Floats,
+    root_inertia: Floats, vector: Floats, image: Floats,
+) -> None:  # fmt: skip
+    """Fill ``image`` with the matrix of a `BondOperator` times ``vector``, bond by bond."""
+    bonds = nx.size
+    z1, z2, z3 = vector[:bonds], vector[bonds : 2 * bonds], vector[2 * bonds : 3 * bonds]
+    to1, to2, to3 = image[:bonds], image[bonds : 2 * bonds], image[2 * bonds : 3 * bonds]
+    u, v, turn = vector[3 * bonds :][:count], vector[3 * bonds + count :][:count], vector[3 * bonds + 2 * count :]
+    fx, fy, torque = image[3 * bonds :][:count], image[3 * bonds + count :][:count], image[3 * bonds + 2 * count :]
+    image[3 * bonds :] = 0.0
+    for b in range(bonds):
+        i, j = ends[b], ends[bonds + b]
+        du, dv = u[i] * root_mass[i] - u[j] * root_mass[j], v[i] * root_mass[i] - v[j] * root_mass[j]
+        turn1, turn2 = turn[i] * root_inertia[i], turn[j] * root_inertia[j]
+        along, across, bend = nx[b] * du + ny[b] * dv, ny[b] * du - nx[b] * dv, turn1 - turn2
+        slip = across + lever1[b] * turn1 + lever2[b] * turn2
+        along_force = normal[b] * z1[b] + damp_normal[b] * along
+        slip_force = shear[b] * z2[b] + damp_slip[b] * slip
+        across_force = slip_force + damp_tangent[b] * across
+        moment = bending[b] * z3[b] + damp_spin[b] * bend
+        x, y = nx[b] * along_force + ny[b] * across_force, ny[b] * along_force - nx[b] * across_force
+        to1[b], to2[b], to3[b] = 0.5 * normal[b] * along, 0.5 * shear[b] * slip, 0.5 * bending[b] * bend
+        fx[i] += x
+        fx[j] -= x
+        fy[i] += y
+        fy[j] -= y
+        torque[i] += lever1[b] * slip_force + moment
+        torque[j] += lever2[b] * slip_force - moment
+    for e in range(count):
+        fx[e] *= 0.5 * root_mass[e]
+        fy[e] *= 0.5 * root_mass[e]
+        torque[e] *= 0.5 * root_inertia[e]
+
+
+@kernel
+def _lanczos_step(vector: Floats, before: Floats, beside: float, image: Floats) -> tuple[float, float]:
+    """Take out of ``image`` what lies along the two latest vectors; returns the part along ``vector`` and the size of the rest.
+
+    ``before`` is overwritten with the rest, of length 1: the next vector.
+    """
+    part = 0.0
+    for k in range(vector.size):
+        image[k] -= beside * before[k]
+        part += image[k] * vector[k]
+    square = 0.0
+    for k in range(vector.size):
+        image[k] -= part * vector[k]
+        square += image[k] * image[k]
+    size = math.sqrt(square)
+    scale = 1.0 / size if size > 0.0 else 0.0
+    for k in range(vector.size):
+        before[k] = scale * image[k]
+    return part, size
 
 
 def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) -> tuple[Floats, Floats]:
@@ -211,23 +252,21 @@ def largest_eigenvalue(operator: BondOperator, accuracy: float = ACCURACY) -> fl
     """
     vector = np.random.default_rng(1).standard_normal(operator.size)
     vector /= np.linalg.norm(vector)
-    before = np.zeros_like(vector)
+    before, image = np.zeros_like(vector), np.zeros_like(vector)
     diagonal: list[float] = []
     beside: list[float] = []
     for step in range(1, MOST_STEPS + 1):
-        image = operator.apply(vector)
-        if beside:
-            image -= beside[-1] * before
-        diagonal.append(float(image @ vector))
-        image -= diagonal[-1] * vector
-        beside.append(float(np.linalg.norm(image)))
+        _multiply(*operator.arrays, vector, image)
+        part, rest = _lanczos_step(vector, before, beside[-1] if beside else 0.0, image)
+        diagonal.append(part)
+        beside.append(rest)
         # A vanishing remainder means that the vectors so far hold all of the matrix.
-        exhausted = beside[-1] <= 1e-12 * max(map(abs, diagonal))
+        exhausted = rest <= 1e-12 * max(map(abs, diagonal))
         if exhausted or step % 8 == 0 or step == MOST_STEPS:
             value, residual = _top(diagonal, beside)
             if exhausted or residual < accuracy * value:
                 break
-        before, vector = vector, image / beside[-1]
+        vector, before = before, vector
     return value + residual
 
 
