@@ -366,7 +366,7 @@ def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | N
     section: Any = plain(bond_section)  # it has no branches, and takes arrays as well
     width, height = section(
         small, np.abs(radius[i] - radius[j]), np.minimum(thickness[i], thickness[j]), np.abs(thickness[i] - thickness[j]),
-        0.5 * (some.rest_length - length), length,
+        0.5 * (some.rest_length - length), 1.0 / length,
     )  # fmt: skip
     stiffness = p.bonds.youngs_modulus * height * width / some.rest_length
     sub_step = p.stepping.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0

@@ -144,8 +144,8 @@ def _fails(
     if averaged:
         normal, shear = principal(x, y, z)
     else:
-        normal = tensile_stress(p.youngs_modulus, lattice.rest[b], -0.5 * x, z, lattice.width[b])
-        shear = shear_stress_of(p.youngs_modulus, p.poisson, lattice.rest[b], abs(y))
+        normal = tensile_stress(p.youngs_modulus / lattice.rest[b], -0.5 * x, z, lattice.width[b])
+        shear = shear_stress_of(p.youngs_modulus / lattice.rest[b], p.poisson, abs(y))
     return bool(normal > normal_limit or shear > shear_limit)
 
 

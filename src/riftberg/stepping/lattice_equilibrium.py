@@ -90,7 +90,7 @@ def _find_lattice(
         nx[b], ny[b] = rx / length[b], ry / length[b]
         half = overlap(rest[b], length[b])
         small, other = (t1, t2) if r1 <= r2 else (t2, t1)
-        width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, length[b])
+        width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, 1.0 / length[b])
         lever1, lever2 = (r1 - half) / r1, (r2 - half) / r2
         m = rows[b]
         m[0, 0], m[0, 1], m[0, 3], m[0, 4] = nx[b], ny[b], -nx[b], -ny[b]
@@ -171,8 +171,8 @@ def _stresses(
         b = alive[k]
         e, s, angle = deformed(lattice, bend, b)
         deformation[k, 0], deformation[k, 1], deformation[k, 2] = e, s, angle
-        stress[k, 0] = tensile_stress(youngs, lattice.rest[b], -0.5 * e, angle, lattice.width[b])
-        stress[k, 1] = shear_stress_of(youngs, poisson, lattice.rest[b], abs(s))
+        stress[k, 0] = tensile_stress(youngs / lattice.rest[b], -0.5 * e, angle, lattice.width[b])
+        stress[k, 1] = shear_stress_of(youngs / lattice.rest[b], poisson, abs(s))
 
 
 @kernel
