@@ -43,6 +43,9 @@ CONTACT_PHASE: Final = 1.0
 ENTRY: Final = 0.1
 """Part of a sub-step by which bodies may get into each other before contact is seen: damping sets in at once."""
 
+GENTLE: Final = 2e-3
+"""Speed, m s-1: ten times as fast, bodies touch within that part of a sub-step, as fast or slower within a whole one."""
+
 FRESH: Final = 1.0 / 32.0
 """Part of the step after which forces of the media are found anew at the velocities of the moment; between, they are linear."""
 
@@ -465,7 +468,8 @@ def _touch(
         pressed = closing + math.sqrt(closing * closing + 2.0 * driven * gap)
         resolved = _resolved(stiffness * smaller[k], min(inertia[a, 0, 0], inertia[b, 0, 0]))
         if pressed > 0.0:
-            ahead = min(ahead, max(2.0 * gap / pressed, ENTRY * resolved))
+            entry = min(1.0, max(ENTRY, GENTLE / pressed)) * resolved
+            ahead = min(ahead, max(2.0 * gap / pressed, entry))
     for b in range(rate.shape[0]):
         ahead = min(ahead, _resolved(stiff[b], inertia[b, 0, 0]))
     return found, ahead
