@@ -274,19 +274,18 @@ class BareModel(RunState):
                 self._check_forcing(1)
             self._first_visit()
         self._follow_changes()
+        saved = self.population.saved(stepped_only=self.life is None and not self.after_step)
         before = (
-            self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered),
-            self.contacts.saved(),
+            self.time, self.step_number, list(self.fragments.rows), saved, dict(self.remembered), self.contacts.saved()
         )  # fmt: skip
         try:
             if self.elements.size:
                 self._stepper.step(self)
                 self._stepped = self.elements.body.id.copy()
                 self._check_finite()
-                saved, applied = before[3], self._stepper.applied
-                self.motion.moved(saved.elements, saved.bonds, self, applied, self.remembered)
+                self.motion.moved(saved.elements, saved.bonds, self, self._stepper.applied, self.remembered)
                 self.contacts.update(
-                    before[3].elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
+                    saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
                 )
             else:
                 self.time += self.parameters.stepping.time_step
@@ -303,7 +302,11 @@ class BareModel(RunState):
             raise
 
     def _check_finite(self) -> None:
-        if not np.isfinite(self.elements.lon).all() or not np.isfinite(self.elements.lat).all():
+        place = self.elements.place
+        # A sum is finite where all are, and takes one pass.
+        if math.isfinite(place.lon.sum() + place.lat.sum()):
+            return
+        if not np.isfinite(place.lon).all() or not np.isfinite(place.lat).all():
             bad = int(np.flatnonzero(~np.isfinite(self.elements.lon + self.elements.lat))[0])
             raise RunError(
                 f"element {bad + 1} has no finite position after step {self.step_number + 1} ({self.date:%Y-%m-%d %H:%M}); "

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from riftberg.diagnostics.speed import square_berg
 from riftberg.errors import InputError
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, GROUPS, new_bonds, new_elements
 from riftberg.state.population import Population, cut_out, put_back
@@ -171,3 +172,38 @@ def test_the_newly_born_may_bring_identifiers_of_their_own() -> None:
             population.append(new_elements(1), ids=wrong)
     with pytest.raises(InputError, match="stands twice"):
         population.append(new_elements(2), ids=np.array([80, 80]))
+
+
+@pytest.mark.parametrize("scheme", ["mts", "quasi_static", "verlet", "runge_kutta"])
+def test_a_long_step_changes_only_what_is_said_to_change(scheme: str) -> None:
+    """Going back after a failed step relies on it: what is not marked is not copied."""
+    law = {} if scheme in ("mts", "quasi_static") else {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
+    weak = {"fracture": {"enabled": True, "normal_strength": 5.0, "not_in_first_step": False}}
+    model = square_berg(12, lambda p: p.changed(stepping={"scheme": scheme}, **{**weak, **law}))
+    model.advance(steps=1)
+    before = model.population.saved()
+    for _ in range(4):
+        model.step()
+    assert model.bonds_broken > 0 or law
+    for variables, now, then in (
+        (ELEMENT_VARIABLES, model.elements, before.elements),
+        (BOND_VARIABLES, model.bonds, before.bonds),
+    ):
+        kept = [v.name for v in variables if not v.stepped]
+        assert len(kept) > 4
+        for name in kept:
+            np.testing.assert_array_equal(getattr(now, name), getattr(then, name), err_msg=name)
+
+
+def test_what_a_step_may_change_is_copied_and_the_rest_shared() -> None:
+    population = Population(*line(3))
+    saved = population.saved(stepped_only=True)
+    for variables, now, then in (
+        (ELEMENT_VARIABLES, population.elements, saved.elements),
+        (BOND_VARIABLES, population.bonds, saved.bonds),
+    ):
+        for v in variables:
+            assert np.shares_memory(getattr(now, v.name), getattr(then, v.name)) != v.stepped, v.name
+    population.elements.lon[:] = -1.0
+    population.restore(saved)
+    np.testing.assert_array_equal(population.elements.lon, line(3)[0].lon)

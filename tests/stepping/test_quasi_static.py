@@ -253,3 +253,31 @@ def test_a_large_berg_that_does_not_turn_is_stepped() -> None:
     model.advance(steps=2)
     assert model.elements.u.min() > 0.0
     assert np.ptp(model.elements.u) < 1e-9
+
+
+@pytest.mark.parametrize("where", ["process", "forcing"])
+def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where, monkeypatch) -> None:
+    """It was lost: bodies and what was known of the lattice stayed those of the failed step."""
+    weak = {"enabled": True, "normal_strength": 40.0, "not_in_first_step": False}
+    smooth, rough = (
+        square_berg(30, lambda p: p.changed(stepping={"scheme": "quasi_static"}, fracture=weak)) for _ in range(2)
+    )
+    smooth.advance(steps=6)
+    rough.advance(steps=3)
+
+    def fail(*args: object) -> None:
+        raise RuntimeError("it failed")
+
+    if where == "process":
+        rough.after_step.append(fail)
+    else:
+        monkeypatch.setattr(type(rough.forcing), "sample", fail)
+    with pytest.raises(RuntimeError, match="it failed"):
+        rough.step()
+    rough.after_step.clear()
+    monkeypatch.undo()
+    rough.advance(steps=3)
+    assert smooth.bonds_broken > 0
+    for name, array in smooth.elements.arrays().items():
+        np.testing.assert_array_equal(array, getattr(rough.elements, name), err_msg=name)
+    np.testing.assert_array_equal(smooth.bonds.status, rough.bonds.status)

@@ -90,10 +90,10 @@ def searched(k, elements, bonds, p):
 
 
 def set_convergence(elements, bonds, p):
-    """Turn of the axes between the ends of each bond, rad per metre of zonal distance; it holds for the long step."""
+    """Turn of the axes between the ends of each bond, rad per radian of longitude; it holds for the long step."""
     for b in bonds:
         mean = np.radians(0.5 * (elements[b.first].lat_pair + elements[b.second].lat_pair))
-        b.convergence = np.tan(mean) / p.earth_radius if p.latlon and not p.flat_relative_velocity else 0.0
+        b.convergence = np.sin(mean) if p.latlon and not p.flat_relative_velocity else 0.0
 
 
 def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=False):
@@ -107,7 +107,9 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=Fa
             continue
         apart = between(elements[i], elements[j], p)
         one, two = end(elements[i], p, apart), end(elements[j], p, np.zeros(2))
-        apart_in_axes = 0.5 * b.convergence * apart[0] * np.array([-1.0, 1.0]) * (0.5 * (one.u + two.u))[::-1]
+        dlon = elements[i].lon_pair - elements[j].lon_pair
+        dlon = np.radians(dlon - p.period * np.round(dlon / p.period) if p.period > 0 else dlon)
+        apart_in_axes = 0.5 * b.convergence * dlon * np.array([-1.0, 1.0]) * (0.5 * (one.u + two.u))[::-1]
         one.u, two.u = one.u + apart_in_axes, two.u - apart_in_axes
         result = bond_law.pair(one, two, np.array([b.shear_x, b.shear_y]), dem_law(p), dt)
         b.shear_x, b.shear_y = map(float, result.s)

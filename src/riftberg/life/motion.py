@@ -21,7 +21,7 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.lattice import Booleans
 from riftberg.errors import InputError
-from riftberg.kernels import kernel, plain
+from riftberg.kernels import borrower, kernel, plain
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -189,13 +189,47 @@ def _add_given(
             given[k, 2] += x * um + y * vm
 
 
-def _velocity(elements: Elements, p: Parameters) -> tuple[Floats, Floats]:
-    """Return the velocity of which kinetic energy is: in bonds that vibrate, that at the time of the positions."""
-    motion, kicks = elements.motion, elements.kicks
-    if p.stepping.scheme == "mts":
-        return motion.u, motion.v
-    half = 0.5 * p.stepping.time_step
-    return motion.u + half * kicks.ax, motion.v + half * kicks.ay
+def _entries_in_substeps(
+    before: Elements, now: Elements, applied: Floats, run: RunState
+) -> tuple[Floats, Floats, Floats]:
+    """Return the stock before and after a step with sub-steps, and what each force gave, shape (forces, 3)."""
+    p, given = run.parameters, np.zeros((len(FORCES), 3))
+    # All forces act as kicks at the start of a step, but a floor in the sub-steps.
+    kicks = np.ones(len(FORCES), np.bool_)
+    kicks[SEA_FLOOR] = not run.constants.ground_on_substeps
+    motion, old = now.motion, before.motion
+    _add_given(
+        now.body.mass, now.life.mass_scaling, motion.u, motion.v, old.u, old.v, applied, kicks, p.stepping.time_step, given
+    )  # fmt: skip
+    return stock(before, p), stock(now, p), given
+
+
+def _entries_in_steps(before: Elements, now: Elements, applied: Floats, run: RunState) -> tuple[Floats, Floats, Floats]:
+    """Return the stock before and after a single step, and what each force gave, shape (forces, 3)."""
+    entries, count = np.zeros((2 + len(FORCES), 3)), now.size
+    body, motion, kicks = now.body, now.motion, now.kicks
+    old, old_kicks = before.motion, before.kicks
+    _add_entries(
+        body.mass, now.life.mass_scaling, body.sides, body.length, body.width, old.u, old.v, old_kicks.ax, old_kicks.ay,
+        old.spin, motion.u, motion.v, kicks.ax, kicks.ay, motion.spin, applied, np.zeros(len(FORCES), np.bool_),
+        run.parameters.stepping.time_step, np.empty((4, count)), entries,
+    )  # fmt: skip
+    return entries[0], entries[1], entries[2:]
+
+
+@borrower
+def _add_entries(
+    mass: Floats, scaling: Floats, sides: Ints, length: Floats, width: Floats, u_before: Floats, v_before: Floats,
+    ax_before: Floats, ay_before: Floats, spin_before: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, spin: Floats,
+    applied: Floats, kicks: Booleans, dt: float, room: Floats, entries: Floats,
+) -> None:  # fmt: skip
+    """Add the rows of `_entries_in_steps`; ``room`` takes the velocities that belong to the positions, after and before."""
+    _gliding(mass, scaling, u_before, v_before, ax_before, ay_before, spin_before, sides, length, width, dt, entries[0])
+    _gliding(mass, scaling, u, v, ax, ay, spin, sides, length, width, dt, entries[1])
+    for e in range(mass.size):
+        room[0, e], room[1, e] = u[e] + 0.5 * dt * ax[e], v[e] + 0.5 * dt * ay[e]
+        room[2, e], room[3, e] = u_before[e] + 0.5 * dt * ax_before[e], v_before[e] + 0.5 * dt * ay_before[e]
+    _add_given(mass, scaling, room[0], room[1], room[2], room[3], applied, kicks, dt, entries[2:])
 
 
 class MotionLedger:
@@ -227,25 +261,15 @@ class MotionLedger:
             Where the numbers live.
         """
         p, now = self.parameters, run.elements
-        was, stands = stock(before, p), stock(now, p)
+        entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
+        was, stands, given = entries(before, now, applied, run)
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter(kept, "other", was)
-        given = np.zeros((len(FORCES), 3))
-        _add_given(
-            now.body.mass, now.life.mass_scaling, *_velocity(now, p), *_velocity(before, p), applied,
-            self._kicks(run), p.stepping.time_step, given,
-        )  # fmt: skip
         kept[: len(FORCES)] += given
         kept[GIVERS.index("elements")] += stands - was - given.sum(axis=0)
         kept[NOW] = stands
         self._cracks(kept, before, bonds_before, run)
         remembered[KEPT] = kept
-
-    def _kicks(self, run: RunState) -> Booleans:
-        """Return which forces act as kicks at the start of a step: with multiple time steps all but a floor in the sub-steps."""
-        kicks = np.full(len(FORCES), self.parameters.stepping.scheme == "mts")
-        kicks[SEA_FLOOR] &= not run.constants.ground_on_substeps
-        return kicks
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
         """Enter what another process has done, under one of `GIVERS`."""
@@ -340,7 +364,7 @@ def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | N
     section: Any = plain(bond_section)  # it has no branches, and takes arrays as well
     width, height = section(
         small, np.abs(radius[i] - radius[j]), np.minimum(thickness[i], thickness[j]), np.abs(thickness[i] - thickness[j]),
-        0.5 * (some.rest_length - length), length,
+        0.5 * (some.rest_length - length), 1.0 / length,
     )  # fmt: skip
     stiffness = p.bonds.youngs_modulus * height * width / some.rest_length
     sub_step = p.stepping.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower, kernel
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.shown import ShownForcing
 from riftberg.state import Elements, Floats
@@ -223,6 +223,15 @@ def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
         vorticity[e] = curl
 
 
+@borrower
+def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
+    """Fill minus the square of the distance to the shoal by its length."""
+    for e in range(lon.size):
+        x = along * ((lon[e] + 180.0) % 360.0 - 180.0 - shoal_lon)
+        y = metre * (lat[e] - shoal_lat)
+        out[e] = -(x * x + y * y) / length**2
+
+
 class StoryOcean(ShownForcing):
     """The fitted ocean as forcing, evaluated at the elements themselves.
 
@@ -271,10 +280,10 @@ class StoryOcean(ShownForcing):
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
-        e = elements
-        _fill(e.lon, e.lat, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity, self.instant(time))
+        place, e = elements.place, elements.environment
+        _fill(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity, self.instant(time))
         e.ua[:], e.va[:] = self.numbers.wind
-        e.depth[:] = self.depth(e.lon, e.lat)
+        self._fill_depth(place.lon, place.lat, e.depth)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time; far from the berg's path the numbers mean nothing."""
@@ -295,15 +304,23 @@ class StoryOcean(ShownForcing):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points."""
+        x, y = np.ravel(np.asarray(lon, np.float64)), np.ravel(np.asarray(lat, np.float64))
+        depth = np.empty(x.size)
+        self._fill_depth(x, y, depth)
+        return depth.reshape(np.shape(lon))
+
+    def _fill_depth(self, lon: Floats, lat: Floats, depth: Floats) -> None:
+        """Fill the depth of water (m) at a list of points."""
         shoal_lon, shoal_lat, length, height, floor = self.numbers.shoal
         if not self.has_shoal:
-            return np.full(np.shape(lon), floor)
+            depth[:] = floor
+            return
         metre = EARTH_RADIUS_A68 * DEGREE
-        west = (np.asarray(lon) + 180.0) % 360.0 - 180.0
-        x = metre * math.cos(shoal_lat * DEGREE) * (west - shoal_lon)
-        y = metre * (np.asarray(lat) - shoal_lat)
-        shape: Floats = floor - height * np.exp(-(x * x + y * y) / length**2)
-        return shape
+        _fill_exponent(lon, lat, metre * math.cos(shoal_lat * DEGREE), metre, shoal_lon, shoal_lat, length, depth)
+        # NumPy's exponential: another one differs in the last digit, and with it all that comes after the landing.
+        np.exp(depth, out=depth)
+        np.multiply(depth, height, out=depth)
+        np.subtract(floor, depth, out=depth)
 
     def describe(self) -> str:
         """Return what this ocean is, in plain words."""

@@ -7,6 +7,7 @@ let loops over bonds become vector instructions. Their error is below 3e-16.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -27,6 +28,21 @@ def fast_sin(angle: float) -> float:
     x = ((angle - turns * _PI_HIGH) - turns * _PI_MIDDLE) - turns * _PI_LOW
     sign = 1.0 - 2.0 * (turns - 2.0 * np.floor(0.5 * turns))
     return sign * _sin_reduced(x, x * x)
+
+
+SMALL_ANGLE: Final = 0.1
+"""Up to this angle (rad) `sin_small` is the sine to the last digit or two."""
+
+
+@kernel
+def sin_small(angle: float) -> float:
+    """Sine of a small angle (rad, up to `SMALL_ANGLE`) by a Taylor polynomial of degree 9."""
+    q = angle * angle
+    s = 1.0 / 362880.0
+    s = -1.0 / 5040.0 + q * s
+    s = 1.0 / 120.0 + q * s
+    s = -1.0 / 6.0 + q * s
+    return angle + angle * (q * s)
 
 
 @kernel
@@ -65,6 +81,13 @@ def fast_cos_latitude(degrees: float) -> float:
 
 
 @kernel
+def cos_near(cosine: float, sine: float, turn: float) -> float:
+    """Cosine of an angle ``turn`` (rad, below 0.02) away from one whose cosine and sine are known, to 1e-13."""
+    q = turn * turn
+    return cosine * (1.0 - q * (0.5 - q * (1.0 / 24.0))) - sine * (turn * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0))))
+
+
+@kernel
 def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float, float]:
     """Metres per unit of x and of y at a latitude (equations 2.2); 1 and 1 on a Cartesian grid.
 
@@ -94,16 +117,13 @@ def meridian_convergence(latitude: float, radius: float) -> float:
 
 
 @kernel
-def same_axes(
-    du: float, dv: float, u_mean: float, v_mean: float, zonal_distance: float, convergence: float
-) -> tuple[float, float]:
+def same_axes(du: float, dv: float, u_mean: float, v_mean: float, turn: float) -> tuple[float, float]:
     """Difference of two velocities (m s-1) given in their own local axes, in common axes between them.
 
-    ``(du - k r_x v, dv + k r_x u)`` with the convergence k (rad m-1) and the zonal distance r_x (m): without it a rigid
-    berg that turns seems to slip along its bonds.
+    ``(du - a v, dv + a u)`` with the angle a (rad) by which east at the first place is turned against east at the second,
+    ``dlon sin(lat)``: without it a rigid berg that turns seems to slip along its bonds.
     """
-    angle = convergence * zonal_distance
-    return du - angle * v_mean, dv + angle * u_mean
+    return du - turn * v_mean, dv + turn * u_mean
 
 
 @kernel

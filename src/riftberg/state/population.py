@@ -144,9 +144,20 @@ class Population:
         """Give back the spare capacity."""
         self._hold(self._elements.copy(), self._bonds.copy())
 
-    def saved(self) -> Saved:
-        """Return a copy to which `restore` goes back."""
-        return Saved(self._elements.copy(), self._bonds.copy(), self.next_element, self.next_bond, self.version)
+    def saved(self, *, stepped_only: bool = False) -> Saved:
+        """Return a copy to which `restore` goes back.
+
+        Parameters
+        ----------
+        stepped_only : bool, optional
+            Copy only what a long step may change, and share the rest: for steps without melt, births and processes of a user.
+        """
+        copies = (
+            (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
+            if stepped_only
+            else (self._elements.copy(), self._bonds.copy())
+        )
+        return Saved(*copies, self.next_element, self.next_bond, self.version)
 
     def restore(self, saved: Saved) -> None:
         """Go back to a saved population; in place where no row has come or gone since."""

@@ -44,6 +44,8 @@ class Variable:
         Value in a new state.
     group : str
         Field of `Elements` that holds it; empty for a variable of a bond.
+    stepped : bool
+        Whether a long step may change it; others change by melt, calving and births alone.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Variable:
     output: bool = False
     default: float = 0.0
     group: str = ""
+    stepped: bool = True
 
 
 def _is(units: str, long_name: str, **extra: Any) -> Variable:
@@ -118,40 +121,54 @@ class Kicks(NamedTuple):
 class Body(NamedTuple):
     """What the elements are: identity, ice, supports and loads, and what they hang together with."""
 
-    id: Annotated[Ints, _is("1", "identifier of the element", output=True)]
-    mass: Annotated[Floats, _is("kg", "mass of the element")]
-    thickness: Annotated[Floats, _is("m", "ice thickness", standard_name="land_ice_thickness", output=True)]
-    length: Annotated[Floats, _is("m", "length of the element")]
-    width: Annotated[Floats, _is("m", "width of the element")]
-    static: Annotated[Floats, _is("1", "1 where the element never moves")]
+    id: Annotated[Ints, _is("1", "identifier of the element", output=True, stepped=False)]
+    mass: Annotated[Floats, _is("kg", "mass of the element", stepped=False)]
+    thickness: Annotated[
+        Floats, _is("m", "ice thickness", standard_name="land_ice_thickness", output=True, stepped=False)
+    ]
+    length: Annotated[Floats, _is("m", "length of the element", stepped=False)]
+    width: Annotated[Floats, _is("m", "width of the element", stepped=False)]
+    static: Annotated[Floats, _is("1", "1 where the element never moves", stepped=False)]
     in_contact: Annotated[Floats, _is("1", "1 where the element takes part in the contact iteration (quirk Q2)")]
-    load_x: Annotated[Floats, _is("N", "steady eastward load added to the bond forces")]
-    load_y: Annotated[Floats, _is("N", "steady northward load added to the bond forces")]
-    free_y: Annotated[Floats, _is("1", "0 where a roller support takes the northward bond force, else 1", default=1.0)]
+    load_x: Annotated[Floats, _is("N", "steady eastward load added to the bond forces", stepped=False)]
+    load_y: Annotated[Floats, _is("N", "steady northward load added to the bond forces", stepped=False)]
+    free_y: Annotated[
+        Floats, _is("1", "0 where a roller support takes the northward bond force, else 1", default=1.0, stepped=False)
+    ]
     berg: Annotated[Ints, _is("1", "number of the conglomerate (fragment) that the element belongs to", output=True)]
     bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True)]
-    bond_area: Annotated[Floats, _is("m2", "constant plan area by which bonds know the element; 0 while not yet known")]
-    sides: Annotated[Ints, _is("1", "sides of the element: 4 square, 6 hexagonal; 0 while not yet known")]
-    substeps: Annotated[Ints, _is("1", "sub-steps in a long step of the berg of the element; 0 while not yet known")]
+    bond_area: Annotated[
+        Floats, _is("m2", "constant plan area by which bonds know the element; 0 while not yet known", stepped=False)
+    ]
+    sides: Annotated[
+        Ints, _is("1", "sides of the element: 4 square, 6 hexagonal; 0 while not yet known", stepped=False)
+    ]
+    substeps: Annotated[
+        Ints, _is("1", "sub-steps in a long step of the berg of the element; 0 while not yet known", stepped=False)
+    ]
 
 
 class Life(NamedTuple):
     """What melt, footloose calving and births know of the elements; masses are those of one of the bergs it stands for."""
 
-    mass_scaling: Annotated[Floats, _is("1", "number of equal bergs that the element stands for", default=1.0)]
-    mass_of_bits: Annotated[Floats, _is("kg", "mass of bergy bits")]
-    mass_of_fl_bits: Annotated[Floats, _is("kg", "mass of footloose bits")]
-    mass_of_fl_bergy_bits: Annotated[Floats, _is("kg", "mass of bergy bits of the footloose bits")]
+    mass_scaling: Annotated[
+        Floats, _is("1", "number of equal bergs that the element stands for", default=1.0, stepped=False)
+    ]
+    mass_of_bits: Annotated[Floats, _is("kg", "mass of bergy bits", stepped=False)]
+    mass_of_fl_bits: Annotated[Floats, _is("kg", "mass of footloose bits", stepped=False)]
+    mass_of_fl_bergy_bits: Annotated[Floats, _is("kg", "mass of bergy bits of the footloose bits", stepped=False)]
     fl_k: Annotated[
         Floats,
-        _is("m2", "area of the submerged foot; -1 child of footloose calving, -2 child that may collide"),
+        _is(
+            "m2", "area of the submerged foot; -1 child of footloose calving, -2 child that may collide", stepped=False
+        ),
     ]
-    heat_density: Annotated[Floats, _is("J kg-1", "heat that the ice brings with it")]
-    start_lon: Annotated[Floats, _is("degrees_east", "longitude of calving")]
-    start_lat: Annotated[Floats, _is("degrees_north", "latitude of calving")]
-    start_year: Annotated[Ints, _is("1", "year of calving")]
-    start_day: Annotated[Floats, _is("d", "day of the year of calving")]
-    start_mass: Annotated[Floats, _is("kg", "mass at calving")]
+    heat_density: Annotated[Floats, _is("J kg-1", "heat that the ice brings with it", stepped=False)]
+    start_lon: Annotated[Floats, _is("degrees_east", "longitude of calving", stepped=False)]
+    start_lat: Annotated[Floats, _is("degrees_north", "latitude of calving", stepped=False)]
+    start_year: Annotated[Ints, _is("1", "year of calving", stepped=False)]
+    start_day: Annotated[Floats, _is("d", "day of the year of calving", stepped=False)]
+    start_mass: Annotated[Floats, _is("kg", "mass at calving", stepped=False)]
 
 
 class Environment(NamedTuple):
@@ -231,6 +248,13 @@ class Elements(NamedTuple):
         """Return elements that share no memory with these; once a long step, so by group and not by name."""
         return Elements(*(kind(*[a.copy() for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
 
+    def copy_of_stepped(self) -> Elements:
+        """Return elements with copies of what a long step may change; the rest is shared."""
+        return Elements(*(
+            kind(*[a.copy() if stepped else a for a, stepped in zip(group, marks, strict=True)])
+            for kind, group, marks in zip(GROUPS.values(), self, _STEPPED, strict=True)
+        ))  # fmt: skip
+
     def shown_in(self, block: slice) -> Elements:
         """Return some rows that follow one another, in the memory of these elements."""
         return Elements(*(kind(*[a[block] for a in group]) for kind, group in zip(GROUPS.values(), self, strict=True)))
@@ -248,8 +272,8 @@ class Elements(NamedTuple):
 class Bonds(NamedTuple):
     """The bonds: arrays of shape (number of bonds,); each physical bond is stored once."""
 
-    first: Annotated[Ints, _is("1", "row of the first element")]
-    second: Annotated[Ints, _is("1", "row of the second element")]
+    first: Annotated[Ints, _is("1", "row of the first element", stepped=False)]
+    second: Annotated[Ints, _is("1", "row of the second element", stepped=False)]
     shear_x: Annotated[Floats, _is("m", "accumulated eastward tangential displacement of the first element")]
     shear_y: Annotated[Floats, _is("m", "accumulated northward tangential displacement of the first element")]
     normal_stress: Annotated[
@@ -260,7 +284,9 @@ class Bonds(NamedTuple):
     bond_length: Annotated[Floats, _is("m", "distance between the centres")]
     relative_rotation: Annotated[Floats, _is("rad", "accumulated relative rotation")]
     status: Annotated[Ints, _is("1", "0 unbroken, 1 broken but still a contact pair, 2 gone")]
-    strength: Annotated[Floats, _is("1", "strength of the bond relative to the fracture thresholds", default=1.0)]
+    strength: Annotated[
+        Floats, _is("1", "strength of the bond relative to the fracture thresholds", default=1.0, stepped=False)
+    ]
     damage: Annotated[
         Floats,
         _is("1", "part of the strength that the stress history has taken; in run files with damage", output=True),
@@ -269,9 +295,10 @@ class Bonds(NamedTuple):
         Floats, _is("s", "time of breaking since the start, NaN while unbroken", output=True, default=np.nan)
     ]
     break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke")]
-    id: Annotated[Ints, _is("1", "identifier of the bond")]
+    id: Annotated[Ints, _is("1", "identifier of the bond", stepped=False)]
     rest_length: Annotated[
-        Floats, _is("m", "distance of the centres without strain; NaN while not yet known", default=np.nan)
+        Floats,
+        _is("m", "distance of the centres without strain; NaN while not yet known", default=np.nan, stepped=False),
     ]
     released_energy: Annotated[
         Floats,
@@ -285,6 +312,10 @@ class Bonds(NamedTuple):
     def copy(self) -> Bonds:
         """Return bonds that share no memory with these."""
         return Bonds._make(array.copy() for array in self)
+
+    def copy_of_stepped(self) -> Bonds:
+        """Return bonds with copies of what a long step may change; the rest is shared."""
+        return Bonds._make(a.copy() if stepped else a for a, stepped in zip(self, _BONDS_STEPPED, strict=True))
 
     def taken(self, rows: Any) -> Bonds:
         """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
@@ -307,6 +338,9 @@ ELEMENT_VARIABLES: tuple[Variable, ...] = tuple(v for group, kind in GROUPS.item
 
 BOND_VARIABLES: tuple[Variable, ...] = _registered(Bonds)
 """Registry of the variables of a bond."""
+
+_STEPPED = tuple(tuple(v.stepped for v in ELEMENT_VARIABLES if v.group == group) for group in GROUPS)
+_BONDS_STEPPED = tuple(v.stepped for v in BOND_VARIABLES)
 
 # Each variable of an element is a property as well: found without `__getattr__`, which steps in pure Python would feel.
 for _variable in ELEMENT_VARIABLES:

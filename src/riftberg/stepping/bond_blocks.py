@@ -1,12 +1,19 @@
-"""How the rows of the bonds stand in memory in the sub-steps.
+"""How bonds and their ends stand in memory in the sub-steps.
 
 A row is one unbroken bond. `LANES` rows make a block, in which each quantity of all its rows stands side by side; the
-blocks follow each other in one array. So quantity ``NX`` of the row in lane ``k`` of the block that begins at ``at`` is
-``block[at + NX + k]``, and that of row ``r`` is ``block[place_of(r) + NX]``.
+blocks follow each other in one array. So quantity ``REST`` of the row in lane ``k`` of the block that begins at ``at`` is
+``block[at + REST + k]``, and that of row ``r`` is ``block[place_of(r) + REST]``. What is needed within a sub-step alone stands
+in a sheet for one block, which all blocks use one after the other. What bonds see of the elements stands in blocks too.
 
-Why: what one loop over a block leaves for the next is still in the first-level cache, and all distances in memory are known
-when it is compiled. With an array for each quantity, code that proves that none of forty overlaps took more room than the
-law itself.
+Rows stand in layers: the first layer holds the bonds from each element to the next one, in order of the elements, the others
+one more bond each that begins there. So the first ends of a block of rows are one block of elements, whose numbers stand
+side by side too. Where an element has no such bond its row is not alive; a block without a bond is left out.
+
+Why: numbers have to come from the second-level cache, or from memory, in each sub-step, and that takes longer than the law
+itself; so a row holds as little as it can, and all that happens to a block happens while it is at hand. All distances in memory
+are known when the loops are compiled: with an array for each quantity, code that proves that none of forty overlaps took
+more room than the law. What belongs to the first ends is read, and summed, by vector instructions, that of the second ends
+one by one.
 """
 
 from __future__ import annotations
@@ -18,33 +25,59 @@ from riftberg.kernels import kernel
 LANES: Final = 32
 """Rows of a block."""
 
-QUANTITIES: Final = 47
-"""Quantities of a row."""
+# What bonds see of an element: place (units of the grid), velocity (m s-1), spin (s-1), angle (rad). In a block of elements
+# and, for the second ends of a block of rows, in the sheet.
+X, Y, U, V, SPIN, ANGLE = (LANES * n for n in range(6))
 
-BLOCK: Final = LANES * QUANTITIES
-"""Numbers in a block."""
+ENDS: Final = LANES * 6
+"""Numbers in a block of elements."""
 
-# Gathered from both ends: differences and means of what they show, spins, difference of angles.
-DX, DY, Y_MEAN, DU, DV, U_MEAN, V_MEAN, SPIN1, SPIN2, ANGLE = (LANES * n for n in range(10))
-# Constants of the law; ALIVE is 1, or 0 for a bond that has broken in this long step.
-ALIVE, REST, RADIUS1, RADIUS2, LEVER1, LEVER2, RADIUS_SMALL, RADIUS_GAP = (LANES * n for n in range(10, 18))
-THICKNESS_SMALL, THICKNESS_GAP, DAMPING, CONVERGENCE, STRENGTH = (LANES * n for n in range(18, 23))
-# What the stress may reach, which damage lowers.
-NORMAL_LIMIT, SHEAR_LIMIT, DAMAGE = (LANES * n for n in range(23, 26))
-# Geometry of the moment: the bond in metres, its direction, half its overlap, width, thickness, length, sine of the angle.
-RX, RY, NX, NY, HALF, WIDTH, THICKNESS, LENGTH, SINE = (LANES * n for n in range(26, 35))
-# Shear displacement (m), turn of one end against the other, damping force, and what the law gives.
-SX, SY, RELATIVE_ROTATION, DAMP_X, DAMP_Y = (LANES * n for n in range(35, 40))
-FX, FY, TORQUE1, TORQUE2, NORMAL_STRESS, SHEAR_STRESS, PEAK_STRESS = (LANES * n for n in range(40, 47))
+# In a row, constants of the law; ALIVE is 1, or 0 where no bond is or it has broken in this long step. MODULUS is E over the
+# length at rest; DAMPING in kg s-1.
+ALIVE, REST, RADIUS1, RADIUS2, LEVER1, LEVER2, THICKNESS_SMALL, THICKNESS_GAP, DAMPING, MODULUS = (
+    LANES * n for n in range(10)
+)
+# Mean latitude of the ends when the rows were loaded, and its cosine and sine, times metres in a degree.
+Y_LOADED, METRES_COS, METRES_SIN = (LANES * n for n in range(10, 13))
+# What the stress may reach, and its largest in this long step, Pa; shear displacement along the tangent, m.
+NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(13, 17))
+# Force on the first end, N, and torque on the second, N m.
+FX, FY, TORQUE2 = (LANES * n for n in range(17, 20))
+# What only damage asks for.
+STRENGTH, DAMAGE = (LANES * n for n in range(20, 22))
+
+BLOCK: Final = LANES * 22
+"""Numbers in a block of rows."""
+
+# In the sheet, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the local
+# axes from one end to the other (rad), sine of the angle.
+NX, NY, HALF, LENGTH, WIDTH, THICKNESS, TURN, SINE = (LANES * n for n in range(6, 14))
+# Torque on the first end, N m, and stresses, Pa.
+TORQUE1, NORMAL_STRESS, SHEAR_STRESS = (LANES * n for n in range(14, 17))
+
+SHEET: Final = LANES * 17
+"""Numbers in the sheet."""
+
+# In the sums of a block of elements: forces (N) and torques (N m) of the bonds that begin there.
+SUM_X, SUM_Y, SUM_TORQUE = (LANES * n for n in range(3))
+
+SUMS: Final = LANES * 3
+"""Numbers in the sums of a block of elements."""
 
 
 @kernel
 def place_of(row: int) -> int:
-    """Where the quantities of a row begin: ``block[place_of(row) + NX]`` is its ``NX``."""
+    """Where the quantities of a row begin: ``block[place_of(row) + REST]`` is its ``REST``."""
     return (row // LANES) * BLOCK + row % LANES
 
 
 @kernel
+def end_of(element: int) -> int:
+    """Where what bonds see of an element begins."""
+    return (element // LANES) * ENDS + element % LANES
+
+
+@kernel
 def blocks_of(count: int) -> int:
-    """Blocks that ``count`` rows take."""
+    """Blocks that ``count`` elements take."""
     return (count + LANES - 1) // LANES

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.constants import DEGREE
 from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import damping_constant
-from riftberg.physics.geometry import meridian_convergence
+from riftberg.physics.bonds import damping_constant, signed_slip
+from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping import bond_blocks as row
 from riftberg.stepping.sizes import Sizes
@@ -27,53 +28,71 @@ Indices = NDArray[np.uint32]
 
 
 class BondRows(NamedTuple):
-    """Unbroken bonds in rows.
+    """Unbroken bonds in rows, layer by layer (see `riftberg.stepping.bond_blocks`).
 
     Attributes
     ----------
     bond : array of int
-        Number of the bond of each row.
-    first, second : array of int
-        Elements at its ends.
+        Number of the bond of each row, or -1.
+    second : array of int
+        Where the element at its second end stands in ``ends``. The first end of a row is its place in the layer.
+    ends : array of float
+        What the bonds see of the elements, in blocks, and one block more. Where no element is, numbers that differ.
+    sums : array of float
+        Forces (N) and torques (N m) of all bonds that begin at each element, in blocks.
     block : array of float
-        All quantities of all rows. ``FX``, ``FY`` hold the force (N) on the first end, ``TORQUE1`` and ``TORQUE2`` the
-        torques (N m) on both ends. Rows that fill up the last block repeat the first bond and are not alive. One block
-        more holds zeros.
-    slot : array of int, shape (elements, slots)
-        Where the k-th bond of each element begins in ``block``; in the block of zeros where it has fewer bonds.
-    torque_slot : array of int, shape (elements, slots)
-        Where its torque stands.
-    sign : array of float, shape (elements, slots)
-        +1 if the element is the first end of the bond, -1 if its second, 0 where there is none.
+        All quantities of all rows; one block more holds zeros.
+    sheet : array of float
+        What a block needs within a sub-step.
     used : array of int
-        Room for the number of slots in use, of each element.
+        Numbers of the blocks with bonds, in order; as many as `load_rows` says.
+    slot : array of int, shape (elements, slots)
+        Where the k-th bond that ends in each element begins in ``block``; in the block of zeros where there are fewer.
+    turned : array of float
+        By how much the elements have turned since the rows were loaded, rad.
+    met : array of int
+        Room for a number for each element.
     """
 
     bond: Ints
-    first: Indices
     second: Indices
+    ends: Floats
+    sums: Floats
     block: Floats
-    slot: Indices
-    torque_slot: Indices
-    sign: Floats
+    sheet: Floats
     used: Ints
+    slot: Indices
+    turned: Floats
+    met: Ints
+
+
+def _aligned(count: int) -> Floats:
+    """Return zeros that begin with a line of the cache, so that no vector lies across two."""
+    room = np.zeros(count + 8)
+    begin = -(room.ctypes.data // 8) % 8
+    return room[begin : begin + count]
 
 
 def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
     """Allocate rows for all bonds of the state; `load_rows` fills them."""
-    blocks = -(-len(bonds.first) // row.LANES)
+    further = bonds.first[bonds.second != bonds.first + 1]
+    begin, end = (np.bincount(ends, minlength=element_count) for ends in (further, bonds.second))
+    width = row.blocks_of(element_count)
+    blocks = width * (1 + int(begin.max(initial=0)))
     size = blocks * row.LANES
-    degree = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=element_count)
-    shape = (element_count, max(int(degree.max()) if len(bonds.first) else 1, 1))
+    ends = _aligned((width + 1) * row.ENDS)
+    ends[:] = np.arange(ends.size)
     return BondRows(
         bond=np.zeros(size, np.int64),
-        first=np.zeros(size, np.uint32),
         second=np.zeros(size, np.uint32),
-        block=np.zeros((blocks + 1) * row.BLOCK),
-        slot=np.zeros(shape, np.uint32),
-        torque_slot=np.zeros(shape, np.uint32),
-        sign=np.zeros(shape),
-        used=np.zeros(element_count, np.int64),
+        ends=ends,
+        sums=_aligned(width * row.SUMS),
+        block=_aligned((blocks + 1) * row.BLOCK),
+        sheet=_aligned(row.SHEET),
+        used=np.zeros(blocks, np.int64),
+        slot=np.zeros((element_count, max(int(end.max(initial=0)), 1)), np.uint32),
+        turned=np.zeros(element_count),
+        met=np.zeros(element_count, np.int64),
     )
 
 
@@ -87,45 +106,47 @@ def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
 
 
 @kernel
-def _fill_constants(rows, size, elements, rest_length, sizes, earlier, p):
-    """Constants of the law for the rows in use (equations 5.4; quirks Q10, Q11)."""
-    first, second, radius, mass, thickness = (
-        rows.first, rows.second, sizes.bond_radius, sizes.bond_mass, elements.body.thickness,
-    )  # fmt: skip
-    latitude, block, bond = elements.shown.lat_pair, rows.block, rows.bond
-    curved = p.latlon and not p.flat_relative_velocity
-    for r in range(size):
-        i, j, at = first[r], second[r], row.place_of(r)
-        block[at + row.CONVERGENCE] = (
-            meridian_convergence(0.5 * (latitude[i] + latitude[j]), p.earth_radius) if curved else 0.0
-        )
-        r1, r2 = radius[i], radius[j]
-        rest = r1 + r2
-        if not p.rest_length_from_sizes and not math.isnan(rest_length[bond[r]]):
-            # A bond keeps the shape with which it formed: sides that melt since do not strain or narrow it.
-            rest = rest_length[bond[r]]
-            formed = rest / (r1 + r2)
-            r1, r2 = r1 * formed, r2 * formed
-        first_is_earlier = earlier[i] <= earlier[j]
-        block[at + row.REST], block[at + row.RADIUS1], block[at + row.RADIUS2] = rest, r1, r2
-        block[at + row.RADIUS_SMALL], block[at + row.RADIUS_GAP] = min(r1, r2), abs(r1 - r2)
-        block[at + row.THICKNESS_SMALL], block[at + row.THICKNESS_GAP] = _thickness_rule(
-            r1, r2, thickness[i], thickness[j], first_is_earlier, p.bond_thickness_of_second
-        )
-        shared = r1 if first_is_earlier else r2
-        block[at + row.LEVER1], block[at + row.LEVER2] = (shared, shared) if p.shared_shear_lever else (r1, r2)
-        block[at + row.DAMPING] = damping_constant(p.youngs_modulus, p.poisson, p.bond_damping, mass[i], mass[j])
+def _fill_constants(block, at, i, j, b, elements, rest_length, sizes, earlier, p):
+    """Constants of the law for the row of bond ``b`` from element i to j (equations 5.4; quirks Q10, Q11)."""
+    r1, r2, thickness = sizes.bond_radius[i], sizes.bond_radius[j], elements.body.thickness
+    rest = r1 + r2
+    if not p.rest_length_from_sizes and not math.isnan(rest_length[b]):
+        # A bond keeps the shape with which it formed: sides that melt since do not strain or narrow it.
+        rest = rest_length[b]
+        formed = rest / (r1 + r2)
+        r1, r2 = r1 * formed, r2 * formed
+    first_is_earlier = earlier[i] <= earlier[j]
+    block[at + row.REST], block[at + row.RADIUS1], block[at + row.RADIUS2] = rest, r1, r2
+    block[at + row.THICKNESS_SMALL], block[at + row.THICKNESS_GAP] = _thickness_rule(
+        r1, r2, thickness[i], thickness[j], first_is_earlier, p.bond_thickness_of_second
+    )
+    shared = r1 if first_is_earlier else r2
+    block[at + row.LEVER1], block[at + row.LEVER2] = (shared, shared) if p.shared_shear_lever else (r1, r2)
+    block[at + row.DAMPING] = damping_constant(
+        p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
+    )
+    block[at + row.MODULUS] = p.youngs_modulus / rest
 
 
 @kernel
-def _copy_bond(rows, r, b, alive, bonds, p):
-    """Copy bond ``b`` into row ``r``."""
-    block, at = rows.block, row.place_of(r)
+def _fill_place(block, at, i, j, sx, sy, elements, p):
+    """Latitude of the row with its cosine and sine, and the shear displacement along the tangent of the moment."""
+    x, y = elements.shown.lon_pair, elements.shown.lat_pair
+    mean = 0.5 * (y[i] + y[j])
+    per_unit = DEGREE * p.earth_radius if p.latlon else 1.0
+    block[at + row.Y_LOADED] = mean
+    block[at + row.METRES_COS] = per_unit * (fast_cos_latitude(mean) if p.latlon else 1.0)
+    block[at + row.METRES_SIN] = per_unit * (math.sin(mean * DEGREE) if p.latlon else 0.0)
+    rx, ry = separation(x[i], y[i], x[j], y[j], p.latlon, p.earth_radius, p.period)
+    block[at + row.SLIP] = signed_slip(sx, sy, rx, ry)
+
+
+@kernel
+def _copy_bond(block, at, b, bonds, p):
+    """What the state knows of bond ``b``."""
     strength, damage = bonds.strength[b], bonds.damage[b]
-    rows.bond[r], rows.first[r], rows.second[r] = b, bonds.first[b], bonds.second[b]
-    block[at + row.ALIVE] = alive
-    block[at + row.SX], block[at + row.SY] = bonds.shear_x[b], bonds.shear_y[b]
-    block[at + row.RELATIVE_ROTATION], block[at + row.PEAK_STRESS] = bonds.relative_rotation[b], bonds.normal_stress[b]
+    block[at + row.ALIVE] = 1.0
+    block[at + row.PEAK_STRESS] = bonds.normal_stress[b]
     block[at + row.STRENGTH], block[at + row.DAMAGE] = strength, damage
     block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT] = limits_left(
         p.normal_strength, p.shear_strength, strength, damage
@@ -133,17 +154,54 @@ def _copy_bond(rows, r, b, alive, bonds, p):
 
 
 @kernel
-def _copy_unbroken(rows, bonds, p):
-    """Copy the unbroken bonds into the rows, and fill up the last block; returns their number."""
-    status = bonds.status
-    count = 0
+def _lay_out(rows, bonds):
+    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end."""
+    bond, second, met, status = rows.bond, rows.second, rows.met, bonds.status
+    width = row.blocks_of(met.size) * row.LANES
+    bond[:] = -1
+    met[:] = 0
     for b in range(status.size):
         if status[b] == 0:
-            _copy_bond(rows, count, b, 1.0, bonds, p)
+            i, j = bonds.first[b], bonds.second[b]
+            layer = 0
+            if j != i + 1:
+                met[i] += 1
+                layer = met[i]
+            r = layer * width + i
+            bond[r], second[r] = b, row.end_of(j)
+
+
+@kernel
+def _list_blocks(rows):
+    """List the blocks with bonds; returns their number."""
+    bond, second, block, used = rows.bond, rows.second, rows.block, rows.used
+    width = row.blocks_of(rows.met.size) * row.LANES
+    count = 0
+    for b in range(used.size):
+        some = False
+        for r in range(b * row.LANES, (b + 1) * row.LANES):
+            some = some or bond[r] >= 0
+            if bond[r] < 0:
+                block[row.place_of(r) + row.ALIVE] = 0.0
+                # To the next one, so that it has a length.
+                second[r] = row.end_of(r % width + 1)
+        if some:
+            used[count] = b
             count += 1
-    for r in range(count, row.blocks_of(count) * row.LANES):
-        _copy_bond(rows, r, rows.bond[0], 0.0, bonds, p)
     return count
+
+
+@kernel
+def _fill_slots(rows, ends):
+    """List the rows that end in each element, in order of row; unused slots name the block of zeros."""
+    slot, met, bond = rows.slot, rows.met, rows.bond
+    met[:] = 0
+    slot[:, :] = rows.block.size - row.BLOCK
+    for r in range(bond.size):
+        if bond[r] >= 0:
+            j = ends[bond[r]]
+            slot[j, met[j]] = row.place_of(r)
+            met[j] += 1
 
 
 @stage
@@ -165,44 +223,61 @@ def load_rows(
     Returns
     -------
     int
-        Number of rows in use.
+        Number of blocks in use.
     """
-    count = _copy_unbroken(rows, bonds, p)
-    _fill_constants(rows, row.blocks_of(count) * row.LANES, elements, bonds.rest_length, sizes, earlier, p)
-    _fill_slots(rows, count)
+    rows.turned[:] = 0.0
+    _lay_out(rows, bonds)
+    count = _list_blocks(rows)
+    _fill_slots(rows, bonds.second)
+    block, first, second, sx, sy = rows.block, bonds.first, bonds.second, bonds.shear_x, bonds.shear_y
+    for r in range(rows.bond.size):
+        b = rows.bond[r]
+        if b >= 0:
+            at, i, j = row.place_of(r), first[b], second[b]
+            _copy_bond(block, at, b, bonds, p)
+            _fill_constants(block, at, i, j, b, elements, bonds.rest_length, sizes, earlier, p)
+            _fill_place(block, at, i, j, sx[b], sy[b], elements, p)
     return count
 
 
 @kernel
-def _fill_slots(rows, count):
-    """List the rows that meet in each element, in order of row; unused slots name the block of zeros."""
-    slot, sign, torque_slot, first, second = rows.slot, rows.sign, rows.torque_slot, rows.first, rows.second
-    used, zeros = rows.used, rows.block.size - row.BLOCK
-    used[:] = 0
-    slot[:, :] = zeros
-    torque_slot[:, :] = zeros
-    sign[:, :] = 0.0
-    for r in range(count):
-        i, j, at = first[r], second[r], row.place_of(r)
-        slot[i, used[i]], sign[i, used[i]], torque_slot[i, used[i]] = at, 1.0, at + row.TORQUE1
-        slot[j, used[j]], sign[j, used[j]], torque_slot[j, used[j]] = at, -1.0, at + row.TORQUE2
-        used[i] += 1
-        used[j] += 1
+def crosses(x: Floats, period: float) -> bool:
+    """Whether bonds may lie across the seam of a periodic domain: elements stand on both sides of it, or far apart."""
+    least, largest = math.inf, -math.inf
+    for at in x:
+        least, largest = min(least, at), max(largest, at)
+    return period > 0.0 and largest - least > 0.25 * period
 
 
-@stage
-def store_rows(rows: BondRows, count: int, bonds: Bonds) -> None:
-    """Copy displacements, stresses, lengths and damage from the rows back to the state."""
-    bond, status, block = rows.bond, bonds.status, rows.block
-    to_sx, to_sy, to_normal, to_shear = bonds.shear_x, bonds.shear_y, bonds.normal_stress, bonds.shear_stress
-    to_peak, to_length, to_turned, to_damage = (
-        bonds.peak_stress, bonds.bond_length, bonds.relative_rotation, bonds.damage,
+@kernel
+def _copy(target, source):
+    for k in range(source.size):
+        target[k] = source[k]
+
+
+@kernel
+def _add(target, source, times):
+    for k in range(source.size):
+        target[k] += source[k] * times
+
+
+@kernel
+def show_ends(rows: BondRows, el: Elements, dt: float, begin: int, end: int) -> None:
+    """Lay out what the bonds see of elements in a sub-step of ``dt`` seconds, and note how far they turn in it.
+
+    ``begin`` is the first of a block of elements.
+    """
+    shown, motion = el.shown, el.motion
+    x, y, u, v, spin, angle = (
+        shown.lon_pair, shown.lat_pair, shown.u_pair, shown.v_pair, motion.spin, motion.rotation,
     )  # fmt: skip
-    for r in range(count):
-        b, at = bond[r], row.place_of(r)
-        if status[b] != 0:
-            continue  # broken in this long step: the state keeps what held when it broke
-        to_sx[b], to_sy[b] = block[at + row.SX], block[at + row.SY]
-        to_normal[b], to_shear[b] = block[at + row.NORMAL_STRESS], block[at + row.SHEAR_STRESS]
-        to_peak[b], to_length[b] = block[at + row.PEAK_STRESS], block[at + row.LENGTH]
-        to_turned[b], to_damage[b] = block[at + row.RELATIVE_ROTATION], block[at + row.DAMAGE]
+    for b in range(begin // row.LANES, row.blocks_of(end)):
+        i, j = b * row.LANES, min((b + 1) * row.LANES, end)
+        ends = rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
+        _copy(ends[row.X :], x[i:j])
+        _copy(ends[row.Y :], y[i:j])
+        _copy(ends[row.U :], u[i:j])
+        _copy(ends[row.V :], v[i:j])
+        _copy(ends[row.SPIN :], spin[i:j])
+        _copy(ends[row.ANGLE :], angle[i:j])
+        _add(rows.turned[i:j], spin[i:j], dt)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.kernels import kernel, stage
-from riftberg.physics.bonds import bond_section, normal_force, overlap
+from riftberg.physics.bonds import normal_force
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Ints
@@ -37,28 +37,19 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 
 @kernel
-def any_exceeds(rows, count):
-    """Number of unbroken rows whose stress is above their strength."""
-    overloaded = 0
-    for b in range(row.blocks_of(count)):
-        overloaded += _exceeding(rows.block[b * row.BLOCK : (b + 1) * row.BLOCK])
-    return overloaded
-
-
-@kernel
-def _exceeding(block):
-    """Number of rows of a block that are overloaded; a whole number, so that the loop vectorises."""
-    overloaded = 0
+def overloaded(block, sheet):
+    """Number of rows of a block whose stress is above their strength; a whole number, so that the loop vectorises."""
+    count = 0
     for k in range(row.LANES):
-        torn = block[row.NORMAL_STRESS + k] > block[row.NORMAL_LIMIT + k]
-        sheared = block[row.SHEAR_STRESS + k] > block[row.SHEAR_LIMIT + k]
-        overloaded += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
-    return overloaded
+        torn = sheet[row.NORMAL_STRESS + k] > block[row.NORMAL_LIMIT + k]
+        sheared = sheet[row.SHEAR_STRESS + k] > block[row.SHEAR_LIMIT + k]
+        count += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
+    return count
 
 
 @stage
-def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_contact):
-    """Break the bonds that are overloaded: mark them, replace their force, and list them as contact pairs.
+def break_overloaded(bond, block, sheet, ends, turned, el, bonds, pairs, aground, time, keep_contact):
+    """Break the bonds of a block that are overloaded: mark them, replace their force, and list them as contact pairs.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
@@ -68,67 +59,66 @@ def break_overloaded(rows, count, el, bonds, pairs, aground, time, youngs, keep_
     int
         Bonds broken.
     """
-    body, block = el.body, rows.block
+    body = el.body
     broken = 0
-    for r in range(count):
-        at = row.place_of(r)
+    for k in range(row.LANES):
         over = exceeds(
-            block[at + row.NORMAL_STRESS],
-            block[at + row.SHEAR_STRESS],
-            block[at + row.NORMAL_LIMIT],
-            block[at + row.SHEAR_LIMIT],
+            sheet[row.NORMAL_STRESS + k],
+            sheet[row.SHEAR_STRESS + k],
+            block[row.NORMAL_LIMIT + k],
+            block[row.SHEAR_LIMIT + k],
             1.0,
         )
-        if block[at + row.ALIVE] == 0.0 or not over:
+        if block[row.ALIVE + k] == 0.0 or not over:
             continue
-        b = rows.bond[r]
+        b = bond[k]
+        i, j = bonds.first[b], bonds.second[b]
+        note(bonds, b, block, sheet, k, turned)
         bonds.status[b] = 1
         bonds.break_time[b] = time
-        bonds.break_grounded[b] = 1 if aground[rows.first[r]] > 0.0 or aground[rows.second[r]] > 0.0 else 0
-        bonds.shear_x[b], bonds.shear_y[b] = block[at + row.SX], block[at + row.SY]
-        bonds.normal_stress[b], bonds.shear_stress[b] = block[at + row.NORMAL_STRESS], block[at + row.SHEAR_STRESS]
-        bonds.bond_length[b], bonds.relative_rotation[b] = block[at + row.LENGTH], block[at + row.RELATIVE_ROTATION]
-        bonds.peak_stress[b], bonds.damage[b] = block[at + row.PEAK_STRESS], block[at + row.DAMAGE]
-        body.bond_count[rows.first[r]] -= 1
-        body.bond_count[rows.second[r]] -= 1
-        block[at + row.ALIVE] = 0.0
-        _force_while_breaking(block, at, youngs)
-        block[at + row.TORQUE1] = block[at + row.TORQUE2] = 0.0
+        bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
+        body.bond_count[i] -= 1
+        body.bond_count[j] -= 1
+        block[row.ALIVE + k] = 0.0
+        block[row.FX + k], block[row.FY + k] = _force_while_breaking(block, sheet, ends, k)
+        sheet[row.TORQUE1 + k] = block[row.TORQUE2 + k] = 0.0
         broken += 1
         if keep_contact:
-            k = pairs.count[0]
-            pairs.first[k], pairs.second[k], pairs.bond[k] = rows.first[r], rows.second[r], -1
-            pairs.count[0] = k + 1
+            n = pairs.count[0]
+            pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
+            pairs.count[0] = n + 1
     return broken
 
 
-@stage
-def _force_while_breaking(block, at, youngs):
-    """Normal force and damping of a bond that fails in shear under compression; zero otherwise."""
-    block[at + row.FX] = block[at + row.FY] = 0.0
-    if block[at + row.NORMAL_STRESS] >= 0.0:
-        return
-    half = overlap(block[at + row.REST], block[at + row.LENGTH])
-    width, thickness = bond_section(
-        block[at + row.RADIUS_SMALL],
-        block[at + row.RADIUS_GAP],
-        block[at + row.THICKNESS_SMALL],
-        block[at + row.THICKNESS_GAP],
-        half,
-        block[at + row.LENGTH],
-    )
-    fn = normal_force(youngs, width, thickness, block[at + row.REST], half)
-    zonal = block[at + row.LENGTH] * block[at + row.NX]
-    du, dv = same_axes(
-        block[at + row.DU],
-        block[at + row.DV],
-        block[at + row.U_MEAN],
-        block[at + row.V_MEAN],
-        zonal,
-        block[at + row.CONVERGENCE],
-    )
-    block[at + row.FX] = fn * block[at + row.NX] - block[at + row.DAMPING] * du
-    block[at + row.FY] = fn * block[at + row.NY] - block[at + row.DAMPING] * dv
+@kernel
+def note(bonds, b, block, sheet, k, turned):
+    """Write to the state what bond ``b`` in lane ``k`` bears now."""
+    slip = block[row.SLIP + k]
+    bonds.shear_x[b], bonds.shear_y[b] = -slip * sheet[row.NY + k], slip * sheet[row.NX + k]
+    bonds.normal_stress[b], bonds.shear_stress[b] = sheet[row.NORMAL_STRESS + k], sheet[row.SHEAR_STRESS + k]
+    bonds.bond_length[b], bonds.peak_stress[b] = sheet[row.LENGTH + k], block[row.PEAK_STRESS + k]
+    bonds.relative_rotation[b] += turned[bonds.first[b]] - turned[bonds.second[b]]
+    bonds.damage[b] = block[row.DAMAGE + k]
+
+
+@kernel
+def note_all(bond, bonds, block, sheet, turned):
+    """Write to the state what the bonds of a block bear; of those that broke in this long step it keeps what held then."""
+    for k in range(row.LANES):
+        if block[row.ALIVE + k] > 0.0:
+            note(bonds, bond[k], block, sheet, k, turned)
+
+
+@kernel
+def _force_while_breaking(block, sheet, ends, k):
+    """Normal force and damping (N) of a bond that fails in shear under compression; zero otherwise."""
+    if sheet[row.NORMAL_STRESS + k] >= 0.0:
+        return 0.0, 0.0
+    damping = block[row.DAMPING + k]
+    u1, v1, u2, v2 = ends[row.U + k], ends[row.V + k], sheet[row.U + k], sheet[row.V + k]
+    du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), sheet[row.TURN + k])
+    push = normal_force(block[row.MODULUS + k], sheet[row.WIDTH + k], sheet[row.THICKNESS + k], sheet[row.HALF + k])
+    return push * sheet[row.NX + k] - damping * du, push * sheet[row.NY + k] - damping * dv
 
 
 @stage

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import principal
 from riftberg.physics.bonds import shear_stress_of, tensile_stress
@@ -144,8 +144,8 @@ def _fails(
     if averaged:
         normal, shear = principal(x, y, z)
     else:
-        normal = tensile_stress(p.youngs_modulus, lattice.rest[b], -0.5 * x, z, lattice.width[b])
-        shear = shear_stress_of(p.youngs_modulus, p.poisson, lattice.rest[b], abs(y))
+        normal = tensile_stress(p.youngs_modulus / lattice.rest[b], -0.5 * x, z, lattice.width[b])
+        shear = shear_stress_of(p.youngs_modulus / lattice.rest[b], p.poisson, abs(y))
     return bool(normal > normal_limit or shear > shear_limit)
 
 
@@ -159,31 +159,30 @@ def wear(bonds: Bonds, alive: Ints, ratios: Floats, dt: float, p: KernelParamete
 
 
 def store_stresses(
-    bonds: Bonds, lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats
+    bonds: Bonds, lattice: ElasticLattice, alive: Ints, deformation: Floats, stress: Floats, motion: Floats
 ) -> None:
-    """Write stresses and deformations of the bonds that hold to the state; ``turn`` is the angle of each element's axes."""
+    """Write stresses and deformations of the bonds that hold to the state; ``motion`` as in `riftberg.stepping.frames`."""
     _store_stresses(
         bonds.normal_stress, bonds.shear_stress, bonds.peak_stress, bonds.bond_length, bonds.shear_x, bonds.shear_y,
-        bonds.relative_rotation, lattice, alive, bend, stress, turn,
+        bonds.relative_rotation, lattice.first, lattice.nx, lattice.ny, lattice.length, alive, deformation, stress, motion,
     )  # fmt: skip
 
 
-@kernel
+@borrower
 def _store_stresses(
     normal: Floats, shear: Floats, peak: Floats, length: Floats, shear_x: Floats, shear_y: Floats, rotation: Floats,
-    lattice: ElasticLattice, alive: Ints, bend: Floats, stress: Floats, turn: Floats,
+    first: Ints, nx: Floats, ny: Floats, loose: Floats, alive: Ints, deformation: Floats, stress: Floats, motion: Floats,
 ) -> None:  # fmt: skip
     """Fill variables of `riftberg.state.Bonds`; see `store_stresses`."""
     for k in range(alive.size):
         b = alive[k]
-        e, s, angle = deformed(lattice, bend, b)
-        i = lattice.first[b]
-        tx, ty = lattice.ny[b], -lattice.nx[b]
+        e, s, i = deformation[k, 0], deformation[k, 1], first[b]
+        tx, ty, c, d = ny[b], -nx[b], motion[i, 9], motion[i, 10]
         normal[b], shear[b], peak[b] = stress[k, 0], stress[k, 1], max(peak[b], stress[k, 0])
-        length[b] = lattice.length[b] + e
-        shear_x[b] = s * (turn[i, 0] * tx - turn[i, 1] * ty)
-        shear_y[b] = s * (turn[i, 1] * tx + turn[i, 0] * ty)
-        rotation[b] = angle
+        length[b] = loose[b] + e
+        shear_x[b] = s * (c * tx - d * ty)
+        shear_y[b] = s * (d * tx + c * ty)
+        rotation[b] = deformation[k, 2]
 
 
 @kernel

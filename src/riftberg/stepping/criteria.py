@@ -19,7 +19,7 @@ from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_
 from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.cracking import Limits, first_break, first_overload, most_overloaded, overload
-from riftberg.stepping.lattice_equilibrium import ElasticLattice, bond_stresses, deformed
+from riftberg.stepping.lattice_equilibrium import ElasticLattice, deformations_and_stresses, deformed
 
 HOLDS = 1.0 - 1e-9
 """Stress over strength at the end of a step below which nothing has failed in it: stress is largest at one of its ends."""
@@ -42,9 +42,18 @@ class Equilibrium:
         self.lattice, self.alive, self.bend, self._p = lattice, alive, bend, p
 
     @cached_property
+    def _found(self) -> tuple[Floats, Floats]:
+        return deformations_and_stresses(self.lattice, self.alive, self.bend, self._p)
+
+    @property
+    def deformation(self) -> Floats:
+        """Extension, slip (m) and bend (rad) of the bonds that hold, shape (bonds that hold, 3)."""
+        return self._found[0]
+
+    @property
     def stress(self) -> Floats:
         """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
-        return bond_stresses(self.lattice, self.alive, self.bend, self._p)
+        return self._found[1]
 
 
 class Criterion(Protocol):

@@ -41,7 +41,8 @@ class ElasticLattice(NamedTuple):
 
     ``rows`` are the 3 x 6 matrices that give extension, slip and bend of a bond from the displacements of its ends;
     ``stiffness`` its three springs; ``nx``, ``ny`` its direction in the frame of its fragment; ``length``, ``rest``,
-    ``width``, ``thickness`` in metres; ``radius`` of the elements (m) scales their turns.
+    ``width``, ``thickness`` in metres; ``radius`` of the elements (m) scales their turns, ``arm_first`` and ``arm_second`` (m)
+    are the slip by a turn of either end.
     """
 
     first: Ints
@@ -55,6 +56,8 @@ class ElasticLattice(NamedTuple):
     rows: Floats
     stiffness: Floats
     radius: Floats
+    arm_first: Floats
+    arm_second: Floats
 
 
 def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
@@ -71,12 +74,13 @@ def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p:
 @kernel
 def _find_lattice(
     first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
-) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
     """Return the fields of `ElasticLattice`; see `riftberg.kernels` why no named tuple."""
     count = first.size
     nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
     rows, stiffness = np.zeros((count, 3, 6)), np.zeros((count, 3))
+    arm_first, arm_second = np.zeros(count), np.zeros(count)
     radius = sizes.bond_radius
     for b in range(count):
         i, j = first[b], second[b]
@@ -86,17 +90,18 @@ def _find_lattice(
         nx[b], ny[b] = rx / length[b], ry / length[b]
         half = overlap(rest[b], length[b])
         small, other = (t1, t2) if r1 <= r2 else (t2, t1)
-        width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, length[b])
+        width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, 1.0 / length[b])
         lever1, lever2 = (r1 - half) / r1, (r2 - half) / r2
         m = rows[b]
         m[0, 0], m[0, 1], m[0, 3], m[0, 4] = nx[b], ny[b], -nx[b], -ny[b]
         m[1, 0], m[1, 1], m[1, 3], m[1, 4] = ny[b], -nx[b], -ny[b], nx[b]
         m[1, 2], m[1, 5] = lever1, lever2
+        arm_first[b], arm_second[b] = lever1 * r1, lever2 * r2
         m[2, 2], m[2, 5] = 1.0 / r1, -1.0 / r2
         stiffness[b, 0] = p.youngs_modulus * height[b] * width[b] / rest[b]
         stiffness[b, 1] = stiffness[b, 0] * 0.5 / (1.0 + p.poisson)
         stiffness[b, 2] = stiffness[b, 0] * width[b] ** 2 / 12.0
-    return first, second, nx, ny, length, rest, width, height, rows, stiffness, radius
+    return first, second, nx, ny, length, rest, width, height, rows, stiffness, radius, arm_first, arm_second
 
 
 @kernel
@@ -129,24 +134,45 @@ def _blocks(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) ->
 @kernel
 def deformed(lattice: ElasticLattice, bend: Floats, b: int) -> tuple[float, float, float]:
     """Extension, slip (m) and bend (rad) of a bond, with turns of the ends in rad."""
-    i, j, m = lattice.first[b], lattice.second[b], lattice.rows[b]
-    ri, rj = lattice.radius[i], lattice.radius[j]
-    e = m[0, 0] * (bend[i, 0] - bend[j, 0]) + m[0, 1] * (bend[i, 1] - bend[j, 1])
-    s = m[1, 0] * (bend[i, 0] - bend[j, 0]) + m[1, 1] * (bend[i, 1] - bend[j, 1])
-    s += m[1, 2] * ri * bend[i, 2] + m[1, 5] * rj * bend[j, 2]
-    return e, s, bend[i, 2] - bend[j, 2]
+    i, j = lattice.first[b], lattice.second[b]
+    nx, ny, x, y = lattice.nx[b], lattice.ny[b], bend[i, 0] - bend[j, 0], bend[i, 1] - bend[j, 1]
+    s = ny * x - nx * y
+    s += lattice.arm_first[b] * bend[i, 2] + lattice.arm_second[b] * bend[j, 2]
+    return nx * x + ny * y, s, bend[i, 2] - bend[j, 2]
 
 
-@kernel
 def bond_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
     """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
-    stress = np.zeros((alive.size, 2))
+    return deformations_and_stresses(lattice, alive, bend, p)[1]
+
+
+def deformations_and_stresses(
+    lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters
+) -> tuple[Floats, Floats]:
+    """Extension, slip (m) and bend (rad) of the bonds that hold, and their tensile and shear stress (Pa), a row for each."""
+    deformation, stress = np.empty((alive.size, 3)), np.empty((alive.size, 2))
+    # Two numbers instead of all parameters: these take as long to hand over as the stresses of a small berg.
+    _stresses(lattice, alive, bend, p.youngs_modulus, p.poisson, deformation, stress)
+    return deformation, stress
+
+
+@borrower
+def _stresses(
+    lattice: ElasticLattice,
+    alive: Ints,
+    bend: Floats,
+    youngs: float,
+    poisson: float,
+    deformation: Floats,
+    stress: Floats,
+) -> None:
+    """Fill what `deformations_and_stresses` returns."""
     for k in range(alive.size):
         b = alive[k]
         e, s, angle = deformed(lattice, bend, b)
-        stress[k, 0] = tensile_stress(p.youngs_modulus, lattice.rest[b], -0.5 * e, angle, lattice.width[b])
-        stress[k, 1] = shear_stress_of(p.youngs_modulus, p.poisson, lattice.rest[b], abs(s))
-    return stress
+        deformation[k, 0], deformation[k, 1], deformation[k, 2] = e, s, angle
+        stress[k, 0] = tensile_stress(youngs / lattice.rest[b], -0.5 * e, angle, lattice.width[b])
+        stress[k, 1] = shear_stress_of(youngs / lattice.rest[b], poisson, abs(s))
 
 
 @kernel

@@ -149,7 +149,8 @@ def _collide(
             if p.ground_on_substeps:
                 b[LINEAR_RATE, e], b[QUADRATIC_RATE, e] = media[q, SEA_FLOOR, LINEAR], media[q, SEA_FLOOR, QUADRATIC]
             if p.dem:
-                b[PUSH_EAST, e], b[PUSH_NORTH, e] = load_x[q] / bond_mass[q], load_y[q] / bond_mass[q]
+                per_mass = 1.0 / bond_mass[q]
+                b[PUSH_EAST, e], b[PUSH_NORTH, e] = load_x[q] * per_mass, load_y[q] * per_mass
             if p.dem and p.ground_torque:
                 fraction = grounded_part(thickness[q], depth[q], p)
                 b[TURNING, e] = grounding_spin_rate(p.ground_coefficient, bond_radius[q], bond_mass[q], fraction)
@@ -238,14 +239,14 @@ def _free_substeps(b, first, second, h, left, p):
 @stage
 def _drift(b, step, p):
     """Move the bergs by their mid-step velocity, as `riftberg.stepping.substep.drift`."""
-    per_unit = DEGREE * p.earth_radius if p.latlon else 1.0
+    along = step * (1.0 / (DEGREE * p.earth_radius if p.latlon else 1.0))
     to_degrees = 1.0 if p.latlon else 0.0
     for e in range(b.shape[1]):
         if b[MOVES, e] > 0.0:
             b[SEEN_EAST, e] = b[EAST, e] + 0.5 * step * (b[AX, e] + b[BX, e])
             b[SEEN_NORTH, e] = b[NORTH, e] + 0.5 * step * (b[AY, e] + b[BY, e])
-            b[X, e] += step * (b[SEEN_EAST, e] / (per_unit * fast_cos_latitude(to_degrees * b[Y, e])))
-            b[Y, e] += step * (b[SEEN_NORTH, e] / per_unit)
+            b[X, e] += along * (b[SEEN_EAST, e] / fast_cos_latitude(to_degrees * b[Y, e]))
+            b[Y, e] += along * b[SEEN_NORTH, e]
 
 
 @stage
@@ -292,5 +293,5 @@ def _kick(b, h, step, p):
         b[STOPPED_EAST, e] -= rate * (b[EAST, e] if p.ground_implicit else u)
         b[STOPPED_NORTH, e] -= rate * (b[NORTH, e] if p.ground_implicit else v)
         if p.dem:
-            b[SPIN, e] /= 1.0 + b[TURNING, e] * h
+            b[SPIN, e] *= 1.0 / (1.0 + b[TURNING, e] * h)
             b[TURNED, e] += step * b[SPIN, e]

@@ -47,9 +47,11 @@ def allocate_slow_room(count: int, partners: Partners) -> SlowRoom:
 
 @stage
 def begin_substeps(
-    el: Elements, around: Surroundings, scratch: Scratch, sizes: Sizes, p: KernelParameters
+    el: Elements, around: Surroundings, scratch: Scratch, sizes: Sizes, dt: float, p: KernelParameters
 ) -> tuple[bool, bool]:
-    """Find what moves, what is aground and how the floor stops it; depth holds for the long step (equations 6.4, 3b and 3c).
+    """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4, 3b and 3c).
+
+    Depth holds for the long step.
 
     Returns
     -------
@@ -58,8 +60,9 @@ def begin_substeps(
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
     radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
-    active, waits, aground, spin_rate = scratch.active, scratch.waits, scratch.aground, scratch.ground_spin_rate
-    linear, quadratic, rate = scratch.ground_linear, scratch.ground_quadratic, scratch.ground_rate
+    active, waits, aground, rate = scratch.active, scratch.waits, scratch.aground, scratch.ground_rate
+    linear, quadratic = scratch.ground_linear, scratch.ground_quadratic
+    leaves, leaves_spin = scratch.ground_leaves, scratch.ground_leaves_spin
     in_substeps = not around.acts[SEA_FLOOR]
     acts = varies = False
     scratch.stopped_x[:] = 0.0
@@ -69,10 +72,11 @@ def begin_substeps(
         fraction = grounded_part(thickness[e], depth[e], p)
         aground[e] = fraction
         turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)
-        spin_rate[e] = turning if p.ground_torque and p.dem else 0.0
+        leaves_spin[e] = 1.0 / (1.0 + turning * dt) if p.ground_torque and p.dem else 1.0
+        scratch.per_mass[e], scratch.per_inertia[e] = 1.0 / mass[e], 2.0 / (mass[e] * radius[e] * radius[e])
         linear[e] = media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
         quadratic[e] = media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
-        rate[e] = linear[e]
+        rate[e], leaves[e] = linear[e], 1.0 / (1.0 + linear[e] * dt)
         varies = varies or quadratic[e] != 0.0
         acts = acts or varies or linear[e] != 0.0
     return acts, varies

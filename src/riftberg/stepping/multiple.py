@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from riftberg.kernels import borrower, kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.bond_rows import load_rows, store_rows
+from riftberg.stepping.bond_blocks import LANES
+from riftberg.stepping.bond_rows import crosses, load_rows, show_ends
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
@@ -23,8 +24,9 @@ from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
     Room,
+    accelerate,
+    act_on_ends,
     add_collisions,
-    dem_accelerations,
     drift,
     drift_near_pole,
     floor_rates,
@@ -37,6 +39,10 @@ from riftberg.stepping.substep import (
 
 POLAR_LATITUDE = 88.0
 """North of this (degrees) the tangent plane may be needed within a long step."""
+
+
+AT_ONCE: Final = 8 * LANES
+"""Elements that go through all loops of a sub-step one after the other; they fill the first-level cache."""
 
 
 class StepPlan(NamedTuple):
@@ -134,23 +140,26 @@ def _start_rotation(el, scratch, dt):
 
 
 @stage
-def _drift_and_show(el, scratch, dt, near_pole, p):
+def _drift_and_show(el, scratch, dt, near_pole, begin, end, p):
     """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
     if near_pole:
-        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1)
+        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1, begin, end)
     else:
-        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
+        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1, begin, end)
 
 
 @stage
-def _kick(el, scratch, dt, floor_acts, implicit_ground):
-    """Update the velocities, and keep what the sea floor did to them where it acts."""
+def _kick(el, scratch, dt, floor_acts, floor_varies, implicit_ground, begin, end):
+    """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
+    if floor_varies:
+        floor_rates(el, scratch, dt, begin, end)
     if floor_acts and not implicit_ground:
-        sum_stopped(el, scratch)
-    kick(el, scratch, dt, implicit_ground)
+        sum_stopped(el, scratch, begin, end)
+    kick(el, scratch, dt, implicit_ground, begin, end)
     if floor_acts and implicit_ground:
-        sum_stopped(el, scratch)
+        sum_stopped(el, scratch, begin, end)
+    show_velocities(el, scratch.active, begin, end)
 
 
 @stage
@@ -219,34 +228,41 @@ def _take_substeps_of_beams(
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as beams; returns the number of bonds broken."""
     rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and _reaches_pole(el.place.lat)
     broken = 0
     count = load_rows(rows, el, bonds, sizes, earlier, p)
+    period = p.period if crosses(el.shown.lon_pair, p.period) else 0.0
+    size = el.place.lon.size
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
-        if moving:
-            _drift_and_show(el, scratch, dt, near_pole, p)
+        for begin in range(0, size, AT_ONCE):
+            end = min(begin + AT_ONCE, size)
+            if moving:
+                _drift_and_show(el, scratch, dt, near_pole, begin, end, p)
+            show_ends(rows, el, dt, begin, end)
         now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
-        broken += dem_accelerations(
-            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears, p
-        )
-        if floor_varies:
-            floor_rates(el, scratch)
+        broken += act_on_ends(
+            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears,
+            n == plan.substeps - 1, period, p,
+        )  # fmt: skip
+        for begin in range(0, size, AT_ONCE):
+            end = min(begin + AT_ONCE, size)
+            accelerate(el, rows, scratch, begin, end)
+            if moving:
+                _kick(el, scratch, dt, floor_acts, floor_varies, p.ground_implicit, begin, end)
+                spin_up(el, scratch, dt, begin, end)
         if not moving:
+            if floor_varies:
+                floor_rates(el, scratch, dt, 0, size)
             _start_fast(el, scratch, p.ground_implicit)
             _start_rotation(el, scratch, plan.dt / plan.substeps)
-            continue
-        _kick(el, scratch, dt, floor_acts, p.ground_implicit)
-        show_velocities(el, scratch.active)
-        spin_up(el, scratch, dt)
     if p.iterate:
         _remember_fast(el)
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
-    store_rows(rows, count, bonds)
     _show_all(el)
     return broken
 
@@ -258,31 +274,33 @@ def _take_substeps_of_springs(
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
     pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, p)
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and _reaches_pole(el.place.lat)
     passes = 1
-    explicit = p.explicit_substeps
+    explicit, size = p.explicit_substeps, el.place.lon.size
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
         if moving:
-            _drift_and_show(el, scratch, dt, near_pole, p)
+            _drift_and_show(el, scratch, dt, near_pole, 0, size, p)
         if explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
-        if floor_varies:
-            floor_rates(el, scratch)
         if not moving:
+            if floor_varies:
+                floor_rates(el, scratch, dt, 0, size)
             _start_fast(el, scratch, p.ground_implicit)
             continue
         if explicit:
-            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
+            _kick(el, scratch, dt, floor_acts, floor_varies, p.ground_implicit, 0, size)
         else:
+            if floor_varies:
+                floor_rates(el, scratch, dt, 0, size)
             passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
             if passes < 0:
                 return passes
-        show_velocities(el, scratch.active)
+            show_velocities(el, scratch.active, 0, size)
         if p.iterate and not explicit:
             _remember_fast(el)
     if p.iterate:

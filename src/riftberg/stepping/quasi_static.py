@@ -85,7 +85,9 @@ class QuasiStaticStepper:
         self._now: Standing | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
         self._ice: list[bytes] = []
+        self._sizes: Sizes | None = None
         self._touched = NOBODY
+        self._began: tuple[float, Bodies | None] = math.nan, None  # the last step
 
     @property
     def applied(self) -> Floats:
@@ -117,13 +119,19 @@ class QuasiStaticStepper:
 
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
+        if self._began[0] == model.time:  # the last step was taken back, after it had been taken here
+            self._bodies, self._now = self._began[1], None
         self._forget_what_changed(model)
-        step = LongStep(model, self._bodies, self._structure, self._now)
+        self._began = model.time, self._bodies
+        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
+        self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._applied = step.applied
         self._touched = joined(step.touched)
-        self._ice = _ice(model)
+        self._sizes = step.sizes
+        if step.cracked:
+            self._ice = _ice(model)
         model.time = step.start + model.parameters.stepping.time_step
 
     def _forget_what_changed(self, model: RunState) -> None:
@@ -135,9 +143,10 @@ class QuasiStaticStepper:
         if self._bodies is not None and self._bodies.body.size != count:
             self._bodies = None
         if self._ice != now:
-            self._structure = self._now = None
+            self._structure = self._now = self._sizes = None
         if self._ice and now[0] != self._ice[0]:
             self._bodies = None  # other elements, in the same number
+        self._ice = now
 
 
 def _ice(model: RunState) -> list[bytes]:
@@ -155,10 +164,11 @@ class LongStep:
     """One long step of a model."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None
-    ) -> None:
+        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
+        sizes: Sizes | None,
+    ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
-        self.sizes: Sizes = interaction_sizes(self.el, self.c)
+        self.sizes: Sizes = sizes or interaction_sizes(self.el, self.c)
         self.start, self.cracked = model.time, False
         self.applied = np.zeros((self.el.size, len(FORCES), 2))
         self.touched: list[tuple[Ints, Ints]] = []
@@ -550,8 +560,7 @@ class LongStep:
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        turn = self.now.motion.elements[:, 9:11]
-        store_stresses(self.bonds, now.lattice, now.alive, now.bend, now.stress, turn)
+        store_stresses(self.bonds, now.lattice, now.alive, now.deformation, now.stress, self.now.motion.elements)
 
 
 def _supported_loads(

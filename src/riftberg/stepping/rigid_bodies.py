@@ -311,16 +311,13 @@ def take_velocities(
 
 
 @kernel
-def _row_of_slope(x: float, y: float, z: float, m: Floats) -> tuple[float, float, float]:
-    """Product of a row with the three rows of the motion of an element."""
-    return x * m[0] + y * m[3] + z * m[6], x * m[1] + y * m[4] + z * m[7], x * m[2] + y * m[5] + z * m[8]
-
-
-@kernel
 def add_totals_and_slopes(
     body: Ints, motion: Floats, rate: Floats, load: Loading, total: Floats, slope: Floats
 ) -> None:
     """Add up the forces of `add_forces` for each fragment, and minus their derivatives by the velocities.
+
+    The matrices are written out, and all is read before anything is written: the compiler cannot know that the arrays are
+    apart, and would read the motion of an element again for each number.
 
     Parameters
     ----------
@@ -330,8 +327,9 @@ def add_totals_and_slopes(
     """
     media, mass = load.media, load.mass
     for e in range(body.size):
-        b, m = body[e], motion[e]
-        u, v, w = _velocity(m, rate[b])
+        b, m, q = body[e], motion[e], rate[body[e]]
+        m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
+        u, v = m0 * q[0] + m1 * q[1] + m2 * q[2], m3 * q[0] + m4 * q[1] + m5 * q[2]
         ax = ay = jxx = jxy = jyy = f = 0.0
         if load.surrounded:
             f = load.coriolis[e]
@@ -344,17 +342,21 @@ def add_totals_and_slopes(
                 jxx += dxx
                 jxy += dxy
                 jyy += dyy
-        torque, turning = _torque(load, e, w)
-        fx, fy = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e]
-        for i in range(3):
-            total[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
-            x = mass[e] * (jxx * m[i] + (jxy + f) * m[3 + i])
-            y = mass[e] * ((jxy - f) * m[i] + jyy * m[3 + i])
-            # x, y, z are rows of B^T J; transposed, because J of the Coriolis force is antisymmetric.
-            p, q, r = _row_of_slope(x, y, turning * m[6 + i], m)
-            slope[b, i, 0] += p
-            slope[b, i, 1] += q
-            slope[b, i, 2] += r
+        torque, turning = _torque(load, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
+        fx, fy, weight = mass[e] * ax + load.push_x[e], mass[e] * ay + load.push_y[e], mass[e]
+        t, s = total[b], slope[b]
+        t0, t1, t2 = m0 * fx + m3 * fy + m6 * torque, m1 * fx + m4 * fy + m7 * torque, m2 * fx + m5 * fy + m8 * torque
+        # x, y, z are rows of B^T J; transposed, because J of the Coriolis force is antisymmetric.
+        x0, y0, z0 = weight * (jxx * m0 + (jxy + f) * m3), weight * ((jxy - f) * m0 + jyy * m3), turning * m6
+        x1, y1, z1 = weight * (jxx * m1 + (jxy + f) * m4), weight * ((jxy - f) * m1 + jyy * m4), turning * m7
+        x2, y2, z2 = weight * (jxx * m2 + (jxy + f) * m5), weight * ((jxy - f) * m2 + jyy * m5), turning * m8
+        s00, s01, s02 = x0 * m0 + y0 * m3 + z0 * m6, x0 * m1 + y0 * m4 + z0 * m7, x0 * m2 + y0 * m5 + z0 * m8
+        s10, s11, s12 = x1 * m0 + y1 * m3 + z1 * m6, x1 * m1 + y1 * m4 + z1 * m7, x1 * m2 + y1 * m5 + z1 * m8
+        s20, s21, s22 = x2 * m0 + y2 * m3 + z2 * m6, x2 * m1 + y2 * m4 + z2 * m7, x2 * m2 + y2 * m5 + z2 * m8
+        t[0], t[1], t[2] = t[0] + t0, t[1] + t1, t[2] + t2
+        s[0, 0], s[0, 1], s[0, 2] = s[0, 0] + s00, s[0, 1] + s01, s[0, 2] + s02
+        s[1, 0], s[1, 1], s[1, 2] = s[1, 0] + s10, s[1, 1] + s11, s[1, 2] + s12
+        s[2, 0], s[2, 1], s[2, 2] = s[2, 0] + s20, s[2, 1] + s21, s[2, 2] + s22
 
 
 @kernel

@@ -14,52 +14,42 @@ from riftberg.stepping import bond_blocks as row
 
 
 @kernel
-def damage_rows(rows, count, dt, p):
-    """Let the damage of unbroken rows 0 ... count - 1 grow over ``dt`` (s), and lower their limits accordingly."""
-    if _loaded(rows, count, p.damage_threshold) > 0.0:
-        _grow(rows, count, dt, p)
+def damage_rows(block, sheet, dt, p):
+    """Let the damage of the unbroken rows of a block grow over ``dt`` (s), and lower their limits accordingly."""
+    if _loaded(block, sheet, p.damage_threshold) > 0:
+        _grow(block, sheet, dt, p)
 
 
 @kernel
-def _loaded(rows, count, threshold):
-    """Number of unbroken rows whose stress is above the threshold.
+def _loaded(block, sheet, threshold):
+    """Number of unbroken rows whose stress is above the threshold; a whole number, so that the loop vectorises.
 
     Rows without stress and strength, and those whose stress is not a number, are not among them.
     """
     loaded = 0
-    for b in range(row.blocks_of(count)):
-        loaded += _loaded_of(rows.block[b * row.BLOCK : (b + 1) * row.BLOCK], threshold)
-    return loaded
-
-
-@kernel
-def _loaded_of(block, threshold):
-    """As `_loaded`, for one block; a whole number, so that the loop vectorises."""
-    loaded = 0
     for k in range(row.LANES):
-        torn = block[row.NORMAL_STRESS + k] > threshold * block[row.NORMAL_LIMIT + k]
-        sheared = block[row.SHEAR_STRESS + k] > threshold * block[row.SHEAR_LIMIT + k]
+        torn = sheet[row.NORMAL_STRESS + k] > threshold * block[row.NORMAL_LIMIT + k]
+        sheared = sheet[row.SHEAR_STRESS + k] > threshold * block[row.SHEAR_LIMIT + k]
         loaded += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
     return loaded
 
 
 @kernel
-def _grow(rows, count, dt, p):
+def _grow(block, sheet, dt, p):
     """Raise the damage of the rows above the threshold."""
-    block, threshold = rows.block, p.damage_threshold
-    for r in range(count):
-        at = row.place_of(r)
-        tension, shear = block[at + row.NORMAL_STRESS], block[at + row.SHEAR_STRESS]
-        normal, sliding = block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT]
+    threshold = p.damage_threshold
+    for k in range(row.LANES):
+        tension, shear = sheet[row.NORMAL_STRESS + k], sheet[row.SHEAR_STRESS + k]
+        normal, sliding = block[row.NORMAL_LIMIT + k], block[row.SHEAR_LIMIT + k]
         over = tension > threshold * normal or shear > threshold * sliding
-        if block[at + row.ALIVE] == 0.0 or not over:
+        if block[row.ALIVE + k] == 0.0 or not over:
             continue
         ratio = stress_ratio(tension, shear, normal, sliding)
         rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
-        damage = grown_damage(block[at + row.DAMAGE], rate, dt)
-        block[at + row.DAMAGE] = damage
-        block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT] = limits_left(
-            p.normal_strength, p.shear_strength, block[at + row.STRENGTH], damage
+        damage = grown_damage(block[row.DAMAGE + k], rate, dt)
+        block[row.DAMAGE + k] = damage
+        block[row.NORMAL_LIMIT + k], block[row.SHEAR_LIMIT + k] = limits_left(
+            p.normal_strength, p.shear_strength, block[row.STRENGTH + k], damage
         )
 
 
