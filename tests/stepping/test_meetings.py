@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.meetings import find_islands
@@ -21,7 +23,7 @@ BARE: dict[str, Any] = {"only_interactions": True}
 def parameters(stepping: dict[str, Any] | None = None, **groups: Any) -> Parameters:
     """Quasi-static on a plane."""
     return Parameters(
-        stepping={"scheme": "quasi_static", **(stepping or {})}, earth={"latlon": False, "period": 0.0}, **groups
+        **{"earth": {"latlon": False, "period": 0.0}, **groups}, stepping={"scheme": "quasi_static", **(stepping or {})}
     )
 
 
@@ -156,3 +158,21 @@ def test_islands_are_those_that_hang_together() -> None:
         assert set(body[rows[i.first[pairs]]]) | set(body[rows[i.second[pairs]]]) == set(
             i.members[i.start[k] : i.start[k + 1]]
         )
+
+
+def test_bergs_that_land_stops_are_not_thrown_apart() -> None:
+    """A berg shifted back from land alone got hundreds of metres deep into the one behind it, and left it at metres a second."""
+    mask = np.ones((8, 16))
+    mask[:, 10:] = 0.0
+    grid = Grid.cartesian(16, 8, 5000.0, mask=mask)
+    fields = grid.fields(uo=np.full((8, 16), 0.3))
+    sea = GriddedForcing(grid, [fields, fields], np.array([0.0, 10.0 * 86400.0]), FieldRules())
+    bergs = Iceberg.join([single(x, 0.3, 20e3) for x in (47.5e3, 44.4e3, 41.3e3)])
+    model = Model(
+        bergs, sea, parameters(earth={"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0})
+    )
+    for _ in range(24):
+        model.advance(steps=1)
+        assert np.abs(model.elements.u).max() < 0.6
+        assert np.diff(np.sort(model.elements.lon)).min() > 0.6 * SIZE
+    assert model.elements.lon.max() <= 50e3
