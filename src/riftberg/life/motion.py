@@ -292,6 +292,8 @@ class MotionLedger:
     def _cracks(self, kept: Floats, before: Elements, bonds_before: Bonds, run: RunState) -> None:
         """Enter the energy that bonds held that broke in the step."""
         bonds = run.bonds
+        if bonds_before.status.tobytes() == bonds.status.tobytes():  # nearly always, and quick
+            return
         broke = (bonds_before.status == 0) & (bonds.status != 0)
         if not broke.any():
             return

@@ -19,10 +19,10 @@ from riftberg.errors import RunError
 from riftberg.kernels import plain
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
-from riftberg.state import Floats, Ints
+from riftberg.state import Bonds, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.cracking import keep_peaks, limits_of, store_stresses, wear
+from riftberg.stepping.cracking import Limits, keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
 from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, moved_frames, place, regrouped
 from riftberg.stepping.groups import NOBODY, joined
@@ -67,6 +67,14 @@ class Structure:
     factors: Factors
     criterion: Criterion
     latest: Equilibrium | None = None
+    known: tuple[tuple[int, bytes, bytes], Limits] | None = None
+
+    def limits(self, bonds: Bonds, p: KernelParameters) -> Limits:
+        """Return the strengths that the bonds that hold have left, found anew where strength or damage has changed."""
+        key = self.alive.size, bonds.strength.tobytes(), bonds.damage.tobytes()
+        if self.known is None or self.known[0] != key:
+            self.known = key, limits_of(bonds, self.alive, p)
+        return self.known[1]
 
     def under(self, bend: Floats, p: KernelParameters) -> Equilibrium:
         """Return the equilibrium with these displacements, whose stresses are found once for all that ask one after the other."""
@@ -217,7 +225,7 @@ class LongStep:
             h = taken = self._touchdown(before, kept, h, landing / TOUCHDOWN)
             landed = self._landed(aground)
         if may_break:
-            s, limits = self.structure, limits_of(self.bonds, self.structure.alive, self.c)
+            s, limits = self.structure, self.structure.limits(self.bonds, self.c)
             least = dt / EVENTS if self.cracked else 0.0
             if self._fails(self._struck()):
                 taken = self._broken_by_blow(before, kept, h, least)
@@ -239,11 +247,13 @@ class LongStep:
 
     def _landed(self, aground: Floats) -> bool:
         """Whether an element touches the floor that did not by ``aground``."""
-        return bool(((self.now.motion.load.aground > 0.0) & (aground == 0.0)).any())
+        now = self.now.motion.load.aground
+        return bool(now.any()) and bool(((now > 0.0) & (aground == 0.0)).any())
 
     def _touch_changed(self, aground: Floats) -> bool:
         """Whether an element touches the floor that did not by ``aground``, or the other way round."""
-        return bool(((self.now.motion.load.aground > 0.0) != (aground > 0.0)).any())
+        now = self.now.motion.load.aground
+        return (bool(now.any()) or bool(aground.any())) and bool(((now > 0.0) != (aground > 0.0)).any())
 
     def _touchdown(self, before: Standing, kept: list[np.ndarray], h: float, near: float) -> float:
         """Shorten a step in which an element touches down: it ends before, and the next one just after; returns its length.
