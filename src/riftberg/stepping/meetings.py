@@ -20,30 +20,80 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel, plain
+from riftberg.kernels import borrower, kernel, plain
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_law, pair_terms, stiffness_and_reach
-from riftberg.stepping.media import FORCES, SEA_FLOOR
+from riftberg.stepping.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR
 from riftberg.stepping.rigid_bodies import (
     BodyMotion,
     Loading,
     add_forces,
     add_totals_and_slopes,
-    invert,
+    drag_and_slope,
+    solve_three,
 )
 from riftberg.stepping.sizes import Sizes
 
 CONTACT_PHASE: Final = 1.0
 """Largest sub-step times frequency of the springs of contact, rad."""
 
+ENTRY: Final = 0.1
+"""Part of a sub-step by which bodies may get into each other before contact is seen: damping sets in at once."""
+
+GENTLE: Final = 2e-3
+"""Speed, m s-1: ten times as fast, bodies touch within that part of a sub-step, as fast or slower within a whole one."""
+
+FRESH: Final = 1.0 / 32.0
+"""Part of the step after which forces of the media are found anew at the velocities of the moment; between, they are linear."""
+
+ACTS: Final = 10
+"""Column of the pairs from which on spring and damping stand as they act over a kick."""
+
 MOST_SWEEPS: Final = 1000
 """Sweeps over the bodies of an island after which their damping is given up; some ten are usual."""
 
 SETTLED: Final = 1e-13
 """Change of the velocities, as a part of the largest, at which sweeps end."""
+
+
+class Room(NamedTuple):
+    """Room for the sub-steps of one island.
+
+    For each body: sums of the stiffness of its contacts, accelerations, cosine and sine of its turn, arm from its centre to
+    its farthest element, forces, matrices, answers to a force, places of its contacts in a list and that list, loads. For
+    each pair: which touch, their numbers (`_touch`), and whether it has touched before. For each element: the push of contact.
+    """
+
+    stiff: Floats
+    pace: Floats
+    angle: Floats
+    arm: Floats
+    right: Floats
+    block: Floats
+    held: Floats
+    begin: Ints
+    place: Ints
+    listed: Ints
+    size: Floats
+    near: Ints
+    pairs: Floats
+    was: NDArray[np.bool_]
+    push: Floats
+    small: Floats
+
+
+@kernel
+def _allocate_room(bodies: int, pairs: int, elements: int) -> Room:
+    """Return room for an island."""
+    return Room(
+        np.empty(bodies), np.empty((bodies, 3)), np.empty((bodies, 2)), np.zeros(bodies), np.empty((bodies, 3)),
+        np.empty((bodies, 3, 3)), np.empty((bodies, 3, 3)), np.empty(bodies + 1, np.int64), np.empty(bodies, np.int64),
+        np.empty(2 * pairs, np.int64), np.empty(bodies), np.empty(pairs, np.int64), np.empty((pairs, 15)),
+        np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.empty((4, 3, 3)),
+    )  # fmt: skip
 
 
 class Islands(NamedTuple):
@@ -242,83 +292,80 @@ def _cross(
     velocity by the forces, and the heaviest load of each bonded body as in `Blow`.
     """
     count = rate.shape[0]
-    near, pairs = np.empty(first.size, np.int64), np.empty((first.size, 9))
-    push, heaviest, change = np.empty((own.size, 2)), np.zeros(count), np.zeros((count, 3))
+    room = _allocate_room(count, first.size, own.size)
+    heaviest, change = np.zeros(count), np.zeros((count, 3))
     acted, force = np.zeros((own.size, load.media.shape[1] + 1, 2)), np.zeros((own.size, 3))
-    total, slope = np.zeros((count, 3)), np.zeros((count, 3, 3))
+    given, slope, total = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3))
+    for e in range(own.size):
+        room.arm[own[e]] = max(room.arm[own[e]], math.hypot(motion[e, 2], motion[e, 5]))
+    known, way, since = rate.copy(), np.zeros((count, 3)), np.inf
     left, before, shortest = span, 0.0, span
     while True:
-        total[:, :] = 0.0
-        slope[:, :, :] = 0.0
-        add_totals_and_slopes(own, motion, rate, load, total, slope)
-        total[:, :] = 0.0
-        add_forces(own, motion, rate, load, acted, force, total)
-        for b in range(count):
-            for i in range(3):
-                for j in range(3):
-                    total[b, i] -= floor[b, i, j] * rate[b, j]
+        if since >= FRESH * span or left <= 0.0:
+            _keep(own, motion, load, known, way, since, applied)
+            given[:, :], slope[:, :, :], way[:, :], known[:, :], since = 0.0, 0.0, 0.0, rate, 0.0
+            add_totals_and_slopes(own, motion, rate, load, given, slope)
+            total[:, :] = 0.0
+            add_forces(own, motion, rate, load, acted, force, total)
+        _linear(given, slope, floor, rate, known, total)
         found, ahead = _touch(
-            own,
-            motion,
-            inertia,
-            mobility,
-            total,
-            first,
-            second,
-            apart,
-            radii,
-            smaller,
-            law,
-            rate,
-            moved,
-            touched,
-            near,
-            pairs,
-        )
+            own, motion, inertia, mobility, total, first, second, apart, radii, smaller, law, rate, moved, touched, room
+        )  # fmt: skip
         step = 0.0
         if left > 0.0:
             # Parts of one length, so that the last is no shorter than needs be.
             step = left / math.ceil(left / ahead - 1e-9) if ahead < left else left
             shortest = min(shortest, step)
         h = 0.5 * (before + step)
-        for e in range(own.size):
-            for m in range(acted.shape[1]):
-                applied[e, m, 0] += h * acted[e, m, 0]
-                applied[e, m, 1] += h * acted[e, m, 1]
-        change[:] = 0.0
         if not _kick(
-            own, inertia, mobility, floor, slope, total, near, pairs, first, second, motion, found, h, rate, change
+            own, inertia, mobility, floor, slope, total, first, second, motion, found, before, step, rate, change, room
         ):
             return -1.0
         _remember(
-            own,
-            motion,
-            load,
-            bonded,
-            first,
-            second,
-            near,
-            pairs,
-            found,
-            force,
-            rate,
-            change,
-            moved,
-            push,
-            heaviest,
-            blow,
-            turn,
-            spin,
-        )
+            own, motion, load, bonded, first, second, found, force, rate, change, moved, heaviest, blow, turn, spin, room
+        )  # fmt: skip
+        way += h * (rate + 0.5 * change)
+        since += h
         rate += change
         _slow(own, motion, load, rate, h, applied)
         if left <= 0.0:
+            _keep(own, motion, load, known, way, since, applied)
             return shortest
         moved += step * rate
         left -= step
         if left < 1e-9 * span:
             left = 0.0
         before = step
+
+
+@borrower
+def _keep(own: Ints, motion: Floats, load: Loading, known: Floats, way: Floats, time: float, applied: Floats) -> None:
+    """Add what the media did in ``time`` s in which the bodies went ``way``, linear about the velocities ``known``."""
+    if not 0.0 < time < np.inf:
+        return
+    for e in range(own.size):
+        m, q, p = motion[e], known[own[e]], way[own[e]]
+        u, v = m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
+        du = m[0] * p[0] + m[1] * p[1] + m[2] * p[2] - time * u
+        dv = m[3] * p[0] + m[4] * p[1] + m[5] * p[2] - time * v
+        if load.surrounded:
+            applied[e, CORIOLIS, 0] += load.coriolis[e] * (time * v + dv)
+            applied[e, CORIOLIS, 1] -= load.coriolis[e] * (time * u + du)
+        for k in range(len(MEDIA)):
+            if load.surrounded or (k == SEA_FLOOR and load.touches):
+                ax, ay, xx, xy, yy = drag_and_slope(load.media[e, k], u, v)
+                applied[e, k, 0] += time * ax - xx * du - xy * dv
+                applied[e, k, 1] += time * ay - xy * du - yy * dv
+
+
+@kernel
+def _linear(given: Floats, slope: Floats, floor: Floats, rate: Floats, known: Floats, total: Floats) -> None:
+    """Forces on the bodies at the velocities ``rate``, from those that were found at the velocities ``known``."""
+    for b in range(rate.shape[0]):
+        for i in range(3):
+            total[b, i] = given[b, i]
+            for j in range(3):
+                total[b, i] -= slope[b, i, j] * (rate[b, j] - known[b, j]) + floor[b, i, j] * rate[b, j]
 
 
 @kernel
@@ -336,16 +383,33 @@ def _moved(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
     )
 
 
+@borrower
+def _bound(rate: Floats, arm: Floats) -> float:
+    """Largest speed (m s-1) with which two elements could approach each other; or of accelerations."""
+    most = u = v = 0.0
+    for b in range(rate.shape[0]):
+        u += rate[b, 0] / rate.shape[0]
+        v += rate[b, 1] / rate.shape[0]
+    for b in range(rate.shape[0]):
+        most = max(most, math.hypot(rate[b, 0] - u, rate[b, 1] - v) + arm[b] * abs(rate[b, 2]))
+    return 2.02 * most  # distances on the sphere are not quite those of the plane
+
+
 @kernel
+def _resolved(stiff: float, mass: float) -> float:
+    """Longest step (s) that resolves springs of ``stiff`` (N m-1) on a body of a mass (kg)."""
+    return CONTACT_PHASE / math.sqrt(2.0 * stiff / mass) if stiff > 0.0 else np.inf
+
+
+@borrower
 def _touch(
     own: Ints, motion: Floats, inertia: Floats, mobility: Floats, total: Floats, first: Ints, second: Ints, apart: Floats,
-    radii: Floats, smaller: Floats, law: PairLaw, rate: Floats, moved: Floats, touched: NDArray[np.bool_], near: Ints,
-    pairs: Floats,
+    radii: Floats, smaller: Floats, law: PairLaw, rate: Floats, moved: Floats, touched: NDArray[np.bool_], room: Room,
 ) -> tuple[int, float]:  # fmt: skip
     """Find the pairs that touch now, and how long a sub-step may be.
 
-    ``near`` takes their places in the list, ``pairs`` the spring on the first (N), the damping (xx, xy, yy; kg s-1), and how
-    the spins of both bodies move the two elements (m).
+    ``room.near`` takes their places in the list, ``room.pairs`` the spring on the first (N), the damping (xx, xy, yy;
+    kg s-1), how the spins of both bodies move the two elements (m), and whether they have touched a sub-step before.
 
     Returns
     -------
@@ -355,12 +419,15 @@ def _touch(
         Longest step (s): the springs at hand are resolved, and no pair gets deep into another on the way.
     """
     found, ahead = 0, np.inf
-    stiff, pace, angle = np.zeros(rate.shape[0]), np.zeros(rate.shape), np.empty((rate.shape[0], 2))
+    stiff, pace, angle, near, pairs = room.stiff, room.pace, room.angle, room.near, room.pairs
     for b in range(rate.shape[0]):
+        stiff[b] = 0.0
+        pace[b, :] = 0.0
         angle[b, 0], angle[b, 1] = math.cos(moved[b, 2]), math.sin(moved[b, 2])
         for i in range(3):
             for j in range(3):
                 pace[b, i] += mobility[b, i, j] * total[b, j]
+    fastest, quickest = _bound(rate, room.arm), _bound(pace, room.arm)
     for k in range(first.size):
         m, n = motion[first[k]], motion[second[k]]
         a, b = own[first[k]], own[second[k]]
@@ -369,7 +436,12 @@ def _touch(
         x2, y2 = _moved(n, q, angle[b, 0], angle[b, 1])
         rx, ry = apart[k, 0] + x1 - x2, apart[k, 1] + y1 - y2
         stiffness, reach = stiffness_and_reach(COLLISION, radii[k], law)
-        d = math.sqrt(rx * rx + ry * ry)
+        d = rx * rx + ry * ry
+        if d >= reach * reach:
+            room.was[k] = False
+        if d > (reach + ahead * (fastest + 0.5 * ahead * quickest)) ** 2:
+            continue  # it cannot be the first to touch
+        d = math.sqrt(d)
         mx, my = _swung(m, angle[a, 0], angle[a, 1])
         nx, ny = _swung(n, angle[b, 0], angle[b, 1])
         du = n[0] * w[0] + n[1] * w[1] + nx * w[2] - (m[0] * v[0] + m[1] * v[1] + mx * v[2])
@@ -378,11 +450,13 @@ def _touch(
             touched[k] = True
             stiff[a] += stiffness * smaller[k]
             stiff[b] += stiffness * smaller[k]
+            ahead = min(ahead, _resolved(stiffness * smaller[k], min(inertia[a, 0, 0], inertia[b, 0, 0])))
             fx, fy, c11, c12, c22 = pair_terms(COLLISION, rx, ry, radii[k], smaller[k], du, dv, du, dv, law)
             near[found] = k
             t = pairs[found]
             t[0], t[1], t[2], t[3], t[4] = fx, fy, c11, c12, c22
-            t[5], t[6], t[7], t[8] = mx, my, nx, ny
+            t[5], t[6], t[7], t[8], t[9] = mx, my, nx, ny, (1.0 if room.was[k] else 0.0)
+            room.was[k] = True
             found += 1
             continue
         # Bodies that close in on each other, or are driven together, reach each other no sooner than this.
@@ -392,37 +466,48 @@ def _touch(
         av = n[3] * w[0] + n[4] * w[1] + ny * w[2] - (m[3] * v[0] + m[4] * v[1] + my * v[2])
         gap, driven = d - reach, math.sqrt(au * au + av * av)
         pressed = closing + math.sqrt(closing * closing + 2.0 * driven * gap)
-        least = min(inertia[a, 0, 0], inertia[b, 0, 0])
-        resolved = CONTACT_PHASE / math.sqrt(2.0 * stiffness * smaller[k] / least) if stiffness > 0.0 else np.inf
+        resolved = _resolved(stiffness * smaller[k], min(inertia[a, 0, 0], inertia[b, 0, 0]))
         if pressed > 0.0:
-            ahead = min(ahead, max(2.0 * gap / pressed, resolved))
+            entry = min(1.0, max(ENTRY, GENTLE / pressed)) * resolved
+            ahead = min(ahead, max(2.0 * gap / pressed, entry))
     for b in range(rate.shape[0]):
-        if stiff[b] > 0.0:
-            ahead = min(ahead, CONTACT_PHASE / math.sqrt(2.0 * stiff[b] / inertia[b, 0, 0]))
+        ahead = min(ahead, _resolved(stiff[b], inertia[b, 0, 0]))
     return found, ahead
 
 
-@kernel
+@borrower
 def _kick(
-    own: Ints, inertia: Floats, mobility: Floats, floor: Floats, slope: Floats, total: Floats, near: Ints, pairs: Floats,
-    first: Ints, second: Ints, motion: Floats, found: int, h: float, rate: Floats, change: Floats,
+    own: Ints, inertia: Floats, mobility: Floats, floor: Floats, slope: Floats, total: Floats, first: Ints, second: Ints,
+    motion: Floats, found: int, before: float, step: float, rate: Floats, change: Floats, room: Room,
 ) -> bool:  # fmt: skip
-    """Solve for the change of the velocities over ``h`` s, in place; returns whether it settled.
+    """Solve for the change of the velocities over half the steps before and after, in place; returns whether it settled.
 
-    Damping couples bodies that touch. Their equations are met by sweeps (Gauss-Seidel), in the order of the bodies.
+    Elements that have just touched did not do so in the step before: their contact acts over half the next one. Damping
+    couples bodies that touch. Their equations are met by sweeps (Gauss-Seidel), in the order of the bodies.
     """
     count = rate.shape[0]
-    right, block = total.copy(), 0.5 * slope + floor
-    begin = np.zeros(count + 1, np.int64)
+    right, block, begin, near, pairs = room.right, room.block, room.begin, room.near, room.pairs
+    h = 0.5 * (before + step)
+    begin[0] = 0
+    for b in range(count):
+        begin[b + 1] = 0
+        for i in range(3):
+            right[b, i] = total[b, i]
+            for j in range(3):
+                block[b, i, j] = 0.5 * slope[b, i, j] + floor[b, i, j]
     for k in range(found):
         i, j = first[near[k]], second[near[k]]
         a, b, t = own[i], own[j], pairs[k]
         begin[a + 1] += 1
         begin[b + 1] += 1
         m, n = _lever(motion[i], t[5], t[6]), _lever(motion[j], t[7], t[8])
+        share = 0.5 * (before * t[9] + step) / h
+        for c in range(5):
+            t[ACTS + c] = share * t[c]
         du, dv = _speed(n, rate[b]), _speed(m, rate[a])
         wx, wy = du[0] - dv[0], du[1] - dv[1]
-        fx, fy = t[0] + t[2] * wx + t[3] * wy, t[1] + t[3] * wx + t[4] * wy
+        fx = t[ACTS] + t[ACTS + 2] * wx + t[ACTS + 3] * wy
+        fy = t[ACTS + 1] + t[ACTS + 3] * wx + t[ACTS + 4] * wy
         for c in range(3):
             right[a, c] += m[c] * fx + m[3 + c] * fy
             right[b, c] -= n[c] * fx + n[3 + c] * fy
@@ -430,30 +515,36 @@ def _kick(
         _add_damping(block[b], n, t)
     for b in range(count):
         begin[b + 1] += begin[b]
-    held, matrix = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-    for b in range(count):
+    _lone_changes(mobility, h, change, room)
+    return found == 0 or _sweep(own, inertia, first, second, motion, found, h, rate, change, room)
+
+
+@borrower
+def _lone_changes(mobility: Floats, h: float, change: Floats, room: Room) -> None:
+    """Change of the velocities of each body by itself, and what it answers to a force with where it touches others."""
+    right, block, begin, held = room.right, room.block, room.begin, room.held
+    matrix, used, x = room.small[0], room.small[1], room.small[2, 0]
+    for b in range(change.shape[0]):
         for i in range(3):
             for j in range(3):
-                sum_ = 0.0
+                matrix[i, j] = 1.0 if i == j else 0.0
                 for k in range(3):
-                    sum_ += mobility[b, i, k] * block[b, k, j]
-                matrix[b, i, j] = h * sum_ + (1.0 if i == j else 0.0)
-    inverse = np.empty((count, 3, 3))
-    invert(matrix, inverse, np.empty((2, 3, 3)))
-    for b in range(count):
-        for i in range(3):
-            for j in range(3):
-                held[b, i, j] = (
-                    inverse[b, i, 0] * mobility[b, 0, j]
-                    + inverse[b, i, 1] * mobility[b, 1, j]
-                    + inverse[b, i, 2] * mobility[b, 2, j]
+                    matrix[i, j] += h * mobility[b, i, k] * block[b, k, j]
+        if begin[b] == begin[b + 1]:
+            for i in range(3):
+                x[i] = h * (
+                    mobility[b, i, 0] * right[b, 0] + mobility[b, i, 1] * right[b, 1] + mobility[b, i, 2] * right[b, 2]
                 )
-    for b in range(count):
+            change[b, 0], change[b, 1], change[b, 2] = solve_three(matrix, x)
+            continue
+        for j in range(3):
+            for i in range(3):
+                x[i] = mobility[b, i, j]
+                for k in range(3):
+                    used[i, k] = matrix[i, k]
+            held[b, 0, j], held[b, 1, j], held[b, 2, j] = solve_three(used, x)
         for i in range(3):
             change[b, i] = h * (held[b, i, 0] * right[b, 0] + held[b, i, 1] * right[b, 1] + held[b, i, 2] * right[b, 2])
-    if found == 0:
-        return True
-    return _sweep(own, inertia, held, right, begin, near, pairs, first, second, motion, found, h, rate, change)
 
 
 @kernel
@@ -468,53 +559,61 @@ def _speed(m: tuple[float, float, float, float, float, float], q: Floats) -> tup
     return m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
 
 
-@kernel
+@borrower
 def _add_damping(block: Floats, m: tuple[float, float, float, float, float, float], t: Floats) -> None:
     """Add half of B^T C B, which damps the change by half of it."""
     for i in range(3):
-        x, y = t[2] * m[i] + t[3] * m[3 + i], t[3] * m[i] + t[4] * m[3 + i]
+        x, y = t[ACTS + 2] * m[i] + t[ACTS + 3] * m[3 + i], t[ACTS + 3] * m[i] + t[ACTS + 4] * m[3 + i]
         for j in range(3):
             block[i, j] += 0.5 * (x * m[j] + y * m[3 + j])
 
 
-@kernel
+@borrower
 def _sweep(
-    own: Ints, inertia: Floats, held: Floats, right: Floats, begin: Ints, near: Ints, pairs: Floats, first: Ints,
-    second: Ints, motion: Floats, found: int, h: float, rate: Floats, change: Floats,
+    own: Ints, inertia: Floats, first: Ints, second: Ints, motion: Floats, found: int, h: float, rate: Floats,
+    change: Floats, room: Room,
 ) -> bool:  # fmt: skip
     """Sweep over the bodies that touch until the change of their velocities has settled; see `_kick`."""
     count = rate.shape[0]
-    listed, place = np.empty(2 * found, np.int64), begin[:-1].copy()
-    for k in range(found):
-        for e in (first[near[k]], second[near[k]]):
-            listed[place[own[e]]] = k
-            place[own[e]] += 1
-    arm, scale = np.empty(count), 0.0
+    right, held, begin, near, pairs = room.right, room.held, room.begin, room.near, room.pairs
+    listed, place, size, scale = room.listed, room.place, room.size, 0.0
     for b in range(count):
-        arm[b] = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
-        for q in (rate[b], change[b]):
-            scale = max(scale, abs(q[0]), abs(q[1]), arm[b] * abs(q[2]))
-    rest, new = np.empty(3), np.empty(3)
+        place[b] = begin[b]
+    for k in range(found):
+        i, j = own[first[near[k]]], own[second[near[k]]]
+        listed[place[i]] = listed[place[j]] = k
+        place[i] += 1
+        place[j] += 1
+    for b in range(count):
+        size[b] = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
+        scale = max(scale, abs(rate[b, 0]), abs(rate[b, 1]), size[b] * abs(rate[b, 2]))
+        scale = max(scale, abs(change[b, 0]), abs(change[b, 1]), size[b] * abs(change[b, 2]))
+    rest, new = room.small[0, 0], room.small[0, 1]
     for _ in range(MOST_SWEEPS):
         most = 0.0
         for b in range(count):
             if begin[b] == begin[b + 1]:
                 continue
-            rest[:] = right[b]
+            for c in range(3):
+                rest[c] = right[b, c]
             for n in range(begin[b], begin[b + 1]):
                 t, i, j = pairs[listed[n]], first[near[listed[n]]], second[near[listed[n]]]
                 one, two = _lever(motion[i], t[5], t[6]), _lever(motion[j], t[7], t[8])
                 mine, theirs = (one, two) if own[i] == b else (two, one)
                 du, dv = _speed(theirs, change[own[j] if own[i] == b else own[i]])
-                fx, fy = 0.5 * (t[2] * du + t[3] * dv), 0.5 * (t[3] * du + t[4] * dv)
+                fx, fy = (
+                    0.5 * (t[ACTS + 2] * du + t[ACTS + 3] * dv),
+                    0.5 * (t[ACTS + 3] * du + t[ACTS + 4] * dv),
+                )
                 for c in range(3):
                     rest[c] += mine[c] * fx + mine[3 + c] * fy
             for c in range(3):
                 new[c] = h * (held[b, c, 0] * rest[0] + held[b, c, 1] * rest[1] + held[b, c, 2] * rest[2])
             most = max(
-                most, abs(new[0] - change[b, 0]), abs(new[1] - change[b, 1]), arm[b] * abs(new[2] - change[b, 2])
+                most, abs(new[0] - change[b, 0]), abs(new[1] - change[b, 1]), size[b] * abs(new[2] - change[b, 2])
             )
-            change[b] = new
+            for c in range(3):
+                change[b, c] = new[c]
         if most <= SETTLED * scale:
             return True
     return False
@@ -522,15 +621,15 @@ def _sweep(
 
 @kernel
 def _remember(
-    own: Ints, motion: Floats, load: Loading, bonded: NDArray[np.bool_], first: Ints, second: Ints, near: Ints, pairs: Floats,
-    found: int, force: Floats, rate: Floats, change: Floats, moved: Floats, push: Floats, heaviest: Floats, blow: Floats,
-    turn: Floats, spin: Floats,
+    own: Ints, motion: Floats, load: Loading, bonded: NDArray[np.bool_], first: Ints, second: Ints, found: int, force: Floats,
+    rate: Floats, change: Floats, moved: Floats, heaviest: Floats, blow: Floats, turn: Floats, spin: Floats, room: Room,
 ) -> None:  # fmt: skip
     """Keep the loads of the bonded bodies that are pressed harder than before in this step."""
     if found == 0:
         return
-    size, some = np.zeros(rate.shape[0]), False
-    push[:] = 0.0
+    size, push, near, pairs, some = room.size, room.push, room.near, room.pairs, False
+    size[:] = 0.0
+    push[:, :] = 0.0
     for k in range(found):
         i, j, t = first[near[k]], second[near[k]], pairs[k]
         a, b = own[i], own[j]
@@ -601,13 +700,14 @@ def caught_up(
     """
     some, half = meeting.bodies, 0.5 * span
     rate[some] = meeting.rate
-    old, was = _forces(before, rate)
-    _, now = _forces(after, rate)
-    unused, slope = np.zeros(rate.shape), np.zeros((*rate.shape, 3))
-    add_totals_and_slopes(after.body, after.elements, rate, after.load, unused, slope)
-    matrix = np.eye(3) + half * after.mobility[some] @ slope[some]
-    rate[some] += np.linalg.solve(matrix, half * after.mobility[some] @ (now - was)[some][:, :, None])[:, :, 0]
-    acted, _ = _forces(after, rate)
+    (old, was), (acted, now) = _forces(before, rate), _forces(after, rate)
+    for _ in range(2):  # Newton's method, from what is nearly right
+        unused, slope = np.zeros(rate.shape), np.zeros((*rate.shape, 3))
+        add_totals_and_slopes(after.body, after.elements, rate, after.load, unused, slope)
+        matrix = np.eye(3) + half * after.mobility[some] @ slope[some]
+        pushed = half * after.mobility[some] @ (now - was)[some][:, :, None]
+        rate[some] += np.linalg.solve(matrix, pushed + (meeting.rate - rate[some])[:, :, None])[:, :, 0]
+        acted, now = _forces(after, rate)
     applied = meeting.applied + half * (acted - old)[meeting.rows]
     return rate, meeting._replace(rate=rate[some], applied=applied)
 
@@ -625,3 +725,25 @@ def blow_on_all(blow: Blow, elements: int, bodies: int) -> tuple[Floats, Floats,
     force, turn, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
     force[blow.rows], turn[blow.rows], spin[blow.bodies] = blow.force, blow.turn, blow.spin
     return force, turn, spin
+
+
+def shifted_together(shift: Floats, meeting: Meeting, body: Ints) -> Floats:
+    """Give bodies that touched each other the largest shift (m) that land asks of one of them.
+
+    A body shifted alone would get deep into the one behind it, and stiff contact would throw both apart.
+
+    Parameters
+    ----------
+    shift : array of float, shape (bodies, 3)
+        What land asks of each body.
+    meeting : Meeting
+    body : array of int, shape (elements,)
+    """
+    one, other = body[meeting.first], body[meeting.second]
+    part = connected_parts(shift.shape[0], one, other, np.zeros(one.size, np.int64))
+    asked = np.flatnonzero(shift.any(axis=1))
+    # The largest of each part comes last, and stays.
+    asked = asked[np.argsort(np.hypot(shift[asked, 0], shift[asked, 1]), kind="stable")]
+    largest = np.zeros_like(shift)
+    largest[part[asked]] = shift[asked]
+    return np.asarray(largest[part])

@@ -36,7 +36,7 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
-from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet
+from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet, shifted_together
 from riftberg.stepping.moments import Standing, arrive, close_alone, depart, keep_applied_forces, motion_at, relax
 from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
 from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
@@ -300,7 +300,7 @@ class LongStep:
         for name, values in zip(PLACE, kept[:-1], strict=True):
             getattr(self.el, name)[:] = values
         self.bonds.damage[:] = kept[-1]
-        self.now = before
+        self.now, self.meeting = before, None
 
     def _advance(self, h: float) -> None:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
@@ -336,7 +336,7 @@ class LongStep:
             ) from None
 
     def _place(self, bodies: Bodies) -> Bodies:
-        """Set the positions and cells of the elements; where land stops one, its fragment is shifted as a whole."""
+        """Set the cells of the elements; where land stops one, its fragment is shifted as a whole, with those that touch it."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
         for n in range(5):
             if grid is None:
@@ -350,6 +350,8 @@ class LongStep:
             shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
             if not shift.any():
                 break
+            if self.meeting is not None:
+                shift = shifted_together(shift, self.meeting, bodies.body)
             bodies = bodies._replace(pose=moved_frames(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         return bodies

@@ -200,7 +200,7 @@ def add_inertia_and_floor(body: Ints, motion: Floats, load: Loading, inertia: Fl
 
 
 @kernel
-def _drag(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float]:
+def drag_and_slope(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float]:
     """Acceleration (m s-2) by one medium, and minus its derivatives (s-1): xx, xy, yy."""
     du, dv = u - row[U], v - row[V]
     linear, c = row[LINEAR], row[QUADRATIC]
@@ -285,7 +285,7 @@ def add_forces(
             acted[e, CORIOLIS, 0], acted[e, CORIOLIS, 1] = ax, ay
         for k in range(len(MEDIA)):
             if load.surrounded or (k == SEA_FLOOR and load.touches):
-                dx, dy, _, _, _ = _drag(media[e, k], u, v)
+                dx, dy, _, _, _ = drag_and_slope(media[e, k], u, v)
                 acted[e, k, 0], acted[e, k, 1] = dx, dy
                 ax += dx
                 ay += dy
@@ -336,7 +336,7 @@ def add_totals_and_slopes(
             ax, ay = f * v, -f * u
         for k in range(len(MEDIA)):
             if load.surrounded or (k == SEA_FLOOR and load.touches):
-                dx, dy, dxx, dxy, dyy = _drag(media[e, k], u, v)
+                dx, dy, dxx, dxy, dyy = drag_and_slope(media[e, k], u, v)
                 ax += dx
                 ay += dy
                 jxx += dxx

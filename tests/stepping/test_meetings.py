@@ -1,0 +1,178 @@
+"""Fragments that meet in the quasi-static scheme: only they take short steps, and contact does what its law says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.ocean.analytic import Steady
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.stepping.meetings import find_islands
+
+SIZE = 3000.0
+BARE: dict[str, Any] = {"only_interactions": True}
+
+
+def parameters(stepping: dict[str, Any] | None = None, **groups: Any) -> Parameters:
+    """Quasi-static on a plane."""
+    return Parameters(
+        **{"earth": {"latlon": False, "period": 0.0}, **groups}, stepping={"scheme": "quasi_static", **(stepping or {})}
+    )
+
+
+def single(x: float, u: float, y: float = 0.0) -> Iceberg:
+    """A berg of one element."""
+    return Iceberg.rectangle(
+        SIZE, SIZE, thickness=200.0, radius=1500.0, placement=(x, y), latlon=False, velocity=(u, 0.0)
+    )
+
+
+def bonded(x: float, u: float, side: float = 18e3) -> Iceberg:
+    """A berg of three rows that lies across the way of others."""
+    return Iceberg.rectangle(
+        9e3, side, thickness=200.0, radius=1500.0, placement=(x, 0.0), latlon=False, velocity=(u, 0.0)
+    )
+
+
+class Counting(Steady):
+    """A uniform environment that counts how often it is asked."""
+
+    asked = 0
+
+    def sample(self, elements, time) -> None:
+        """Count, and answer."""
+        Counting.asked += 1
+        super().sample(elements, time)
+
+
+@pytest.mark.parametrize("spring", [1e-7, None])
+def test_two_bergs_that_meet_do_not_cut_the_step_of_others(spring) -> None:
+    """Bug: the whole model took the step of the stiffest contact: forcing was sampled anew, and bergs far away went otherwise."""
+    sea = Counting(current=(0.2, 0.05), wind=(8.0, -3.0))
+    p = parameters(contact={"spring": spring})
+    crowd = Model(Iceberg.join([single(0.0, 0.3), single(3300.0, -0.1), single(90e3, 0.2)]), sea, p)
+    alone = Model(single(90e3, 0.2), Steady(current=(0.2, 0.05), wind=(8.0, -3.0)), p)
+    crowd.advance(steps=1)  # begins with a look around
+    Counting.asked = 0
+    crowd.advance(steps=5)
+    alone.advance(steps=6)
+    assert crowd.contacts.rows
+    assert Counting.asked <= 6
+    for name in ("lon", "lat", "u", "v"):
+        assert getattr(crowd.elements, name)[2] == getattr(alone.elements, name)[0]
+
+
+def test_bergs_that_pass_each_other_go_as_if_nobody_were_near() -> None:
+    sea = Steady(current=(0.2, 0.05), wind=(8.0, -3.0))
+    bergs = Iceberg.join([single(0.0, 0.3), single(4000.0, 0.1, 3100.0)])
+    near, far = (Model(bergs, sea, parameters(stepping={"interactions": yes})) for yes in (True, False))
+    for model in (near, far):
+        model.advance(steps=4)
+    assert near.contacts.rows == []
+    np.testing.assert_array_equal(near.elements.u, far.elements.u)
+    np.testing.assert_array_equal(near.elements.lon, far.elements.lon)
+
+
+@pytest.mark.parametrize("spring", [1e-7, 1e-5, None])
+def test_a_collision_goes_as_the_equation_of_its_spring_and_damper(spring) -> None:
+    """Two equal bergs head on: x'' = -2 k x - 4 sqrt(k) x' with x the depth, from the moment at which they touch."""
+    p = parameters(stepping=BARE, contact={"spring": spring}, drag={"rotational": False})
+    model = Model(Iceberg.join([single(0.0, 0.3), single(SIZE + 200.0, -0.1)]), Steady(), p)
+    c, mass = p.kernel_values(), model.elements.mass
+    k = c.contact_spring if c.contact_spring >= 0.0 else c.modulus / SIZE**2
+    times = 1800.0 * np.arange(1, 9) - 500.0
+    asked = solve_ivp(
+        lambda t, y: [y[1], -2.0 * k * y[0] - 4.0 * np.sqrt(k) * y[1]], (0.0, times[-1]), [0.0, 0.4], t_eval=times,
+        rtol=1e-9, atol=1e-12, method="LSODA",
+    )  # fmt: skip
+    for depth, closing in asked.y.T:
+        model.advance(steps=1)
+        x, u = model.elements.lon, model.elements.u
+        assert mass @ u == pytest.approx(0.2 * mass[0], rel=1e-9)
+        assert u[0] - u[1] == pytest.approx(closing, abs=0.02 * 0.4)
+        assert SIZE - (x[1] - x[0]) == pytest.approx(depth, abs=0.1 * 0.1 / np.sqrt(k))
+
+
+@pytest.mark.parametrize("spring", [1e-7, None])
+def test_the_ledger_of_bergs_that_meet_closes(spring) -> None:
+    """All that changes the momentum of both is what the media gave; contact is equal and opposite."""
+    sea = Steady(current=(0.2, 0.05), wind=(8.0, -3.0))
+    model = Model(Iceberg.join([bonded(0.0, 0.3), bonded(9400.0, -0.1)]), sea, parameters(contact={"spring": spring}))
+    el = model.elements
+    for _ in range(6):
+        before = el.mass @ el.u, el.mass @ el.v
+        model.advance(steps=1)
+        given = 1800.0 * np.einsum("e,emi->i", el.mass, model._stepper.applied)
+        assert el.mass @ el.u - before[0] == pytest.approx(given[0], rel=1e-9)
+        assert el.mass @ el.v - before[1] == pytest.approx(given[1], rel=1e-9)
+    assert model.contacts.rows
+
+
+@pytest.mark.parametrize("dt", [900.0, 450.0])
+def test_the_load_of_a_blow_and_the_moment_of_its_break_do_not_depend_on_the_long_step(dt) -> None:
+    found = []
+    for step in (1800.0, dt):
+        for strength in (1e12, 5e3):
+            p = parameters(
+                stepping={"time_step": step}, fracture={"normal_strength": strength, "shear_strength": 1e12}
+            )  # fmt: skip
+            model = Model(Iceberg.join([bonded(0.0, 0.0, 21e3), single(7000.0, -0.3)]), Steady(), p)
+            peak = 0.0
+            for _ in range(round(7200.0 / step)):
+                model.advance(steps=1)
+                peak = max(peak, float(model.bonds.peak_stress.max()))
+            broken = model.bonds.status != 0
+            found.append((peak, float(model.bonds.break_time[broken].min()) if broken.any() else np.nan))
+    assert found[0][0] == pytest.approx(found[2][0], rel=0.1)
+    assert np.isnan(found[0][1])
+    assert found[1][1] == pytest.approx(found[3][1], abs=20.0)
+
+
+def test_a_meeting_does_not_depend_on_the_order_of_the_bergs() -> None:
+    sea = Steady(current=(0.2, 0.05), wind=(8.0, -3.0))
+    bergs = [bonded(0.0, 0.3), single(6300.0, -0.1, 2000.0), single(9500.0, -0.2, 2500.0)]
+    ends = []
+    for order in ([0, 1, 2], [2, 0, 1]):
+        model = Model(Iceberg.join([bergs[k] for k in order]), sea, parameters())
+        model.advance(steps=6)
+        ends.append(sorted(zip(model.elements.lon, model.elements.u, strict=True)))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-8)
+
+
+def test_islands_are_those_that_hang_together() -> None:
+    body = np.array([0, 0, 1, 2, 3, 3, 4])
+    i = find_islands(body, 5, np.array([3, 1]), np.array([6, 2]))
+    assert [set(i.members[a:b]) for a, b in zip(i.start[:-1], i.start[1:], strict=True)] == [{0, 1}, {2, 4}]
+    for k in range(2):
+        rows = i.rows[i.row_start[k] : i.row_start[k + 1]]
+        own = i.own[i.row_start[k] : i.row_start[k + 1]]
+        np.testing.assert_array_equal(i.members[i.start[k] + own], body[rows])
+        pairs = slice(i.pair_start[k], i.pair_start[k + 1])
+        assert set(body[rows[i.first[pairs]]]) | set(body[rows[i.second[pairs]]]) == set(
+            i.members[i.start[k] : i.start[k + 1]]
+        )
+
+
+def test_bergs_that_land_stops_are_not_thrown_apart() -> None:
+    """A berg shifted back from land alone got hundreds of metres deep into the one behind it, and left it at metres a second."""
+    mask = np.ones((8, 16))
+    mask[:, 10:] = 0.0
+    grid = Grid.cartesian(16, 8, 5000.0, mask=mask)
+    fields = grid.fields(uo=np.full((8, 16), 0.3))
+    sea = GriddedForcing(grid, [fields, fields], np.array([0.0, 10.0 * 86400.0]), FieldRules())
+    bergs = Iceberg.join([single(x, 0.3, 20e3) for x in (47.5e3, 44.4e3, 41.3e3)])
+    model = Model(
+        bergs, sea, parameters(earth={"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0})
+    )
+    for _ in range(24):
+        model.advance(steps=1)
+        assert np.abs(model.elements.u).max() < 0.6
+        assert np.diff(np.sort(model.elements.lon)).min() > 0.6 * SIZE
+    assert model.elements.lon.max() <= 50e3
