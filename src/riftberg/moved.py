@@ -138,6 +138,8 @@ GONE_NAMES: Final = {
     "kid.entry_table.FOOTLOOSE": "footloose calving runs now",
     "kid.entry_table.MELT": "melt laws run now",
     "kid.restart.Origin": "what it held belongs to the state: see riftberg.state.Life",
+    "physics.bonds.advance_shear": "use riftberg.physics.bonds.advance_slip, for the length along the tangent",
+    "physics.bonds.contact_velocity": "use riftberg.physics.bonds.along_and_across and slip_speed",
     "products.axes.name_axes": "riftberg.products.place.positioned puts each field on its own axes",
     "runs.track.from_plane": "use the method inverse of riftberg.plane.OrthographicPlane",
     "runs.track.to_plane": "use the method forward of riftberg.plane.OrthographicPlane",

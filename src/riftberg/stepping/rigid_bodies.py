@@ -30,7 +30,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.geometry import separation
 from riftberg.physics.grounding import grounding_spin_rate
-from riftberg.state import Elements, Floats, Ints, Motion, Shown
+from riftberg.state import Elements, Floats, Ints, Shown
+from riftberg.state import Motion as ElementMotion  # what was called Motion here is `BodyMotion` now
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.media import (
@@ -297,7 +298,7 @@ def add_forces(
 
 @kernel
 def take_velocities(
-    body: Ints, motion: Floats, rate: Floats, load: Loading, force: Floats, own: Motion, shown: Shown
+    body: Ints, motion: Floats, rate: Floats, load: Loading, force: Floats, own: ElementMotion, shown: Shown
 ) -> None:
     """Give the elements the velocities of their fragments, and ``force`` the linear drag of the sea floor at these, in place."""
     for e in range(body.size):
