@@ -114,6 +114,18 @@ def test_a_layer_without_bonds_is_left_out() -> None:
     assert 0 not in made.used[:count]
 
 
+def test_bergs_without_bonds_have_no_rows() -> None:
+    """Fifty thousand of them would take 9 MB, and be gone through in each long step."""
+    el, bonds = lattice(3, P, columns=5, rows=4)
+    none = bonds.taken(np.zeros(0, np.int64))
+    made = allocate_rows(none, el.mass.size)
+    assert made.bond.size == 0
+    assert load_rows(made, el, none, interaction_sizes(el, P), np.arange(el.mass.size), P) == 0
+    sums = np.ones((3, el.mass.size))
+    bond_law.sum_over_bonds(made, *sums, 0, el.mass.size)
+    assert not sums.any()
+
+
 def test_elements_that_are_met_less_often_name_the_block_of_zeros() -> None:
     el, _, made, count = loaded(9, 8)
     applied(made, count, el.mass.size)

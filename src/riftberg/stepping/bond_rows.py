@@ -1,6 +1,6 @@
 """Bonds laid out for the sub-steps: unbroken bonds in rows, and the rows that meet in each element.
 
-Gathering both ends of each bond into rows, applying the law to whole rows and then summing over the bonds of each element is
+Bringing both ends of the bonds beside their rows, applying the law to whole rows and summing over the bonds of each element is
 several times faster than one loop over bonds that does all at once. The law becomes vector instructions, and the sum has a
 fixed order per element, so results do not depend on threads. `riftberg.stepping.bond_blocks` tells how rows stand in memory.
 """
@@ -78,7 +78,7 @@ def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
     further = bonds.first[bonds.second != bonds.first + 1]
     begin, end = (np.bincount(ends, minlength=element_count) for ends in (further, bonds.second))
     width = row.blocks_of(element_count)
-    blocks = width * (1 + int(begin.max(initial=0)))
+    blocks = width * (1 + int(begin.max(initial=0))) if bonds.first.size else 0
     size = blocks * row.LANES
     ends = _aligned((width + 1) * row.ENDS)
     ends[:] = np.arange(ends.size)

@@ -242,7 +242,8 @@ def _take_substeps_of_beams(
             end = min(begin + AT_ONCE, size)
             if moving:
                 _drift_and_show(el, scratch, dt, near_pole, begin, end, p)
-            show_ends(rows, el, dt, begin, end)
+            if count > 0:
+                show_ends(rows, el, dt, begin, end)
         now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
         broken += act_on_ends(
             el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears,
