@@ -15,6 +15,8 @@ from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.meetings import find_islands
+from riftberg.stepping.partners import NEWBORN_CHILD
+from riftberg.stepping.quasi_static import LongStep
 
 SIZE = 3000.0
 BARE: dict[str, Any] = {"only_interactions": True}
@@ -78,6 +80,37 @@ def test_bergs_that_pass_each_other_go_as_if_nobody_were_near() -> None:
     assert near.contacts.rows == []
     np.testing.assert_array_equal(near.elements.u, far.elements.u)
     np.testing.assert_array_equal(near.elements.lon, far.elements.lon)
+
+
+def test_a_newborn_child_of_footloose_calving_does_not_push_its_parent() -> None:
+    """Bug: it lies on the rim of its parent until it has drifted off, and the quasi-static scheme took that for contact."""
+    bergs = Iceberg.join([single(0.0, 0.1), single(3050.0, 0.1)])
+    newborn, far, other = (
+        Model(bergs, Steady(current=(0.1, 0.0)), parameters(stepping={"interactions": yes}))
+        for yes in (True, False, True)
+    )
+    newborn.elements.fl_k[1] = NEWBORN_CHILD
+    for model in (newborn, far, other):
+        model.elements.lon[1] = model.elements.lon_pair[1] = 2500.0  # on the rim of its parent
+        model.advance(steps=2)
+    assert newborn.contacts.rows == []
+    np.testing.assert_array_equal(newborn.elements.u, far.elements.u)
+    assert other.contacts.rows  # as contact it would be a push
+    assert (other.elements.u != far.elements.u).all()
+
+
+def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
+    """Bug: the velocities that bergs show each other stayed those of the trial, and the next search looked by them."""
+    model = Model(Iceberg.join([single(0.0, 0.3), single(3300.0, -0.1)]), Steady(current=(0.2, 0.05)), parameters())
+    model.advance(steps=1)
+    step = LongStep(model, None, None, None, None)
+    was = {name: getattr(model.elements, name).copy() for name in ("lon", "lat", "u_pair", "v_pair", "rotation")}
+    before, kept = step.now, step._keep()
+    step._advance(900.0)
+    assert (model.elements.u_pair != was["u_pair"]).any()
+    step._back(before, kept)
+    for name, values in was.items():
+        np.testing.assert_array_equal(getattr(model.elements, name), values, err_msg=name)
 
 
 @pytest.mark.parametrize("spring", [1e-7, 1e-5, None])
