@@ -36,17 +36,6 @@ def allocate_pairs(size: int) -> ContactPairs:
     return ContactPairs(*(np.zeros(size, np.int64) for _ in range(3)), np.zeros(1, np.int64))
 
 
-@kernel
-def overloaded(block, sheet):
-    """Number of rows of a block whose stress is above their strength; a whole number, so that the loop vectorises."""
-    count = 0
-    for k in range(row.LANES):
-        torn = sheet[row.NORMAL_STRESS + k] > block[row.NORMAL_LIMIT + k]
-        sheared = sheet[row.SHEAR_STRESS + k] > block[row.SHEAR_LIMIT + k]
-        count += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
-    return count
-
-
 @stage
 def break_overloaded(bond, block, sheet, ends, turned, el, bonds, pairs, aground, time, keep_contact):
     """Break the bonds of a block that are overloaded: mark them, replace their force, and list them as contact pairs.

@@ -76,16 +76,11 @@ class BondOperator:
         """Length of the vectors that `apply` takes."""
         return 3 * self.nx.size + 3 * self.count
 
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        """All fields, in order, for compiled code."""
-        return tuple(vars(self).values())
-
-    def apply(self, vector: Floats) -> Floats:
+    def apply(self, vector: Floats, image: Floats | None = None) -> Floats:
         """Multiply by the symmetric matrix whose largest eigenvalue is the inverse of the longest stable sub-step."""
-        image = np.zeros(self.size)
-        multiply: Any = _multiply
-        multiply(*self.arrays, vector, image)
+        image = np.zeros(self.size) if image is None else image
+        multiply: Any = _multiply  # takes all fields as they stand
+        multiply(*vars(self).values(), vector, image)
         return image
 
 
@@ -254,11 +249,10 @@ def largest_eigenvalue(operator: BondOperator, accuracy: float = ACCURACY) -> fl
     vector = np.random.default_rng(1).standard_normal(operator.size)
     vector /= np.linalg.norm(vector)
     before, image = np.zeros_like(vector), np.zeros_like(vector)
-    multiply: Any = _multiply  # takes the operator's arrays as they stand
     diagonal: list[float] = []
     beside: list[float] = []
     for step in range(1, MOST_STEPS + 1):
-        multiply(*operator.arrays, vector, image)
+        operator.apply(vector, image)
         part, rest = _lanczos_step(vector, before, beside[-1] if beside else 0.0, image)
         diagonal.append(part)
         beside.append(rest)

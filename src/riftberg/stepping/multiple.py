@@ -150,10 +150,8 @@ def _drift_and_show(el, scratch, dt, near_pole, begin, end, p):
 
 
 @stage
-def _kick(el, scratch, dt, floor_acts, floor_varies, implicit_ground, begin, end):
+def _kick(el, scratch, dt, floor_acts, implicit_ground, begin, end):
     """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
-    if floor_varies:
-        floor_rates(el, scratch, dt, begin, end)
     if floor_acts and not implicit_ground:
         sum_stopped(el, scratch, begin, end)
     kick(el, scratch, dt, implicit_ground, begin, end)
@@ -252,12 +250,12 @@ def _take_substeps_of_beams(
         for begin in range(0, size, AT_ONCE):
             end = min(begin + AT_ONCE, size)
             accelerate(el, rows, scratch, begin, end)
+            if floor_varies:
+                floor_rates(el, scratch, dt, begin, end)
             if moving:
-                _kick(el, scratch, dt, floor_acts, floor_varies, p.ground_implicit, begin, end)
+                _kick(el, scratch, dt, floor_acts, p.ground_implicit, begin, end)
                 spin_up(el, scratch, dt, begin, end)
         if not moving:
-            if floor_varies:
-                floor_rates(el, scratch, dt, 0, size)
             _start_fast(el, scratch, p.ground_implicit)
             _start_rotation(el, scratch, plan.dt / plan.substeps)
     if p.iterate:
@@ -288,16 +286,14 @@ def _take_substeps_of_springs(
         if explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
+        if floor_varies:
+            floor_rates(el, scratch, dt, 0, size)
         if not moving:
-            if floor_varies:
-                floor_rates(el, scratch, dt, 0, size)
             _start_fast(el, scratch, p.ground_implicit)
             continue
         if explicit:
-            _kick(el, scratch, dt, floor_acts, floor_varies, p.ground_implicit, 0, size)
+            _kick(el, scratch, dt, floor_acts, p.ground_implicit, 0, size)
         else:
-            if floor_varies:
-                floor_rates(el, scratch, dt, 0, size)
             passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
             if passes < 0:
                 return passes

@@ -400,11 +400,15 @@ class LongStep:
         """Forces and loads of a moment; see `riftberg.stepping.moments.arrive`."""
         s = self.structure
         now = arrive(self.el, s.flat, bodies, motion, time, before, half, self._room_for(bodies))
-        for _, inside in self._supported(bodies):
-            z, load = s.holds.modes(inside, s.flat), motion.load
-            turn = motion.elements[:, 9:11]
-            now.load[inside] = _supported_loads(inside, z, s.flat, turn, now.force, load.mass, load.inertia)
+        self._hold(now, now.load, motion.elements[:, 9:11], now.force)
         return now
+
+    def _hold(self, now: Standing, balanced: Floats, turn: Floats, force: Floats) -> None:
+        """Put the loads of fragments with supports, which carry a part of them, into those of free fragments."""
+        s, load = self.structure, now.motion.load
+        for _, inside in self._supported(now.bodies):
+            z = s.holds.modes(inside, s.flat)
+            balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
 
     def _bend(self) -> None:
         """Find the equilibrium under the present loads."""
@@ -433,9 +437,7 @@ class LongStep:
         now, load, s = self.now, self.now.motion.load, self.structure
         force, turn, spin = blow_on_all(blow, self.el.size, now.bodies.pose.shape[0])
         struck = balanced_loads(now.bodies.body, s.flat, turn, force, load.mass, load.inertia, spin)
-        for _, inside in self._supported(now.bodies):
-            z = s.holds.modes(inside, s.flat)
-            struck[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
+        self._hold(now, struck, turn, force)
         balanced = now.load.copy()
         balanced[blow.rows] = struck[blow.rows]
         return balanced

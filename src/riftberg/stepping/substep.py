@@ -27,11 +27,10 @@ from riftberg.stepping.breaking import (
     allocate_pairs,
     break_overloaded,
     note_all,
-    overloaded,
 )
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.wear import damage_rows
+from riftberg.stepping.wear import damage_rows, loaded
 
 
 class Scratch(NamedTuple):
@@ -190,7 +189,7 @@ def act_on_ends(
         )  # fmt: skip
         if wears:
             damage_rows(block, sheet, dt, p)
-        if may_break and overloaded(block, sheet) > 0:
+        if may_break and loaded(block, sheet, 1.0) > 0:
             broken += break_overloaded(
                 rows.bond[first:end], block, sheet, ends, rows.turned, el, bonds, pairs, scratch.aground, time,
                 p.broken_as_contact,

@@ -16,22 +16,24 @@ from riftberg.stepping import bond_blocks as row
 @kernel
 def damage_rows(block, sheet, dt, p):
     """Let the damage of the unbroken rows of a block grow over ``dt`` (s), and lower their limits accordingly."""
-    if _loaded(block, sheet, p.damage_threshold) > 0:
+    if loaded(block, sheet, p.damage_threshold) > 0:
         _grow(block, sheet, dt, p)
 
 
 @kernel
-def _loaded(block, sheet, threshold):
-    """Number of unbroken rows whose stress is above the threshold; a whole number, so that the loop vectorises.
+def loaded(block, sheet, threshold):
+    """Number of unbroken rows of a block whose stress is above this part of their strength.
+
+    A whole number, so that the loop vectorises.
 
     Rows without stress and strength, and those whose stress is not a number, are not among them.
     """
-    loaded = 0
+    count = 0
     for k in range(row.LANES):
         torn = sheet[row.NORMAL_STRESS + k] > threshold * block[row.NORMAL_LIMIT + k]
         sheared = sheet[row.SHEAR_STRESS + k] > threshold * block[row.SHEAR_LIMIT + k]
-        loaded += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
-    return loaded
+        count += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
+    return count
 
 
 @kernel
