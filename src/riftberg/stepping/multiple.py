@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from riftberg.kernels import borrower, kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.bond_blocks import LANES
-from riftberg.stepping.bond_rows import crosses, load_rows, show_ends
+from riftberg.stepping import bond_blocks as row
+from riftberg.stepping.bond_rows import BondRows, crosses, load_rows
 from riftberg.stepping.conglomerates import break_after_step
+from riftberg.stepping.element_blocks import (
+    drift_block,
+    drift_block_near_pole,
+    kick_block,
+    load_elements,
+    rates_of_floor,
+    start_block,
+    stopped_by_floor,
+    store_elements,
+    sum_over_bonds,
+)
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
 from riftberg.stepping.long_kick import (
@@ -24,7 +35,6 @@ from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
 from riftberg.stepping.substep import (
     Room,
-    accelerate,
     act_on_ends,
     add_collisions,
     drift,
@@ -32,17 +42,12 @@ from riftberg.stepping.substep import (
     floor_rates,
     kick,
     show_velocities,
-    spin_up,
     spring_accelerations,
     sum_stopped,
 )
 
 POLAR_LATITUDE = 88.0
 """North of this (degrees) the tangent plane may be needed within a long step."""
-
-
-AT_ONCE: Final = 8 * LANES
-"""Elements that go through all loops of a sub-step one after the other; they fill the first-level cache."""
 
 
 class StepPlan(NamedTuple):
@@ -128,36 +133,24 @@ def _start_fast(el, scratch, implicit_ground):
 
 
 @stage
-def _start_rotation(el, scratch, dt):
-    """Bring spin half a sub-step and angle one sub-step ahead of the positions, where the leapfrog of `spin_up` has them.
-
-    The angle at hand in a sub-step is that which its bonds see; with that of the start the run would be of first order.
-    """
-    motion, kicks = el.motion, el.kicks
-    for e in range(motion.spin.size):
-        motion.spin[e] += scratch.active[e] * 0.5 * dt * kicks.spin_rate[e]
-        motion.rotation[e] += scratch.active[e] * dt * motion.spin[e]
-
-
-@stage
-def _drift_and_show(el, scratch, dt, near_pole, begin, end, p):
+def _drift_and_show(el, scratch, dt, near_pole, p):
     """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
     if near_pole:
-        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1, begin, end)
+        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1)
     else:
-        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1, begin, end)
+        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
 
 
 @stage
-def _kick(el, scratch, dt, floor_acts, implicit_ground, begin, end):
+def _kick(el, scratch, dt, floor_acts, implicit_ground):
     """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
     if floor_acts and not implicit_ground:
-        sum_stopped(el, scratch, begin, end)
-    kick(el, scratch, dt, implicit_ground, begin, end)
+        sum_stopped(el, scratch)
+    kick(el, scratch, dt, implicit_ground)
     if floor_acts and implicit_ground:
-        sum_stopped(el, scratch, begin, end)
-    show_velocities(el, scratch.active, begin, end)
+        sum_stopped(el, scratch)
+    show_velocities(el, scratch.active)
 
 
 @stage
@@ -219,6 +212,45 @@ def take_long_step(
     return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, fast_room, sizes, around, plan, p))
 
 
+class Pace(NamedTuple):
+    """A sub-step: its length (s); whether it is the evaluation before the first; whether the floor acts, and with the speed."""
+
+    dt: float
+    first: bool
+    floor_acts: bool
+    floor_varies: bool
+
+
+@kernel
+def _drift_block(rows: BondRows, b: int, dt: float, near_pole: bool, p: KernelParameters) -> None:
+    """Move the elements of block ``b`` to the positions of a sub-step, and show them."""
+    q1 = p.swapped_implicit_velocity and not p.explicit_substeps
+    own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
+    turned = rows.turned[b * row.LANES : (b + 1) * row.LANES]
+    if near_pole:
+        drift_block_near_pole(own, ends, turned, dt, p.earth_radius, q1)
+    else:
+        drift_block(own, ends, turned, dt, p.latlon, p.earth_radius, q1)
+
+
+@kernel
+def _kick_block(rows: BondRows, b: int, sheet: Floats, pace: Pace, implicit: bool) -> None:
+    """Complete a sub-step for the elements of block ``b``."""
+    own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
+    sums, slot = rows.sums[b * row.SUMS : (b + 1) * row.SUMS], rows.slot[b * row.LANES : (b + 1) * row.LANES]
+    sum_over_bonds(sheet, sums, slot, rows.block)
+    if pace.floor_varies:
+        rates_of_floor(own, 0.0 if pace.first else pace.dt)
+    if pace.first:
+        start_block(own, ends, sheet, pace.dt, implicit)
+        return
+    if pace.floor_acts and not implicit:
+        stopped_by_floor(own)
+    kick_block(own, ends, sheet, pace.dt, implicit)
+    if pace.floor_acts and implicit:
+        stopped_by_floor(own)
+
+
 @stage
 def _take_substeps_of_beams(
     el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
@@ -226,38 +258,32 @@ def _take_substeps_of_beams(
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as beams; returns the number of bonds broken."""
     rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
+    whole = plan.dt / plan.substeps
+    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, whole, p)
     near_pole = p.latlon and _reaches_pole(el.place.lat)
     broken = 0
     count = load_rows(rows, el, bonds, sizes, earlier, p)
+    load_elements(rows, el, scratch)
     period = p.period if crosses(el.shown.lon_pair, p.period) else 0.0
-    size = el.place.lon.size
+    blocks, last = row.blocks_of(el.place.lon.size), plan.substeps - 1
     # With a proper start, one evaluation without moving stands before the first sub-step.
-    for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
+    start = -1 if plan.starting and p.bonds_on else 0
+    if start == 0:
+        for b in range(blocks):
+            _drift_block(rows, b, whole, near_pole, p)
+    for n in range(start, plan.substeps):
         moving = n >= 0
-        dt = plan.dt / plan.substeps if moving else 0.0
-        for begin in range(0, size, AT_ONCE):
-            end = min(begin + AT_ONCE, size)
-            if moving:
-                _drift_and_show(el, scratch, dt, near_pole, begin, end, p)
-            if count > 0:
-                show_ends(rows, el, dt, begin, end)
+        dt = whole if moving else 0.0
         now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
         broken += act_on_ends(
-            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears,
-            n == plan.substeps - 1, period, p,
+            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears, n == last, period, p,
         )  # fmt: skip
-        for begin in range(0, size, AT_ONCE):
-            end = min(begin + AT_ONCE, size)
-            accelerate(el, rows, scratch, begin, end)
-            if floor_varies:
-                floor_rates(el, scratch, dt, begin, end)
-            if moving:
-                _kick(el, scratch, dt, floor_acts, p.ground_implicit, begin, end)
-                spin_up(el, scratch, dt, begin, end)
-        if not moving:
-            _start_fast(el, scratch, p.ground_implicit)
-            _start_rotation(el, scratch, plan.dt / plan.substeps)
+        pace = Pace(whole, not moving, floor_acts, floor_varies)
+        for b in range(blocks):
+            _kick_block(rows, b, rows.sheet, pace, p.ground_implicit)
+            if n < last:
+                _drift_block(rows, b, whole, near_pole, p)
+    store_elements(rows, el, scratch)
     if p.iterate:
         _remember_fast(el)
     if floor_acts:
@@ -276,28 +302,28 @@ def _take_substeps_of_springs(
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and _reaches_pole(el.place.lat)
     passes = 1
-    explicit, size = p.explicit_substeps, el.place.lon.size
+    explicit = p.explicit_substeps
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
         if moving:
-            _drift_and_show(el, scratch, dt, near_pole, 0, size, p)
+            _drift_and_show(el, scratch, dt, near_pole, p)
         if explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
         if floor_varies:
-            floor_rates(el, scratch, dt, 0, size)
+            floor_rates(el, scratch, dt)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
             continue
         if explicit:
-            _kick(el, scratch, dt, floor_acts, p.ground_implicit, 0, size)
+            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
             passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
             if passes < 0:
                 return passes
-            show_velocities(el, scratch.active, 0, size)
+            show_velocities(el, scratch.active)
         if p.iterate and not explicit:
             _remember_fast(el)
     if p.iterate:
