@@ -11,25 +11,21 @@ from typing import NamedTuple
 
 from riftberg.constants import DEGREE
 from riftberg.kernels import kernel, stage
-from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
-from riftberg.stepping import bond_blocks as row
-from riftberg.stepping.bond_law import add_to_first, apply_bond_law, gather_ends, next_ends
 from riftberg.stepping.bond_rows import BondRows, allocate_rows
 from riftberg.stepping.breaking import (
     ContactPairs,
     add_contacts,
     allocate_pairs,
-    break_overloaded,
-    note_all,
 )
-from riftberg.stepping.element_blocks import show_elements, take_contact
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
 from riftberg.stepping.scratch import Scratch, allocate_scratch
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.wear import damage_rows, loaded
+
+POLAR_LATITUDE = 88.0
+"""North of this (degrees) the tangent plane may be needed within a long step."""
 
 
 class Room(NamedTuple):
@@ -90,70 +86,6 @@ def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: 
         shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
         shown.u_pair[e] = wu
         shown.v_pair[e] = motion.v[e] + 0.5 * dt * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
-
-
-@stage
-def act_on_ends(
-    el: Elements, bonds: Bonds, rows: BondRows, count: int, pairs: ContactPairs, search: bool, scratch: Scratch,
-    sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, wears: bool, last: bool, period: float,
-    p: KernelParameters,
-) -> int:  # fmt: skip
-    """Forces of all bonds on their ends, which are shown, and accelerations by contact.
-
-    Parameters
-    ----------
-    dt, time : float
-        Sub-step, and time since the start at its end, s; bonds that break get this time.
-    may_break : bool
-        Whether to test for fracture at all.
-    wears : bool
-        Whether stress takes from the strength of the bonds.
-    last : bool
-        Whether what the bonds bear goes to the state.
-    period : float
-        Period of x, where bonds may lie across its seam; else 0.
-
-    Returns
-    -------
-    int
-        Bonds broken.
-    """
-    if pairs.count[0] > 0:
-        # Before the bonds: one that breaks now touches from the next sub-step on.
-        show_elements(rows, el)
-        scratch.accel_x[:] = 0.0
-        scratch.accel_y[:] = 0.0
-        soft_dt = 0.0 if p.explicit_contact_damping else dt
-        add_contacts(
-            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True, soft_dt
-        )
-        take_contact(rows, scratch.accel_x, scratch.accel_y)
-    width, sheet, broken = row.blocks_of(el.place.lon.size), rows.sheet, 0
-    for n in range(count):
-        b = rows.used[n]
-        # Views of one block: LLVM sees that no index in it is negative, which an offset from outside would hide.
-        block, e = rows.block[b * row.BLOCK : (b + 1) * row.BLOCK], b % width
-        ends, sums = rows.ends[e * row.ENDS : (e + 1) * row.ENDS], rows.sums[e * row.SUMS : (e + 1) * row.SUMS]
-        first, end = b * row.LANES, (b + 1) * row.LANES
-        if b < width:
-            next_ends(sheet, rows.ends[e * row.ENDS : (e + 2) * row.ENDS])
-        else:
-            gather_ends(sheet, rows.second[first:end], rows.ends)
-        apply_bond_law(
-            block, sheet, ends, dt, p.poisson, p.objective_damping, p.no_shear, p.linear_bending,
-            p.flat_relative_velocity, p.latlon, p.earth_radius, period,
-        )  # fmt: skip
-        if wears:
-            damage_rows(block, sheet, dt, p)
-        if may_break and loaded(block, sheet, 1.0) > 0:
-            broken += break_overloaded(
-                rows.bond[first:end], block, sheet, ends, rows.turned, el, bonds, pairs, scratch.aground, time,
-                p.broken_as_contact,
-            )  # fmt: skip
-        if last:
-            note_all(rows.bond[first:end], bonds, block, sheet, rows.turned)
-        add_to_first(block, sheet, sums)
-    return broken
 
 
 @kernel
@@ -264,3 +196,32 @@ def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList,
                     pairs.bond[k] = bond_of[q]
             k += 1
     pairs.count[0] = k
+
+
+@kernel
+def reaches_pole(lat: Floats) -> bool:
+    """Whether an element stands so far north that it may come near the pole within a long step."""
+    near = False
+    for at in lat:
+        near = near or at > POLAR_LATITUDE
+    return near
+
+
+@stage
+def remember_fast(el):
+    """Keep the fast accelerations of this sub-step where the reference keeps them."""
+    ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
+    ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
+    for e in range(ax.size):
+        ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
+
+
+@stage
+def show_all(el: Elements) -> None:
+    """Let the others see the velocities after the sub-steps, of those too that waited."""
+    u, v, u_shown, v_shown, static = (
+        el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair, el.body.static,
+    )  # fmt: skip
+    for e in range(u.size):
+        if static[e] < 0.5:
+            u_shown[e], v_shown[e] = u[e], v[e]
