@@ -353,8 +353,20 @@ class LongStep:
                 break
             lead = leaders(el, lon, lat, back, bodies.body, c)
             bodies = bodies._replace(pose=led(bodies.pose, el, lon, lat, lead, c))
-        el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+        self._show(bodies)
         return bodies
+
+    def _show(self, bodies: Bodies) -> None:
+        """Let fragments see each other as they are without load.
+
+        Displacements lag by one step. A slender piece bends by more than its contact is pressed in: seen bent, it came out of
+        contact in one step and deeper into it in the next.
+        """
+        el, c = self.el, self.c
+        el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+        if bodies.pose.shape[0] > 1:
+            straight = bodies._replace(bend=np.zeros_like(bodies.bend))
+            place(straight, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
 
     def _room_for(self, bodies: Bodies) -> BodyRoom:
         """Return room for the fragments."""
@@ -520,6 +532,7 @@ class LongStep:
             bodies = regrouped(self.now.bodies, body, load.mass, load.inertia, self.c.latlon, self.c.earth_radius)
             self.seat = bodies.bend
             self.structure = self._build(bodies)
+            self._show(bodies)
             self.now = self._moment(bodies, self.now.time)
         elif s.factors.corrections >= MOST_CORRECTIONS:
             self.structure = self._build(self.now.bodies)
