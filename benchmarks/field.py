@@ -12,19 +12,28 @@ from typing import Any
 from riftberg import Forcing, Iceberg, Model, Parameters
 
 
+def ocean(lon: float, lat: float) -> Forcing:
+    """Return a current, a wind and an eddy about a point."""
+    return Forcing.uniform(current=(0.1, 0.0), wind=(5.0, 0.0)) + Forcing.eddy((lon, lat), radius=60e3, speed=0.4)
+
+
+def field(number: int) -> tuple[Iceberg, Forcing]:
+    """Return bergs of one element each, as dense whatever their number, and their ocean."""
+    side = 4.0 * (number / 1000.0) ** 0.5
+    return Iceberg.field(number, (-40.0, -40.0 + side, -58.0, -58.0 + 0.5 * side), seed=1), ocean(-38.0, -57.0)
+
+
 def seconds_per_day(number: int, days: int = 4, **contact: Any) -> tuple[float, int, int]:
     """Return processor seconds of the quickest day after the first, meetings in all days, and bergs."""
-    side = 4.0 * (number / 1000.0) ** 0.5
-    field = Iceberg.field(number, (-40.0, -40.0 + side, -58.0, -58.0 + 0.5 * side), seed=1)
-    ocean = Forcing.uniform(current=(0.1, 0.0), wind=(5.0, 0.0)) + Forcing.eddy((-38.0, -57.0), radius=60e3, speed=0.4)
-    model = Model(field, ocean, Parameters(contact=contact))
+    bergs, sea = field(number)
+    model = Model(bergs, sea, Parameters(contact=contact))
     model.advance(1)
     costs = []
     for _ in range(days):
         began = time.process_time()
         model.advance(1)
         costs.append(time.process_time() - began)
-    return min(costs), len(model.contacts.rows), field.elements.size
+    return min(costs), len(model.contacts.rows), bergs.elements.size
 
 
 def main(numbers: list[int]) -> None:

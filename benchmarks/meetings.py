@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from field import field, ocean
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 
@@ -19,13 +20,6 @@ CASES = (
 """Names, and stiffness of contact (s-2; none: that of the ice)."""
 
 
-def field(number: int) -> tuple[Iceberg, Forcing]:
-    """Return bergs of one element each, and an ocean with an eddy (as `benchmarks/field.py`)."""
-    side = 4.0 * (number / 1000.0) ** 0.5
-    bergs = Iceberg.field(number, (-40.0, -40.0 + side, -58.0, -58.0 + 0.5 * side), seed=1)
-    return bergs, ocean(-38.0, -57.0)
-
-
 def pieces() -> tuple[Iceberg, Forcing]:
     """Return a berg of 22 x 22 elements without bonds, at the rim of an eddy."""
     berg = Iceberg.rectangle(66e3, 66e3, thickness=250.0, radius=1500.0, placement=(-37.0, -56.0))
@@ -33,11 +27,6 @@ def pieces() -> tuple[Iceberg, Forcing]:
     berg.elements.bond_count[:] = 0
     berg.elements.berg[:] = np.arange(berg.elements.size)
     return berg, ocean(-37.3, -56.0)
-
-
-def ocean(lon: float, lat: float) -> Forcing:
-    """Return a current, a wind and an eddy."""
-    return Forcing.uniform(current=(0.1, 0.0), wind=(5.0, 0.0)) + Forcing.eddy((lon, lat), radius=60e3, speed=0.4)
 
 
 def milliseconds(scheme: str, berg: Iceberg, sea: Forcing, spring: float | None, steps: int = 24) -> float:

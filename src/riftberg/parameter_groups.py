@@ -608,6 +608,12 @@ class Compatibility(Group):
     births_at_centre: bool = quantity(
         False, "", "all bergs that calve in a cell are born in its middle, on top of each other", "files 3.2"
     )
+    elements_stopped_alone: bool = quantity(
+        False,
+        "",
+        "land stops each element for itself, which tears bonded bergs apart and pushes bergs into each other",
+        "equations 8.1",
+    )
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
     )
@@ -641,5 +647,6 @@ class Compatibility(Group):
             "heat_of_one_class": True,
             "births_at_centre": True,
             "hemisphere_by_corner": True,
+            "elements_stopped_alone": True,
         }
         return cls(**{**on, **overrides})

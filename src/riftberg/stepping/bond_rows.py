@@ -187,8 +187,9 @@ def _list_blocks(rows):
             some = some or bond[r] >= 0
             if bond[r] < 0:
                 block[row.place_of(r) + row.ALIVE] = 0.0
-                # To the next one, so that it has a length.
+                # To the next one, so that it has a length, also where that stands due east on a plane.
                 second[r] = row.end_of(r % width + 1)
+                block[row.place_of(r) + row.METRES_COS] = 1.0
         if some:
             used[count] = b
             count += 1
