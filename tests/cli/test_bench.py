@@ -52,6 +52,18 @@ def test_a_scheme_is_set_and_told() -> None:
     assert "quasi_static" in wrong.output
 
 
+def test_the_other_scheme_stands_beside_unless_one_is_asked_for() -> None:
+    """What a scheme costs is half of what to know before one is chosen."""
+    told: dict[str, list[str]] = {}
+    for asked in ("", "mts"):
+        settings = ["--set", f"stepping.scheme={asked}"] if asked else []
+        result = CliRunner().invoke(app, ["bench", "collision", *settings, "--json", "--days", "0.02"])
+        assert result.exit_code == 0, result.output
+        row = json.loads(result.stdout)
+        told[asked] = [row["scheme"], *(other["scheme"] for other in row["other_schemes"])]
+    assert told == {"": ["mts", "quasi_static"], "mts": ["mts"]}
+
+
 def test_sizes_are_timed_with_what_is_set() -> None:
     asked = ["bench", "--scaling", "20", "--set", "stepping.time_step=900", "--days", "0.02", "--json"]
     result = CliRunner().invoke(app, asked)

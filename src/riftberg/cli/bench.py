@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,8 +17,14 @@ from riftberg.errors import InputError
 from riftberg.experiments import Options
 from riftberg.limits import check_elements
 
+if TYPE_CHECKING:
+    from riftberg.runs.model import Model
+
 SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 """Numbers of elements that ``--scaling`` goes through."""
+
+ALIKE = ("mts", "quasi_static")
+"""Schemes that take the same long steps, with bonds as beams."""
 
 
 @reported
@@ -42,13 +50,26 @@ def bench(
     if sizes is None:
         model, info = build(experiment, options)
         rows = [measure(model, experiment=info.name, days=days)]
+        for other in _others(model, options):
+            with suppress(InputError):  # these bonds, or this criterion, do not go with the scheme
+                rows[0]["other_schemes"].append(measure(build(experiment, other)[0], experiment=info.name, days=days))
     else:
         rows = list(_scaled(sizes, days, options))
     if as_json:
         typer.echo(json.dumps(rows if scaling else rows[0], indent=1))
         return
     for row in rows:
-        typer.echo(line(row))
+        for told in (row, *row["other_schemes"]):
+            typer.echo(line(told))
+
+
+def _others(model: Model, options: Options) -> list[Options]:
+    """What to ask for to have the other schemes that may take the long steps of this run; none where one was asked for."""
+    p, asked = model.parameters, dict(options.changes.get("stepping", {}))
+    if "scheme" in asked or not options.own or p.bonds.law != "dem" or p.stepping.scheme not in ALIKE:
+        return []
+    others = (name for name in ALIKE if name != p.stepping.scheme)
+    return [replace(options, changes={**options.changes, "stepping": {**asked, "scheme": name}}) for name in others]
 
 
 def sizes_between(text: str) -> list[int]:

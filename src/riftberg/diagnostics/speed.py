@@ -17,6 +17,7 @@ yardstick_version : version of the yardstick
 relative_to_yardstick : seconds_per_day / yardstick_seconds_per_day
 riftberg : version
 machine : processor and operating system
+other_schemes : a list of the same for the other schemes that an experiment may take; empty where a scheme was asked for
 """
 
 from __future__ import annotations
@@ -76,6 +77,7 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
         "relative_to_yardstick": speed / stick if stick > 0.0 else None,
         "riftberg": __version__,
         "machine": f"{platform.processor() or platform.machine()}, {platform.system()}",
+        "other_schemes": [],
     }
 
 

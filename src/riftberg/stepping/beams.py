@@ -59,7 +59,7 @@ def touch_broken(
 
 
 class BondTest(NamedTuple):
-    """What happens to bonds in a sub-step beside the forces.
+    """A sub-step as the bonds meet it.
 
     Its length, and the time since the start at its end, s; whether to test for fracture at all; whether stress takes from the
     strength; whether what the bonds bear goes to the state; period of x, where bonds may lie across its seam, else 0.
