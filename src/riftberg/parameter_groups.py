@@ -294,6 +294,13 @@ class Stepping(Group):
         gt=0,
         le=1,
     )
+    threads: int = quantity(
+        1,
+        "",
+        "with mts: threads for the sub-steps of lattices of 20,000 elements and more; results do not depend on it",
+        "Riftberg",
+        ge=1,
+    )
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "equations 6.4")
     predictor_corrector: bool = quantity(
         True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "equations 4.2"

@@ -21,16 +21,12 @@ from riftberg.stepping.interactions import Partners
 from riftberg.stepping.landfall import settle_bergs
 from riftberg.stepping.lone_bergs import collide, find_islands
 from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings
-from riftberg.stepping.multiple import (
-    POLAR_LATITUDE,
-    StepPlan,
-    StepReport,
-    take_long_step,
-)
+from riftberg.stepping.multiple import StepReport, take_long_step
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
-from riftberg.stepping.substep import allocate_room, pairs_from_list
+from riftberg.stepping.step_plan import StepPlan
+from riftberg.stepping.substep import POLAR_LATITUDE, allocate_room, pairs_from_list
 
 
 class Stepper(Protocol):
@@ -329,6 +325,7 @@ class MultipleStepper(Forgetful):
             break_after=p.fracture.enabled and after,
             # A start that must not break bonds must not wear them either.
             wears=p.damage.enabled and (inline or after),
+            threads=p.stepping.threads,
         )
 
     def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> Partners:
