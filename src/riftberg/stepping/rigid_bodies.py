@@ -59,6 +59,9 @@ MOST_PASSES = 50
 CLOSE_ENOUGH = 1e-8
 """Relative change of the velocities at which Newton's method ends: what is left is of the order of its square."""
 
+NOTHING_LEFT = 1e-11
+"""Relative change that the next pass would bring, by how the last two went, at which Newton's method ends without it."""
+
 
 class Loading(NamedTuple):
     """What acts on the elements at one place and time, before velocities are known.
@@ -185,14 +188,47 @@ def _add_outer(into: Floats, factor: float, a: Floats, b: Floats) -> None:
 
 
 @kernel
+def _add_inertia(into: Floats, mass: float, inertia: float, m: Floats) -> None:
+    """Add ``mass (u u^T + v v^T) + inertia w w^T``, the rows u, v, w one after the other; all is read before it is written."""
+    a, b, c, d, e, f, g, h, i = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
+    p, q, r, s, t, x, y, z, o = (
+        mass * a,
+        mass * b,
+        mass * c,
+        mass * d,
+        mass * e,
+        mass * f,
+        inertia * g,
+        inertia * h,
+        inertia * i,
+    )
+    s00, s01, s02 = (
+        into[0, 0] + p * a + s * d + y * g,
+        into[0, 1] + p * b + s * e + y * h,
+        into[0, 2] + p * c + s * f + y * i,
+    )
+    s10, s11, s12 = (
+        into[1, 0] + q * a + t * d + z * g,
+        into[1, 1] + q * b + t * e + z * h,
+        into[1, 2] + q * c + t * f + z * i,
+    )
+    s20, s21, s22 = (
+        into[2, 0] + r * a + x * d + o * g,
+        into[2, 1] + r * b + x * e + o * h,
+        into[2, 2] + r * c + x * f + o * i,
+    )
+    into[0, 0], into[0, 1], into[0, 2] = s00, s01, s02
+    into[1, 0], into[1, 1], into[1, 2] = s10, s11, s12
+    into[2, 0], into[2, 1], into[2, 2] = s20, s21, s22
+
+
+@kernel
 def add_inertia_and_floor(body: Ints, motion: Floats, load: Loading, inertia: Floats, floor: Floats) -> None:
     """Add to the matrices of inertia and of the drag of the sea floor of each fragment, shape (fragments, 3, 3)."""
     for e in range(body.size):
         b, m = body[e], motion[e]
         u, v, w = m[0:3], m[3:6], m[6:9]
-        _add_outer(inertia[b], load.mass[e], u, u)
-        _add_outer(inertia[b], load.mass[e], v, v)
-        _add_outer(inertia[b], load.inertia[e], w, w)
+        _add_inertia(inertia[b], load.mass[e], load.inertia[e], m)
         if load.floor[e] > 0.0:
             _add_outer(floor[b], load.mass[e] * load.floor[e], u, u)
             _add_outer(floor[b], load.mass[e] * load.floor[e], v, v)
@@ -505,8 +541,8 @@ def newton_step(
 
 
 @kernel
-def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
-    """Whether a step of Newton's method changes the velocities at the rims of the fragments by nothing that counts.
+def _change(step: Floats, new: Floats, inertia: Floats) -> float:
+    """How much a step of Newton's method changes the velocities at the rims of the fragments, as a part of the largest.
 
     A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
     """
@@ -515,7 +551,9 @@ def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
         arm = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
         change = max(change, abs(step[b, 0]), abs(step[b, 1]), arm * abs(step[b, 2]))
         speed = max(speed, abs(new[b, 0]), abs(new[b, 1]), arm * abs(new[b, 2]))
-    return bool(change <= CLOSE_ENOUGH * speed)
+    if change == 0.0:
+        return 0.0
+    return change / speed if speed > 0.0 else np.inf
 
 
 @kernel
@@ -533,13 +571,16 @@ def close_step(
         Passes of Newton's method, -1 where they do not settle.
     """
     floor_factors(mobility, floor, half, room)
+    before = 0.0
     for n in range(MOST_PASSES):
         newton_step(body, motion, load, rate, new, half, room)
         for b in range(new.shape[0]):
             for i in range(3):
                 new[b, i] += room.step[b, i]
-        if _settled(room.step, new, inertia):
+        change = _change(room.step, new, inertia)
+        if change <= CLOSE_ENOUGH or (n > 0 and change * (change / before) ** 2 <= NOTHING_LEFT):
             return n + 1
+        before = change
     return -1
 
 
