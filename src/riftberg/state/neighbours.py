@@ -7,13 +7,13 @@ pairs within it gives the same forces. Here it does not depend on an ocean grid.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from riftberg.constants import DEGREE
 from riftberg.kernels import kernel
-from riftberg.physics.geometry import fast_cos_latitude, metres_per_unit, nearest_image, separation
+from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Floats, Ints
 
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
@@ -21,9 +21,6 @@ _MAX_COLUMNS = 4096
 _FEWEST_CELLS, _CELLS_PER_ELEMENT = 1024, 4
 _FEW = 16
 """Others in the bin of an element, on average, that are not worth classes of reach."""
-
-BENT: Final = 1.02
-"""Times a way and a reach that must lie within an earlier reach: on a sphere ways and distances add up only nearly."""
 
 
 class PairList(NamedTuple):
@@ -237,14 +234,15 @@ def near_pairs(
             if level[e] != k:
                 continue
             row, column = cell[one] // columns, cell[one] % columns
+            # The bins of a row stand beside each other; only round the seam of a circle they are taken one by one.
+            wraps = closed and columns > 2
+            low, high = (max(column - 1, 0), min(column + 2, columns)) if columns > 2 else (0, columns)
             for r in range(max(row - 1, 0), min(row + 2, rows)):
-                for shift in range(-1, 2) if columns > 2 else range(columns):
-                    c = column + shift if columns > 2 else shift
-                    if closed:
-                        c %= columns
-                    elif c < 0 or c >= columns:
-                        continue
-                    for n in range(bin_start[r * columns + c], bin_start[r * columns + c + 1]):
+                for shift in range(3 if wraps else 1):
+                    if wraps:
+                        low = (column + shift - 1) % columns
+                        high = low + 1
+                    for n in range(bin_start[r * columns + low], bin_start[r * columns + high]):
                         f = asked[member[n]]
                         # Two of one class meet twice.
                         if berg[e] == berg[f] or (level[f] == k and f <= e):
@@ -260,52 +258,6 @@ def near_pairs(
                             total += 1
     order = np.argsort(first[:total] * count + second[:total])
     return first[:total][order], second[:total][order]
-
-
-@kernel
-def still_near(
-    first: Ints, second: Ints, x: Floats, y: Floats, reach: Floats, x_then: Floats, y_then: Floats, reach_then: Floats,
-    latlon: bool, radius: float, period: float,
-) -> tuple[bool, Ints, Ints]:  # fmt: skip
-    """Find what `near_pairs` does among pairs that it found earlier with wider reaches, if no other pair can be near.
-
-    Each element must have come so little of its way, apart from what all have moved together, that this and its reach of now
-    lie within its reach of then.
-
-    Parameters
-    ----------
-    first, second : array of int
-        The earlier pairs.
-    x, y, reach, latlon, radius, period
-        See `near_pairs`.
-    x_then, y_then, reach_then : array of float
-        Of the earlier search.
-
-    Returns
-    -------
-    knows : bool
-        Whether all pairs are among the earlier ones; if not, the lists are empty.
-    first, second : array of int
-    """
-    count, total = x.size, 0
-    here, there = np.empty(first.size, np.int64), np.empty(first.size, np.int64)
-    east = north = 0.0
-    for e in range(count):
-        east += nearest_image(x[e] - x_then[e], period) / count
-        north += (y[e] - y_then[e]) / count
-    for e in range(count):
-        mx, my = metres_per_unit(y[e], latlon, radius)
-        dx, dy = mx * (nearest_image(x[e] - x_then[e], period) - east), my * (y[e] - y_then[e] - north)
-        if not BENT * (math.sqrt(dx * dx + dy * dy) + reach[e]) <= reach_then[e]:
-            return False, here[:0], there[:0]
-    for k in range(first.size):
-        e, f = first[k], second[k]
-        far = reach[e] + reach[f]
-        rx, ry = separation(x[e], y[e], x[f], y[f], latlon, radius, period)
-        if rx * rx + ry * ry < far * far:
-            here[total], there[total] = e, f
-            total += 1
-    return True, here[:total], there[:total]
 
 
 @kernel

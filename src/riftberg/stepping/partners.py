@@ -7,17 +7,7 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.neighbours import (
-    BENT,
-    OTHER_BERG,
-    SAME_BERG,
-    PairList,
-    adjacency,
-    find_pairs,
-    near_pairs,
-    no_pairs,
-    still_near,
-)
+from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
 from riftberg.stepping.sizes import Sizes
 
 NEWBORN_CHILD = -1.0
@@ -30,52 +20,12 @@ MARGIN = 1.001
 """Times the distance within which pairs may meet, in which they are looked for: round-off must not hide one."""
 
 
-STEPS_AHEAD = 8.0
-"""Long steps at the speed of now that elements may take before pairs that may meet are searched for anew."""
-
-KNOWN_TO = 80.0
-"""Latitude (degrees) beyond which each step searches anew: paths and distances do not add up there as on a plane."""
-
-KNOWN_WITHIN = 1e5
-"""Reach (m) beyond which each step searches anew, for the same reason."""
-
-
-class KnownPairs:
-    """Pairs near each other, searched for anew only when somebody has come so far that others could be (Verlet 1967).
-
-    What it tells is what `riftberg.state.neighbours.near_pairs` does, pair for pair and in the same order.
-    """
-
-    def __init__(self) -> None:
-        self._places: tuple[Floats, Floats, Floats] | None = None
-        self._pairs: tuple[Ints, Ints] = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self._bergs = b""
-
-    def near(self, el: Elements, berg: Ints, reach: Floats, step: Floats, c: KernelParameters) -> tuple[Ints, Ints]:
-        """Pairs of different bergs nearer than the sum of their reaches (m); ``step`` is how far each comes in a step (m)."""
-        x, y, metric = el.shown.lon_pair, el.shown.lat_pair, (c.latlon, c.earth_radius, c.period)
-        bergs = berg.tobytes()
-        if self._places is not None and bergs == self._bergs:
-            knows, first, second = still_near(*self._pairs, x, y, reach, *self._places, *metric)
-            if knows:
-                return first, second
-        wide = BENT * (reach + STEPS_AHEAD * step)
-        far = bool(wide.max() > KNOWN_WITHIN) or (c.latlon and bool(np.abs(y).max() > KNOWN_TO))
-        if far or not np.isfinite(wide).all():
-            self._places = None
-            return near_pairs(x, y, berg, reach, *metric)
-        self._pairs, self._bergs = near_pairs(x, y, berg, wide, *metric), bergs
-        self._places = x.copy(), y.copy(), wide
-        return still_near(*self._pairs, x, y, reach, *self._places, *metric)[1:]
-
-
 class Neighbourhood:
     """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
 
     def __init__(self) -> None:
         self._bonded: tuple[PairList, Ints] | None = None
         self._standing: tuple[int, int, int] = (-1, -1, -1)
-        self._known = KnownPairs()
 
     def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
         """Partners over unbroken bonds and the bond of each entry."""
@@ -107,20 +57,15 @@ class Neighbourhood:
 
         `will_touch` decides for each pair by itself, so that bergs elsewhere have no say in it.
         """
-        return pairs_that_may_meet(el, el.body.berg, sizes, dt, c, self._known)
+        return pairs_that_may_meet(el, el.berg, sizes, dt, c)
 
     def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
         return without(self.find(el, reach, SAME_BERG, c), self.bonded(el, bonds)[0])
 
 
-def pairs_that_may_meet(
-    el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters, known: KnownPairs
-) -> tuple[Ints, Ints]:
-    """Pairs of elements of different bergs by their numbers ``berg``; see `Neighbourhood.meetings`.
-
-    ``known`` remembers from step to step who is near whom; what is found does not hang on it.
-    """
+def pairs_that_may_meet(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+    """Pairs of elements of different bergs by their numbers ``berg``; see `Neighbourhood.meetings`."""
     none = np.zeros(0, np.int64)
     if not c.interactions or el.size < 2 or not (berg != berg[0]).any():
         return none, none
@@ -128,9 +73,9 @@ def pairs_that_may_meet(
     touching = np.maximum(radius, 0.5 * c.contact_distance)
     speed = np.hypot(u - u.mean(), v - v.mean())
     # Each as far as it can come by itself: one that is large or quick must not make all others look far.
-    step = np.where(np.isfinite(speed), speed, 0.0) * dt
-    reach = NEAR * touching + (1.0 + MISSED) * step
-    first, second = known.near(el, berg, MARGIN * reach, step, c)
+    reach = NEAR * touching + (1.0 + MISSED) * np.where(np.isfinite(speed), speed, 0.0) * dt
+    shown = el.shown
+    first, second = near_pairs(shown.lon_pair, shown.lat_pair, berg, MARGIN * reach, c.latlon, c.earth_radius, c.period)
     # A child of footloose calving lies on the rim of its parent until it has drifted off.
     newborn = el.life.fl_k == NEWBORN_CHILD
     if newborn.any():

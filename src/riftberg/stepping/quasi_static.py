@@ -38,7 +38,7 @@ from riftberg.stepping.lattice_equilibrium import (
 from riftberg.stepping.media import FORCES
 from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet, shifted_together
 from riftberg.stepping.moments import Standing, arrive, close_alone, depart, keep_applied_forces, motion_at, relax
-from riftberg.stepping.partners import NEWBORN_CHILD, KnownPairs, among, pairs_that_may_meet
+from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
 from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
@@ -92,7 +92,6 @@ class QuasiStaticStepper:
         self._ice: list[bytes] = []
         self._sizes: Sizes | None = None
         self._room: BodyRoom | None = None
-        self._known = KnownPairs()
         self._touched = NOBODY
         self._began: tuple[float, Bodies | None] = math.nan, None  # the last step
 
@@ -131,7 +130,7 @@ class QuasiStaticStepper:
         self._forget_what_changed(model)
         self._began = model.time, self._bodies
         step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
-        step.room, step.known = step.room or self._room, self._known
+        step.room = step.room or self._room
         self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
@@ -185,7 +184,6 @@ class LongStep:
         self.meeting: Meeting | None = None  # of the last step
         self._blown: tuple[Meeting, Equilibrium] | None = None
         self.room: BodyRoom | None = None
-        self.known = KnownPairs()
         fresh = bodies is None
         bodies = self._first_bodies() if bodies is None else bodies
         self.structure = structure or self._build(bodies)
@@ -332,7 +330,7 @@ class LongStep:
         now, c = self.now, self.c
         if now.bodies.pose.shape[0] < 2:
             return None
-        first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c, self.known)
+        first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c)
         try:
             return meet(self.el, now.motion, now.bodies.rate, first, second, h, self.sizes, c)
         except FloatingPointError:
