@@ -176,15 +176,23 @@ def _find_pairs(
 
 
 @kernel
-def _crowded(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float) -> bool:
-    """Whether elements share their bins of this reach (m) with more than `_FEW` others, on average."""
-    width_x, width_y, columns, rows, x0, y0, _ = _hash_columns(x, y, reach, latlon, radius, period)
-    _, start, _ = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+def _crowded(start: Ints) -> bool:
+    """Whether elements share their bins with more than `_FEW` others, on average."""
     shared = 0
     for c in range(start.size - 1):
         inside = start[c + 1] - start[c]
         shared += inside * (inside - 1)
-    return shared > _FEW * x.size
+    return bool(shared > _FEW * start[start.size - 1])
+
+
+@kernel
+def _binned(
+    x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float
+) -> tuple[int, int, bool, Ints, Ints, Ints]:
+    """Columns and rows of the bins for a reach (m), whether the last column meets the first, and what `_bin` gives."""
+    width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(x, y, reach, latlon, radius, period)
+    cell, start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+    return columns, rows, closed, cell, start, member
 
 
 @kernel
@@ -209,26 +217,27 @@ def near_pairs(
         Rows of the pairs, ``first < second``, in rising order.
     """
     count = x.size
+    if count == 0:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
     level = np.zeros(count, np.int64)
     # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
-    if count and _crowded(x, y, 2.0 * reach.max(), latlon, radius, period):
+    columns, rows, closed, cell, bin_start, member = _binned(x, y, 2.0 * reach.max(), latlon, radius, period)
+    crowded = _crowded(bin_start)
+    if crowded:
         least = reach.min()
         for e in range(count):
             level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     per_unit = DEGREE * radius if latlon else 1.0
-    top = level.max() if count else -1
-    for k in range(top, -1, -1):
+    for k in range(level.max(), -1, -1):
         asking = np.flatnonzero(level == k)
         if asking.size == 0:
             continue
         asked = np.flatnonzero(level <= k)
-        ax, ay = x[asked], y[asked]
-        width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(
-            ax, ay, 2.0 * reach[asking].max(), latlon, radius, period
-        )
-        cell, bin_start, member = _bin(ax, ay, width_x, width_y, columns, rows, x0, y0, period)
+        if crowded:
+            far = 2.0 * reach[asking].max()
+            columns, rows, closed, cell, bin_start, member = _binned(x[asked], y[asked], far, latlon, radius, period)
         for one in range(asked.size):
             e = asked[one]
             if level[e] != k:
