@@ -14,6 +14,10 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
+from riftberg.stepping import multiple
+from riftberg.stepping.bond_rows import allocate_rows, load_rows
+from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.threads import parts_of
 
 PROGRAM = """
 import hashlib
@@ -59,3 +63,43 @@ def test_numba_thread_setting_changes_nothing() -> None:
         )
         digests.add(done.stdout.strip())
     assert len(digests) == 1
+
+
+def shattering(threads: int) -> Model:
+    """Return a berg that has gone to pieces on the sea floor, its sub-steps taken by some threads."""
+    berg = Iceberg.rectangle(66e3, 30e3, thickness=200.0, placement=(-37.0, -56.0))
+    weak = A68A_2022.changed(
+        fracture={"normal_strength": 4e3}, damage={"enabled": True, "threshold": 0.1, "time_scale": 3600.0},
+        stepping={"threads": threads},
+    )  # fmt: skip
+    model = Model(berg, Steady(current=(0.3, 0.1), wind=(10.0, -4.0), depth=168.0), weak)
+    model.elements.u[:] += np.linspace(-0.05, 0.05, model.elements.u.size)
+    model.elements.thickness[::31] = 205.0
+    for _ in range(4):
+        model.step()
+    return model
+
+
+@pytest.mark.parametrize("threads", [2, 3, 12])
+def test_threads_within_a_lattice_change_nothing(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Breaking, wear, contact of broken ends and the sea floor: the same to the last bit, with more threads than blocks too."""
+    alone = shattering(1)
+    monkeypatch.setattr(multiple, "WORTH_THREADS", 1)
+    together = shattering(threads)
+    assert 10 < alone.bonds_broken < 0.9 * alone.bonds.status.size
+    assert (alone.bonds.damage > 0.0).any()
+    for mine, theirs in ((alone.elements, together.elements), (alone.bonds, together.bonds)):
+        for name, a in mine.arrays().items():
+            np.testing.assert_array_equal(a, getattr(theirs, name), err_msg=name)
+    np.testing.assert_array_equal(alone.applied_forces(), together.applied_forces())
+
+
+def test_each_block_of_bonds_is_the_work_of_one_thread() -> None:
+    model = shattering(1)
+    el, bonds, p = model.elements, model.bonds, model.parameters.kernel_values()
+    rows = allocate_rows(bonds, el.size)
+    count = load_rows(rows, el, bonds, interaction_sizes(el, p), np.arange(el.size), p)
+    for threads in (1, 2, 5, 40):
+        parts = parts_of(rows, count, el.size, threads)
+        assert sorted(np.concatenate([part.used for part in parts])) == list(rows.used[:count])
+        assert [part.begin for part in parts[1:]] == [part.end for part in parts[:-1]]

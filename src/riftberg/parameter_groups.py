@@ -294,6 +294,13 @@ class Stepping(Group):
         gt=0,
         le=1,
     )
+    threads: int = quantity(
+        1,
+        "",
+        "with mts: threads for the sub-steps of lattices of 20,000 elements and more; results do not depend on it",
+        "Riftberg",
+        ge=1,
+    )
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "equations 6.4")
     predictor_corrector: bool = quantity(
         True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "equations 4.2"
@@ -601,6 +608,12 @@ class Compatibility(Group):
     births_at_centre: bool = quantity(
         False, "", "all bergs that calve in a cell are born in its middle, on top of each other", "files 3.2"
     )
+    elements_stopped_alone: bool = quantity(
+        False,
+        "",
+        "land stops each element for itself, which tears bonded bergs apart and pushes bergs into each other",
+        "equations 8.1",
+    )
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
     )
@@ -634,5 +647,6 @@ class Compatibility(Group):
             "heat_of_one_class": True,
             "births_at_centre": True,
             "hemisphere_by_corner": True,
+            "elements_stopped_alone": True,
         }
         return cls(**{**on, **overrides})

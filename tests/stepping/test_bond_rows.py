@@ -11,14 +11,33 @@ import numpy as np
 import pytest
 
 from riftberg.stepping import bond_blocks as row
-from riftberg.stepping import bond_law
-from riftberg.stepping.bond_rows import BondRows, allocate_rows, crosses, load_rows, show_ends
+from riftberg.stepping import bond_law, element_blocks
+from riftberg.stepping.bond_rows import BondRows, allocate_rows, crosses, load_rows
 from riftberg.stepping.breaking import note_all
+from riftberg.stepping.element_blocks import drift_block, load_elements, sum_over_bonds
+from riftberg.stepping.scratch import allocate_scratch
 from riftberg.stepping.sizes import interaction_sizes
 from stepping.lattices import lattice, parameters
 
 P = parameters()
 LAW = (P.poisson, P.objective_damping, P.no_shear, P.linear_bending, P.flat_relative_velocity, P.latlon)
+
+
+def show(made: BondRows, el: Any, dt: float = 0.0) -> None:
+    """Lay out elements that do not move, but turn over ``dt`` seconds."""
+    load_elements(made, el, allocate_scratch(el.mass.size))
+    for b in range(row.blocks_of(el.mass.size)):
+        own, ends = made.own[b * row.OWN : (b + 1) * row.OWN], made.ends[b * row.ENDS : (b + 1) * row.ENDS]
+        drift_block(own, ends, made.turned[b * row.LANES : (b + 1) * row.LANES], dt, P.latlon, P.earth_radius, False)
+
+
+def summed(made: BondRows, elements: int) -> np.ndarray:
+    """Forces and torques of all elements; ``made.sums`` is cleared."""
+    sheets = np.zeros((row.blocks_of(elements), row.SHEET))
+    for b, sheet in enumerate(sheets):
+        sums, slot = made.sums[b * row.SUMS : (b + 1) * row.SUMS], made.slot[b * row.LANES : (b + 1) * row.LANES]
+        sum_over_bonds(sheet, sums, slot, made.block)
+    return sheets[:, : row.SUMS].reshape(-1, 3, row.LANES).transpose(1, 0, 2).reshape(3, -1)[:, :elements]
 
 
 def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, Any, BondRows, int]:
@@ -28,7 +47,7 @@ def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, 
     made.block[: -row.BLOCK] = np.nan  # what an earlier long step left must not matter
     made.sheet[:] = np.nan
     count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
-    show_ends(made, el, 0.0, 0, el.mass.size)
+    show(made, el)
     return el, bonds, made, count
 
 
@@ -121,9 +140,7 @@ def test_bergs_without_bonds_have_no_rows() -> None:
     made = allocate_rows(none, el.mass.size)
     assert made.bond.size == 0
     assert load_rows(made, el, none, interaction_sizes(el, P), np.arange(el.mass.size), P) == 0
-    sums = np.ones((3, el.mass.size))
-    bond_law.sum_over_bonds(made, *sums, 0, el.mass.size)
-    assert not sums.any()
+    assert not summed(made, el.mass.size).any()
 
 
 def test_elements_that_are_met_less_often_name_the_block_of_zeros() -> None:
@@ -137,9 +154,7 @@ def test_elements_that_are_met_less_often_name_the_block_of_zeros() -> None:
 def test_sums_over_bonds_are_those_of_a_plain_loop() -> None:
     el, bonds, made, count = loaded(9, 8, broken=(7,))
     applied(made, count, el.mass.size)
-    sums = np.zeros((3, el.mass.size))
-    bond_law.sum_over_bonds(made, *sums, 0, el.mass.size)
-    plain = np.zeros_like(sums)
+    plain = np.zeros((3, el.mass.size))
     begun = made.sums.reshape(-1, 3, row.LANES).transpose(1, 0, 2).reshape(3, -1)[:, : el.mass.size]
     plain[2] += begun[2]
     for r in np.flatnonzero(made.bond >= 0):
@@ -148,6 +163,8 @@ def test_sums_over_bonds_are_those_of_a_plain_loop() -> None:
         plain[:2, i] += force
         plain[:2, j] -= force
         plain[2, j] += made.block[at + row.TORQUE2]
+    sums = summed(made, el.mass.size)
+    assert not made.sums.any()  # ready for the next sub-step
     size = np.abs(plain).max(axis=1, keepdims=True)
     np.testing.assert_allclose(sums / size, plain / size, rtol=0, atol=1e-13)
     assert abs(sums[:2].sum()) <= 1e-12 * np.abs(sums[:2]).sum()
@@ -163,10 +180,9 @@ def test_the_order_of_the_bonds_does_not_matter() -> None:
             getattr(bonds, name)[:] = getattr(bonds, name)[order]
         made = allocate_rows(bonds, el.mass.size)
         count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
-        show_ends(made, el, 0.0, 0, el.mass.size)
+        show(made, el)
         applied(made, count, el.mass.size)
-        sums = np.zeros((3, el.mass.size))
-        bond_law.sum_over_bonds(made, *sums, 0, el.mass.size)
+        sums = summed(made, el.mass.size)
         want = sums if want is None else want
         np.testing.assert_allclose(sums, want, rtol=0, atol=1e-12 * np.abs(want).max())
 
@@ -190,7 +206,7 @@ def test_what_bonds_bear_goes_to_the_state_but_for_those_that_broke() -> None:
 
 def test_the_turn_of_one_end_against_the_other_is_kept() -> None:
     el, bonds, made, _ = loaded(5, 4)
-    show_ends(made, el, 10.0, 0, el.mass.size)
+    show(made, el, 10.0)
     before = bonds.relative_rotation.copy()
     block, _, _ = parts(made, 0, el.mass.size)
     note_all(made.bond[: row.LANES], bonds, block, made.sheet, made.turned)
@@ -216,7 +232,7 @@ def test_large_angles_have_the_sine_of_all_angles() -> None:
     """A bond of elements that turned far, in one block with others that did not."""
     el, bonds, made, count = loaded(5, 4)
     el.rotation[bonds.second[made.bond[0]]] += 2.5
-    show_ends(made, el, 0.0, 0, el.mass.size)
+    show(made, el)
     block, ends, _ = parts(made, 0, el.mass.size)
     bond_law.gather_ends(made.sheet, made.second[: row.LANES], made.ends)
     bond_law.sines(block, made.sheet, ends, False)
@@ -232,6 +248,8 @@ LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
     "sines": (60, ("block", "sheet", "ends"), (False,)),
     "forces": (40, ("block", "sheet", "ends"), (10.0, 0.3, True, False)),
     "add_to_first": (3, ("block", "sheet", "sums"), ()),
+    "kick_block": (20, ("own", "ends", "sheet"), (10.0, True)),
+    "drift_block": (30, ("own", "ends", "turned"), (10.0, True, 6.37e6, False)),
 }
 """Loops that must be vector code: the least number of packed instructions, arrays, and other arguments."""
 
@@ -239,13 +257,21 @@ LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
 @pytest.mark.compiled
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads the machine code of x86-64")
 @pytest.mark.parametrize("name", LOOPS)
-def test_the_loops_of_the_bond_law_are_vector_code(name: str) -> None:
+def test_the_loops_of_the_sub_steps_are_vector_code(name: str) -> None:
     """A branch, a call or an index that may be negative turns them into scalar code, several times as slow, without a word."""
     least, arrays, arguments = LOOPS[name]
     el, _, made, _ = loaded(5, 4)
     block, _, sums = parts(made, 0, el.mass.size)
-    given = {"block": block, "sheet": made.sheet, "ends": made.ends, "sums": sums}
-    again = numba.njit(error_model="numpy")(getattr(bond_law, name).py_func)  # machine code from a cache cannot be read
+    given = {
+        "block": block,
+        "sheet": made.sheet,
+        "ends": made.ends,
+        "sums": sums,
+        "own": made.own,
+        "turned": made.turned,
+    }
+    loop = getattr(bond_law, name, None) or getattr(element_blocks, name)
+    again = numba.njit(error_model="numpy")(loop.py_func)  # machine code from a cache cannot be read
     again(*(given[array] for array in arrays), *arguments)
     (code,) = again.inspect_asm().values()
     packed, scalar = (len(re.findall(rf"\sv?(?:mul|add|sub|div|sqrt){kind}\s", code)) for kind in ("pd", "sd"))

@@ -44,6 +44,31 @@ def test_a_fragment_is_not_aground_by_a_bond_that_broke_before() -> None:
     assert [f.grounded for f in tree.breakups] == [True, False]
 
 
+def test_a_piece_is_aground_by_the_crack_that_freed_it() -> None:
+    """The landing of A68a broke bonds beside the element that touched: its tip counted as afloat in the quasi-static scheme."""
+    elements, bonds = row_of_ice(12)
+    tree = FragmentTree()
+    tree.update(elements, bonds, 0.0, CONSTANTS)
+    bonds.status[[0, 3]], bonds.break_time[[0, 3]] = 1, 900.0
+    bonds.break_grounded[0] = 1  # element 0 is held; 1 to 3 go with it
+    tree.update(elements, bonds, 900.0, CONSTANTS)
+    assert [(f.elements, f.grounded) for f in tree.breakups] == [(1, True), (3, True)]
+    bonds.status[9], bonds.break_time[9] = 1, 5000.0  # a crack of its own, later
+    tree.update(elements, bonds, 5000.0, CONSTANTS)
+    assert [(f.elements, f.grounded) for f in tree.breakups][2:] == [(2, False)]
+
+
+def test_cracks_of_two_bergs_at_one_moment_are_two() -> None:
+    elements, bonds = row_of_ice(10)
+    bonds.status[4] = 1  # two bergs from the start
+    tree = FragmentTree()
+    tree.update(elements, bonds, 0.0, CONSTANTS)
+    bonds.status[[1, 6]], bonds.break_time[[1, 6]] = 1, 900.0
+    bonds.break_grounded[1] = 1
+    tree.update(elements, bonds, 900.0, CONSTANTS)
+    assert sorted(f.grounded for f in tree.breakups) == [False, True]
+
+
 def test_the_heaviest_piece_keeps_the_number() -> None:
     elements, bonds = row_of_ice(10)
     tree = FragmentTree()

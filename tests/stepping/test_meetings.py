@@ -209,3 +209,25 @@ def test_bergs_that_land_stops_are_not_thrown_apart() -> None:
         assert np.abs(model.elements.u).max() < 0.6
         assert np.diff(np.sort(model.elements.lon)).min() > 0.6 * SIZE
     assert model.elements.lon.max() <= 50e3
+
+
+@pytest.mark.parametrize("spring", [1e-7, None])
+def test_slender_bergs_that_press_against_each_other_are_not_thrown_apart(spring) -> None:
+    """Bug: contact saw displacements, which lag by one step: bars bent out of it and deeper into it, to 3 m/s and 20 MPa."""
+    bars = [
+        Iceberg.rectangle(SIZE, 24e3, thickness=thick, radius=1500.0, placement=(x, 0.0), latlon=False)
+        for x, thick in ((0.0, 100.0), (SIZE, 200.0), (2.0 * SIZE, 300.0))  # the current takes along the thin one first
+    ]
+    p = parameters(
+        earth={"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0},
+        contact={"spring": spring}, fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bars), Steady(current=(0.3, 0.0)), p)
+    el, bonds = model.elements, model.bonds
+    for _ in range(8):
+        model.advance(steps=1)
+        assert np.hypot(el.u, el.v).max() < 0.1
+        assert bonds.peak_stress.max() < 200.0
+        x = np.sort(el.lon.reshape(3, -1).mean(axis=1))
+        assert np.abs(np.diff(x) - SIZE).max() < 6.0
+    assert model.contacts.rows

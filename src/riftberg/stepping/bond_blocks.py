@@ -1,9 +1,10 @@
-"""How bonds and their ends stand in memory in the sub-steps.
+"""How bonds and elements stand in memory in the sub-steps.
 
 A row is one unbroken bond. `LANES` rows make a block, in which each quantity of all its rows stands side by side; the
 blocks follow each other in one array. So quantity ``REST`` of the row in lane ``k`` of the block that begins at ``at`` is
 ``block[at + REST + k]``, and that of row ``r`` is ``block[place_of(r) + REST]``. What is needed within a sub-step alone stands
-in a sheet for one block, which all blocks use one after the other. What bonds see of the elements stands in blocks too.
+in a sheet for one block, which all blocks use one after the other. Elements stand in blocks too: what bonds see of them in one,
+what they have for themselves in another.
 
 Rows stand in layers: the first layer holds the bonds from each element to the next one, in order of the elements, the others
 one more bond each that begins there. So the first ends of a block of rows are one block of elements, whose numbers stand
@@ -31,6 +32,18 @@ X, Y, U, V, SPIN, ANGLE = (LANES * n for n in range(6))
 
 ENDS: Final = LANES * 6
 """Numbers in a block of elements."""
+
+# What elements have for themselves. Velocity (m s-1), fast accelerations before this sub-step, explicit and implicit, and that by
+# contact (m s-2).
+OWN_U, OWN_V, AX, AY, BX, BY, CONTACT_X, CONTACT_Y = (LANES * n for n in range(8))
+# 1 where it moves; 1 over its mass (kg-1) and its inertia (kg-1 m-2); steady loads (N), 0 where a roller takes what is northward.
+ACTIVE, PER_MASS, PER_INERTIA, LOAD_X, LOAD_Y, FREE_Y, SPIN_RATE = (LANES * n for n in range(8, 15))
+# The sea floor: rate at the velocity now (s-1), its linear and its quadratic part (m-1), what an implicit sub-step leaves of
+# velocity and of spin (0 to 1), and the sum of its decelerations (m s-2).
+RATE, LINEAR, QUADRATIC, LEAVES, LEAVES_SPIN, STOPPED_X, STOPPED_Y = (LANES * n for n in range(15, 22))
+
+OWN: Final = LANES * 22
+"""Numbers in a block of what elements have for themselves."""
 
 # In a row, constants of the law; ALIVE is 1, or 0 where no bond is or it has broken in this long step. MODULUS is E over the
 # length at rest; DAMPING in kg s-1.

@@ -168,24 +168,3 @@ def add_to_first(block, sheet, sums):
         sums[row.SUM_X + k] += block[row.FX + k]
         sums[row.SUM_Y + k] += block[row.FY + k]
         sums[row.SUM_TORQUE + k] += sheet[row.TORQUE1 + k]
-
-
-@kernel
-def sum_over_bonds(rows, fx, fy, torque, begin, end):
-    """Sum forces (N) and torques (N m) over the bonds of elements: those that begin there, then those that end there.
-
-    ``begin`` is the first of a block of elements.
-    """
-    block = rows.block
-    for b in range(begin // row.LANES, row.blocks_of(end)):
-        i, j = b * row.LANES, min((b + 1) * row.LANES, end)
-        to_x, to_y, to_torque, slot = fx[i:j], fy[i:j], torque[i:j], rows.slot[i:j]
-        sums = rows.sums[b * row.SUMS : (b + 1) * row.SUMS]
-        for k in range(to_x.size):
-            sum_x, sum_y, sum_torque = sums[row.SUM_X + k], sums[row.SUM_Y + k], sums[row.SUM_TORQUE + k]
-            for n in range(slot.shape[1]):
-                at = slot[k, n]
-                sum_x -= block[at + row.FX]
-                sum_y -= block[at + row.FY]
-                sum_torque += block[at + row.TORQUE2]
-            to_x[k], to_y[k], to_torque[k] = sum_x, sum_y, sum_torque

@@ -38,6 +38,8 @@ class BondRows(NamedTuple):
         Where the element at its second end stands in ``ends``. The first end of a row is its place in the layer.
     ends : array of float
         What the bonds see of the elements, in blocks, and one block more. Where no element is, numbers that differ.
+    own : array of float
+        What the elements have for themselves, in blocks (`riftberg.stepping.element_blocks`).
     sums : array of float
         Forces (N) and torques (N m) of all bonds that begin at each element, in blocks.
     block : array of float
@@ -57,6 +59,7 @@ class BondRows(NamedTuple):
     bond: Ints
     second: Indices
     ends: Floats
+    own: Floats
     sums: Floats
     block: Floats
     sheet: Floats
@@ -86,12 +89,13 @@ def allocate_rows(bonds: Bonds, element_count: int) -> BondRows:
         bond=np.zeros(size, np.int64),
         second=np.zeros(size, np.uint32),
         ends=ends,
+        own=_aligned(width * row.OWN),
         sums=_aligned(width * row.SUMS),
         block=_aligned((blocks + 1) * row.BLOCK),
         sheet=_aligned(row.SHEET),
         used=np.zeros(blocks, np.int64),
         slot=np.zeros((element_count, max(int(end.max(initial=0)), 1)), np.uint32),
-        turned=np.zeros(element_count),
+        turned=np.zeros(width * row.LANES),
         met=np.zeros(element_count, np.int64),
     )
 
@@ -183,8 +187,9 @@ def _list_blocks(rows):
             some = some or bond[r] >= 0
             if bond[r] < 0:
                 block[row.place_of(r) + row.ALIVE] = 0.0
-                # To the next one, so that it has a length.
+                # To the next one, so that it has a length, also where that stands due east on a plane.
                 second[r] = row.end_of(r % width + 1)
+                block[row.place_of(r) + row.METRES_COS] = 1.0
         if some:
             used[count] = b
             count += 1
@@ -225,7 +230,6 @@ def load_rows(
     int
         Number of blocks in use.
     """
-    rows.turned[:] = 0.0
     _lay_out(rows, bonds)
     count = _list_blocks(rows)
     _fill_slots(rows, bonds.second)
@@ -247,37 +251,3 @@ def crosses(x: Floats, period: float) -> bool:
     for at in x:
         least, largest = min(least, at), max(largest, at)
     return period > 0.0 and largest - least > 0.25 * period
-
-
-@kernel
-def _copy(target, source):
-    for k in range(source.size):
-        target[k] = source[k]
-
-
-@kernel
-def _add(target, source, times):
-    for k in range(source.size):
-        target[k] += source[k] * times
-
-
-@kernel
-def show_ends(rows: BondRows, el: Elements, dt: float, begin: int, end: int) -> None:
-    """Lay out what the bonds see of elements in a sub-step of ``dt`` seconds, and note how far they turn in it.
-
-    ``begin`` is the first of a block of elements.
-    """
-    shown, motion = el.shown, el.motion
-    x, y, u, v, spin, angle = (
-        shown.lon_pair, shown.lat_pair, shown.u_pair, shown.v_pair, motion.spin, motion.rotation,
-    )  # fmt: skip
-    for b in range(begin // row.LANES, row.blocks_of(end)):
-        i, j = b * row.LANES, min((b + 1) * row.LANES, end)
-        ends = rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
-        _copy(ends[row.X :], x[i:j])
-        _copy(ends[row.Y :], y[i:j])
-        _copy(ends[row.U :], u[i:j])
-        _copy(ends[row.V :], v[i:j])
-        _copy(ends[row.SPIN :], spin[i:j])
-        _copy(ends[row.ANGLE :], angle[i:j])
-        _add(rows.turned[i:j], spin[i:j], dt)

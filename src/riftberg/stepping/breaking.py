@@ -37,8 +37,8 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 
 @stage
-def break_overloaded(bond, block, sheet, ends, turned, el, bonds, pairs, aground, time, keep_contact):
-    """Break the bonds of a block that are overloaded: mark them, replace their force, and list them as contact pairs.
+def break_overloaded(bond, block, sheet, ends, turned, bonds, aground, time):
+    """Break the bonds of a block that are overloaded: mark them, and replace their force.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
@@ -48,7 +48,6 @@ def break_overloaded(bond, block, sheet, ends, turned, el, bonds, pairs, aground
     int
         Bonds broken.
     """
-    body = el.body
     broken = 0
     for k in range(row.LANES):
         over = exceeds(
@@ -66,17 +65,27 @@ def break_overloaded(bond, block, sheet, ends, turned, el, bonds, pairs, aground
         bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
-        body.bond_count[i] -= 1
-        body.bond_count[j] -= 1
         block[row.ALIVE + k] = 0.0
         block[row.FX + k], block[row.FY + k] = _force_while_breaking(block, sheet, ends, k)
         sheet[row.TORQUE1 + k] = block[row.TORQUE2 + k] = 0.0
         broken += 1
+    return broken
+
+
+@kernel
+def record_breaks(rows, bonds, bond_count, pairs, time, keep_contact):
+    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, in order of row."""
+    for r in range(rows.bond.size):
+        b = rows.bond[r]
+        if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
+            continue
+        i, j = bonds.first[b], bonds.second[b]
+        bond_count[i] -= 1
+        bond_count[j] -= 1
         if keep_contact:
             n = pairs.count[0]
             pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
             pairs.count[0] = n + 1
-    return broken
 
 
 @kernel

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -37,7 +38,7 @@ class Fragment:
     bonds_broken : int
         Broken bonds that joined it to the rest of its parent.
     grounded : bool
-        Whether one of its elements was aground at birth or where one of those bonds broke.
+        Whether one of its elements was aground at birth, or an end of a bond of the cracks that freed it.
     name : str
         Name of a berg; a fragment has that of the berg that it comes from, with its number among the fragments of that.
     calved_from : int
@@ -201,9 +202,23 @@ class _Cuts:
         together = el.body.berg[bonds.first] == el.body.berg[bonds.second]
         cut = (bonds.status != 0) & (first != second) & together
         ends = np.concatenate([first[cut], second[cut]])
-        on_ground = np.tile(bonds.break_grounded[cut] > 0, 2)
+        on_ground = np.tile(_of_grounded_cracks(el, bonds, (bonds.status != 0) & together)[cut], 2)
         self.count = np.bincount(ends, minlength=part.max() + 1)
         self.grounded = np.bincount(ends[on_ground], minlength=part.max() + 1)
+
+
+def _of_grounded_cracks(el: Elements, bonds: Bonds, broken: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether each of the broken bonds of a fragment broke in a crack of which a bond had an end aground.
+
+    A crack is what breaks in one fragment at one moment. In equilibrium the blow of the sea floor on one element runs
+    through at once, and the bonds that then free a piece are seldom those at the element that touched.
+    """
+    marks = np.zeros(bonds.status.size, np.bool_)
+    if broken.any():
+        crack = np.column_stack([el.body.berg[bonds.first[broken]], bonds.break_time[broken]])
+        number = np.unique(crack, axis=0, return_inverse=True)[1].ravel()
+        marks[broken] = np.bincount(number, bonds.break_grounded[broken])[number] > 0
+    return marks
 
 
 def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, int, float, float]:

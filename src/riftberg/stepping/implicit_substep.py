@@ -11,8 +11,8 @@ from riftberg.state import Elements
 from riftberg.stepping.interactions import PairLaw, Partners, pair_view
 from riftberg.stepping.long_kick import SlowRoom, any_of
 from riftberg.stepping.media import Surroundings
+from riftberg.stepping.scratch import Scratch
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.substep import Scratch
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, is_lone, solve_velocity
 
 

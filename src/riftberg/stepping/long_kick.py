@@ -15,8 +15,8 @@ from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats
 from riftberg.stepping.interactions import PairLaw, Partners
 from riftberg.stepping.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
+from riftberg.stepping.scratch import Scratch
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.substep import Scratch
 from riftberg.stepping.touching import Touching, allocate_touching, find_touching
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, find_lone, solve_in_contact
 

@@ -223,25 +223,3 @@ def blow_on_all(blow: Blow, elements: int, bodies: int) -> tuple[Floats, Floats,
     force, turn, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
     force[blow.rows], turn[blow.rows], spin[blow.bodies] = blow.force, blow.turn, blow.spin
     return force, turn, spin
-
-
-def shifted_together(shift: Floats, meeting: Meeting, body: Ints) -> Floats:
-    """Give bodies that touched each other the largest shift (m) that land asks of one of them.
-
-    A body shifted alone would get deep into the one behind it, and stiff contact would throw both apart.
-
-    Parameters
-    ----------
-    shift : array of float, shape (bodies, 3)
-        What land asks of each body.
-    meeting : Meeting
-    body : array of int, shape (elements,)
-    """
-    one, other = body[meeting.first], body[meeting.second]
-    part = connected_parts(shift.shape[0], one, other, np.zeros(one.size, np.int64))
-    asked = np.flatnonzero(shift.any(axis=1))
-    # The largest of each part comes last, and stays.
-    asked = asked[np.argsort(np.hypot(shift[asked, 0], shift[asked, 1]), kind="stable")]
-    largest = np.zeros_like(shift)
-    largest[part[asked]] = shift[asked]
-    return np.asarray(largest[part])

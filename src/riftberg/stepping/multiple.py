@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-from riftberg.kernels import borrower, kernel, stage
+from riftberg.kernels import borrower, stage
 from riftberg.parameters import KernelParameters
-from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.bond_blocks import LANES
-from riftberg.stepping.bond_rows import crosses, load_rows, show_ends
+from riftberg.state import Bonds, Elements, Ints
+from riftberg.stepping.beams import take_substeps_of_beams
 from riftberg.stepping.conglomerates import break_after_step
 from riftberg.stepping.implicit_substep import implicit_kick
 from riftberg.stepping.interactions import Partners, pair_law
@@ -22,69 +21,22 @@ from riftberg.stepping.long_kick import (
 )
 from riftberg.stepping.media import Surroundings, find_surroundings
 from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.step_plan import StepPlan
 from riftberg.stepping.substep import (
     Room,
-    accelerate,
-    act_on_ends,
     add_collisions,
     drift,
     drift_near_pole,
     floor_rates,
     kick,
+    reaches_pole,
+    remember_fast,
+    show_all,
     show_velocities,
-    spin_up,
     spring_accelerations,
     sum_stopped,
 )
-
-POLAR_LATITUDE = 88.0
-"""North of this (degrees) the tangent plane may be needed within a long step."""
-
-
-AT_ONCE: Final = 8 * LANES
-"""Elements that go through all loops of a sub-step one after the other; they fill the first-level cache."""
-
-
-class StepPlan(NamedTuple):
-    """What holds for one long step.
-
-    Attributes
-    ----------
-    dt : float
-        Length of the long step, s.
-    substeps : int
-    time : float
-        Seconds since the start at its beginning.
-    starting : bool
-        First step with a proper start: evaluate all forces before moving.
-    skip_slow : bool
-        Leave out the slow forces (skip_first_outer_mts_step).
-    search : bool
-        Contact inside a berg goes over candidates of a search, not over broken bonds.
-    break_inline, break_after : bool
-        Test for fracture in every sub-step, or once after the closing half kick.
-    wears : bool
-        Stress takes from the strength of the bonds, in every sub-step.
-    kicks : bool
-        Apply the slow forces at its start: both half kicks, and fracture after the step before.
-    moves : bool
-        Take its sub-steps.
-    closes : bool
-        Apply nothing but the slow half kick that completes the step before, for the velocity at the time of the positions.
-    """
-
-    dt: float
-    substeps: int
-    time: float
-    starting: bool
-    skip_slow: bool
-    search: bool
-    break_inline: bool
-    break_after: bool
-    wears: bool
-    kicks: bool = True
-    moves: bool = True
-    closes: bool = False
+from riftberg.stepping.threads import WORTH_THREADS, take_substeps_in_threads
 
 
 class StepReport(NamedTuple):
@@ -92,24 +44,6 @@ class StepReport(NamedTuple):
 
     broken: int
     passes: int
-
-
-@kernel
-def _reaches_pole(lat: Floats) -> bool:
-    """Whether an element stands so far north that it may come near the pole within a long step."""
-    near = False
-    for at in lat:
-        near = near or at > POLAR_LATITUDE
-    return near
-
-
-@stage
-def _remember_fast(el):
-    """Keep the fast accelerations of this sub-step where the reference keeps them."""
-    ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
-    ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
-    for e in range(ax.size):
-        ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
 
 
 @stage
@@ -128,36 +62,24 @@ def _start_fast(el, scratch, implicit_ground):
 
 
 @stage
-def _start_rotation(el, scratch, dt):
-    """Bring spin half a sub-step and angle one sub-step ahead of the positions, where the leapfrog of `spin_up` has them.
-
-    The angle at hand in a sub-step is that which its bonds see; with that of the start the run would be of first order.
-    """
-    motion, kicks = el.motion, el.kicks
-    for e in range(motion.spin.size):
-        motion.spin[e] += scratch.active[e] * 0.5 * dt * kicks.spin_rate[e]
-        motion.rotation[e] += scratch.active[e] * dt * motion.spin[e]
-
-
-@stage
-def _drift_and_show(el, scratch, dt, near_pole, begin, end, p):
+def _drift_and_show(el, scratch, dt, near_pole, p):
     """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
     if near_pole:
-        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1, begin, end)
+        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1)
     else:
-        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1, begin, end)
+        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
 
 
 @stage
-def _kick(el, scratch, dt, floor_acts, implicit_ground, begin, end):
+def _kick(el, scratch, dt, floor_acts, implicit_ground):
     """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
     if floor_acts and not implicit_ground:
-        sum_stopped(el, scratch, begin, end)
-    kick(el, scratch, dt, implicit_ground, begin, end)
+        sum_stopped(el, scratch)
+    kick(el, scratch, dt, implicit_ground)
     if floor_acts and implicit_ground:
-        sum_stopped(el, scratch, begin, end)
-    show_velocities(el, scratch.active, begin, end)
+        sum_stopped(el, scratch)
+    show_velocities(el, scratch.active)
 
 
 @stage
@@ -213,57 +135,16 @@ def take_long_step(
     StepReport
     """
     slow_room = allocate_slow_room(el.size, slow)
+    if p.dem and plan.moves and plan.threads > 1 and el.size >= WORTH_THREADS:
+        slowly = plan._replace(moves=False)
+        broken, passes = _step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, slowly, p)
+        if passes >= 0:
+            broken += take_substeps_in_threads(el, bonds, room, sizes, around, earlier, plan, p)
+        return StepReport(broken, passes)
     if p.dem:
         return StepReport(*_step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, plan, p))
     fast_room = allocate_slow_room(el.size, fast)
     return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, fast_room, sizes, around, plan, p))
-
-
-@stage
-def _take_substeps_of_beams(
-    el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
-    p: KernelParameters,
-) -> int:  # fmt: skip
-    """Take the sub-steps, with bonds as beams; returns the number of bonds broken."""
-    rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
-    near_pole = p.latlon and _reaches_pole(el.place.lat)
-    broken = 0
-    count = load_rows(rows, el, bonds, sizes, earlier, p)
-    period = p.period if crosses(el.shown.lon_pair, p.period) else 0.0
-    size = el.place.lon.size
-    # With a proper start, one evaluation without moving stands before the first sub-step.
-    for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
-        moving = n >= 0
-        dt = plan.dt / plan.substeps if moving else 0.0
-        for begin in range(0, size, AT_ONCE):
-            end = min(begin + AT_ONCE, size)
-            if moving:
-                _drift_and_show(el, scratch, dt, near_pole, begin, end, p)
-            if count > 0:
-                show_ends(rows, el, dt, begin, end)
-        now, may_break, wears = plan.time + (n + 1) * dt, plan.break_inline and moving, plan.wears and moving
-        broken += act_on_ends(
-            el, bonds, rows, count, pairs, plan.search, scratch, sizes, law, dt, now, may_break, wears,
-            n == plan.substeps - 1, period, p,
-        )  # fmt: skip
-        for begin in range(0, size, AT_ONCE):
-            end = min(begin + AT_ONCE, size)
-            accelerate(el, rows, scratch, begin, end)
-            if floor_varies:
-                floor_rates(el, scratch, dt, begin, end)
-            if moving:
-                _kick(el, scratch, dt, floor_acts, p.ground_implicit, begin, end)
-                spin_up(el, scratch, dt, begin, end)
-        if not moving:
-            _start_fast(el, scratch, p.ground_implicit)
-            _start_rotation(el, scratch, plan.dt / plan.substeps)
-    if p.iterate:
-        _remember_fast(el)
-    if floor_acts:
-        end_substeps(around, scratch, plan.substeps)
-    _show_all(el)
-    return broken
 
 
 @stage
@@ -274,49 +155,38 @@ def _take_substeps_of_springs(
     """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
     pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
-    near_pole = p.latlon and _reaches_pole(el.place.lat)
+    near_pole = p.latlon and reaches_pole(el.place.lat)
     passes = 1
-    explicit, size = p.explicit_substeps, el.place.lon.size
+    explicit = p.explicit_substeps
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
         if moving:
-            _drift_and_show(el, scratch, dt, near_pole, 0, size, p)
+            _drift_and_show(el, scratch, dt, near_pole, p)
         if explicit or not moving:
             spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
         if floor_varies:
-            floor_rates(el, scratch, dt, 0, size)
+            floor_rates(el, scratch, dt)
         if not moving:
             _start_fast(el, scratch, p.ground_implicit)
             continue
         if explicit:
-            _kick(el, scratch, dt, floor_acts, p.ground_implicit, 0, size)
+            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
             passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
             if passes < 0:
                 return passes
-            show_velocities(el, scratch.active, 0, size)
+            show_velocities(el, scratch.active)
         if p.iterate and not explicit:
-            _remember_fast(el)
+            remember_fast(el)
     if p.iterate:
-        _remember_fast(el)
+        remember_fast(el)
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
-    _show_all(el)
+    show_all(el)
     return passes
-
-
-@stage
-def _show_all(el: Elements) -> None:
-    """Let the others see the velocities after the sub-steps, of those too that waited."""
-    u, v, u_shown, v_shown, static = (
-        el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair, el.body.static,
-    )  # fmt: skip
-    for e in range(u.size):
-        if static[e] < 0.5:
-            u_shown[e], v_shown[e] = u[e], v[e]
 
 
 @borrower
@@ -332,7 +202,7 @@ def _step_of_beams(
     if plan.kicks:
         broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
     if plan.moves and passes >= 0:
-        broken += _take_substeps_of_beams(el, bonds, room, sizes, around, earlier, plan, p)
+        broken += take_substeps_of_beams(el, bonds, room, sizes, around, earlier, plan, p)
         passes = 1
     return broken, passes
 

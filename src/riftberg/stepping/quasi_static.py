@@ -24,9 +24,10 @@ from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import Limits, keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
-from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, moved_frames, place, regrouped
+from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, place, regrouped
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
+from riftberg.stepping.landfall import leaders, led, ways_back
 from riftberg.stepping.lattice_equilibrium import (
     ElasticLattice,
     Factors,
@@ -36,7 +37,7 @@ from riftberg.stepping.lattice_equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.media import FORCES
-from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet, shifted_together
+from riftberg.stepping.meetings import Blow, Meeting, blow_on_all, caught_up, meet
 from riftberg.stepping.moments import Standing, arrive, close_alone, depart, keep_applied_forces, motion_at, relax
 from riftberg.stepping.partners import NEWBORN_CHILD, among, pairs_that_may_meet
 from riftberg.stepping.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
@@ -339,7 +340,7 @@ class LongStep:
             ) from None
 
     def _place(self, bodies: Bodies) -> Bodies:
-        """Set the cells of the elements; where land stops one, its fragment is shifted as a whole, with those that touch it."""
+        """Set the cells of the elements; where land stops one, its fragment goes back as a whole, with those in its way."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
         for n in range(5):
             if grid is None:
@@ -350,14 +351,25 @@ class LongStep:
                 place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
             lon, lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
-            shift = _shifts(bodies, el.lon - lon, el.lat - lat, lat, c)
-            if not shift.any():
+            back = ways_back(el, lon, lat, c)
+            if not back.any():
                 break
-            if self.meeting is not None:
-                shift = shifted_together(shift, self.meeting, bodies.body)
-            bodies = bodies._replace(pose=moved_frames(bodies.pose, shift, 1.0, c.latlon, c.earth_radius))
-        el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+            lead = leaders(el, lon, lat, back, bodies.body, c)
+            bodies = bodies._replace(pose=led(bodies.pose, el, lon, lat, lead, c))
+        self._show(bodies)
         return bodies
+
+    def _show(self, bodies: Bodies) -> None:
+        """Let fragments see each other as they are without load.
+
+        Displacements lag by one step. A slender piece bends by more than its contact is pressed in: seen bent, it came out of
+        contact in one step and deeper into it in the next.
+        """
+        el, c = self.el, self.c
+        el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
+        if bodies.pose.shape[0] > 1:
+            straight = bodies._replace(bend=np.zeros_like(bodies.bend))
+            place(straight, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
 
     def _room_for(self, bodies: Bodies) -> BodyRoom:
         """Return room for the fragments."""
@@ -523,6 +535,7 @@ class LongStep:
             bodies = regrouped(self.now.bodies, body, load.mass, load.inertia, self.c.latlon, self.c.earth_radius)
             self.seat = bodies.bend
             self.structure = self._build(bodies)
+            self._show(bodies)
             self.now = self._moment(bodies, self.now.time)
         elif s.factors.corrections >= MOST_CORRECTIONS:
             self.structure = self._build(self.now.bodies)
@@ -596,18 +609,3 @@ def _supported_loads(
     sums = np.einsum("ran,nr->a", rows, load)
     acceleration = z @ np.linalg.solve(z.T @ matrix @ z, z.T @ sums)
     return np.asarray(load - (weight * np.einsum("ran,a->rn", rows, acceleration)).T)
-
-
-def _shifts(bodies: Bodies, dx: Floats, dy: Floats, lat: Floats, c: KernelParameters) -> Floats:
-    """Shift (m east, m north, 0) that land asks of each fragment: the largest of its elements; a period is none."""
-    if c.period > 0.0:
-        dx = dx - c.period * np.round(dx / c.period)
-    per_unit = c.earth_radius * math.pi / 180.0 if c.latlon else 1.0
-    east = dx * per_unit * (np.cos(np.radians(lat)) if c.latlon else 1.0)
-    north = dy * per_unit
-    shift = np.zeros((bodies.pose.shape[0], 3))
-    for e in np.flatnonzero(np.hypot(east, north) > 1e-6):
-        b = bodies.body[e]
-        if math.hypot(east[e], north[e]) > math.hypot(shift[b, 0], shift[b, 1]):
-            shift[b, :2] = east[e], north[e]
-    return shift

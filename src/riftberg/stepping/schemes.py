@@ -18,18 +18,15 @@ from riftberg.stepping.breaking import allocate_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
 from riftberg.stepping.interactions import Partners
+from riftberg.stepping.landfall import settle_bergs
 from riftberg.stepping.lone_bergs import collide, find_islands
 from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings
-from riftberg.stepping.multiple import (
-    POLAR_LATITUDE,
-    StepPlan,
-    StepReport,
-    take_long_step,
-)
+from riftberg.stepping.multiple import StepReport, take_long_step
 from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
-from riftberg.stepping.substep import allocate_room, pairs_from_list
+from riftberg.stepping.step_plan import StepPlan
+from riftberg.stepping.substep import POLAR_LATITUDE, allocate_room, pairs_from_list
 
 
 class Stepper(Protocol):
@@ -119,10 +116,13 @@ class FrozenStepper(Forgetful):
 
 
 def settle(run: RunState) -> None:
-    """Find the cells after a move, stop elements at land, wrap longitudes (equations 8)."""
+    """Find the cells after a move, stop bergs at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
-        settle_elements(el, grid.arrays, run.constants)
+        if run.parameters.compatibility.elements_stopped_alone:
+            settle_elements(el, grid.arrays, run.constants)
+        else:
+            settle_bergs(el, run.bonds, grid.arrays, run.constants)
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
@@ -325,6 +325,7 @@ class MultipleStepper(Forgetful):
             break_after=p.fracture.enabled and after,
             # A start that must not break bonds must not wear them either.
             wears=p.damage.enabled and (inline or after),
+            threads=p.stepping.threads,
         )
 
     def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> Partners:
@@ -501,7 +502,10 @@ class RungeKuttaStepper(SingleStepper):
             )
             self._applied += runge_kutta.WEIGHT[stage] * self._around.applied
         runge_kutta.finish(el, self._stages, dt, c)
-        self._settle_stage(run, cells, shown)
+        if run.parameters.compatibility.elements_stopped_alone:
+            self._settle_stage(run, cells, shown)
+        else:
+            el.cell_i[:], el.cell_j[:], el.xi[:], el.eta[:] = cells
         settle(run)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
         run.time += dt

@@ -1,8 +1,7 @@
 """One explicit sub-step of the multiple-time-step scheme (equations 6.4, part 3).
 
-Loops over elements go from ``begin`` to ``end``, so that with bonds as beams all of them can be done for some hundred elements
-after the other: what one loop leaves for the next is then still in the cache. They count unsigned, because numba then leaves out
-the test for negative (wrap-around) indices.
+Here stand the room for the sub-steps, the forces of bonds, and the loops over elements where bonds are springs or there are none.
+With bonds as beams the elements go through the sub-steps in blocks (`riftberg.stepping.element_blocks`).
 """
 
 from __future__ import annotations
@@ -10,60 +9,23 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from riftberg.constants import DEGREE
 from riftberg.kernels import kernel, stage
-from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
-from riftberg.stepping import bond_blocks as row
-from riftberg.stepping.bond_law import add_to_first, apply_bond_law, gather_ends, next_ends, sum_over_bonds
 from riftberg.stepping.bond_rows import BondRows, allocate_rows
 from riftberg.stepping.breaking import (
     ContactPairs,
     add_contacts,
     allocate_pairs,
-    break_overloaded,
-    note_all,
 )
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
+from riftberg.stepping.scratch import Scratch, allocate_scratch
 from riftberg.stepping.sizes import Sizes
-from riftberg.stepping.wear import damage_rows, loaded
 
-
-class Scratch(NamedTuple):
-    """Room for one value per element in the sub-steps.
-
-    1 where it moves; 1 where it waits for sub-steps of its own; how far it is aground (0 to 1); 1 over its mass (kg-1) and its
-    inertia (kg-1 m-2); sums of bonds; drag of the sea floor: its linear rate (s-1), quadratic coefficient (m-1), rate at the
-    velocity now, what an implicit sub-step leaves of velocity and of spin (0 to 1), and sum of its decelerations (m s-2);
-    accelerations.
-    """
-
-    active: Floats
-    waits: Floats
-    aground: Floats
-    per_mass: Floats
-    per_inertia: Floats
-    force_x: Floats
-    force_y: Floats
-    torque: Floats
-    ground_linear: Floats
-    ground_quadratic: Floats
-    ground_rate: Floats
-    ground_leaves: Floats
-    ground_leaves_spin: Floats
-    stopped_x: Floats
-    stopped_y: Floats
-    accel_x: Floats
-    accel_y: Floats
-
-
-def allocate_scratch(count: int) -> Scratch:
-    """Return zeroed scratch rows for ``count`` elements."""
-    return Scratch(*(np.zeros(count) for _ in Scratch._fields))
+POLAR_LATITUDE = 88.0
+"""North of this (degrees) the tangent plane may be needed within a long step."""
 
 
 class Room(NamedTuple):
@@ -84,7 +46,7 @@ def allocate_room(elements: Elements, bonds: Bonds) -> Room:
 
 
 @kernel
-def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool, begin: int, end: int) -> None:
+def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
     """Move the elements by their mid-step velocity and show position and velocity to the others (equations 6.4, 3a).
 
     With ``q1`` the northward mid-step velocity uses the eastward implicit acceleration, as the reference does (Q1).
@@ -94,7 +56,7 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
     per_unit = DEGREE * radius if latlon else 1.0
     per_metre = 1.0 / per_unit
     to_degrees = 1.0 if latlon else 0.0
-    for e in range(np.uint64(begin), np.uint64(end)):
+    for e in range(el.place.lon.size):
         # All loads stand before all stores, so that the loop vectorises (see `kick`).
         u, v, ax, ay = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
         bx, by, lon, lat = kicks.bx_fast[e], kicks.by_fast[e], place.lon[e], place.lat[e]
@@ -112,10 +74,10 @@ def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, 
 
 
 @stage
-def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool, begin: int, end: int) -> None:
+def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
     """As `drift`, on the tangent plane where latitude is above 89 degrees."""
     place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
-    for e in range(begin, end):
+    for e in range(el.place.lon.size):
         if active[e] == 0.0:
             continue
         wu = motion.u[e] + 0.5 * dt * (kicks.ax_fast[e] + kicks.bx_fast[e])
@@ -124,87 +86,6 @@ def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: 
         shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
         shown.u_pair[e] = wu
         shown.v_pair[e] = motion.v[e] + 0.5 * dt * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
-
-
-@kernel
-def divide_by_mass(el: Elements, scratch: Scratch, begin: int, end: int) -> None:
-    """Add loads to the summed forces and turn all into accelerations and angular accelerations (equations 5.3, 3)."""
-    kicks, body = el.kicks, el.body
-    for e in range(np.uint64(begin), np.uint64(end)):
-        per_mass = scratch.per_mass[e]
-        scratch.accel_x[e] += (scratch.force_x[e] + body.load_x[e]) * per_mass
-        scratch.accel_y[e] += (scratch.force_y[e] * body.free_y[e] + body.load_y[e]) * per_mass
-        kicks.spin_rate[e] = scratch.active[e] * (scratch.torque[e] * scratch.per_inertia[e])
-
-
-@stage
-def act_on_ends(
-    el: Elements, bonds: Bonds, rows: BondRows, count: int, pairs: ContactPairs, search: bool, scratch: Scratch,
-    sizes: Sizes, law: PairLaw, dt: float, time: float, may_break: bool, wears: bool, last: bool, period: float,
-    p: KernelParameters,
-) -> int:  # fmt: skip
-    """Forces of all bonds on their ends, which are shown, and accelerations by contact.
-
-    Parameters
-    ----------
-    dt, time : float
-        Sub-step, and time since the start at its end, s; bonds that break get this time.
-    may_break : bool
-        Whether to test for fracture at all.
-    wears : bool
-        Whether stress takes from the strength of the bonds.
-    last : bool
-        Whether what the bonds bear goes to the state.
-    period : float
-        Period of x, where bonds may lie across its seam; else 0.
-
-    Returns
-    -------
-    int
-        Bonds broken.
-    """
-    scratch.accel_x[:] = 0.0
-    scratch.accel_y[:] = 0.0
-    if pairs.count[0] > 0:
-        # Before the bonds: one that breaks now touches from the next sub-step on.
-        soft_dt = 0.0 if p.explicit_contact_damping else dt
-        add_contacts(
-            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True, soft_dt
-        )
-    rows.sums[:] = 0.0
-    width, sheet, broken = row.blocks_of(el.place.lon.size), rows.sheet, 0
-    for n in range(count):
-        b = rows.used[n]
-        # Views of one block: LLVM sees that no index in it is negative, which an offset from outside would hide.
-        block, e = rows.block[b * row.BLOCK : (b + 1) * row.BLOCK], b % width
-        ends, sums = rows.ends[e * row.ENDS : (e + 1) * row.ENDS], rows.sums[e * row.SUMS : (e + 1) * row.SUMS]
-        first, end = b * row.LANES, (b + 1) * row.LANES
-        if b < width:
-            next_ends(sheet, rows.ends[e * row.ENDS : (e + 2) * row.ENDS])
-        else:
-            gather_ends(sheet, rows.second[first:end], rows.ends)
-        apply_bond_law(
-            block, sheet, ends, dt, p.poisson, p.objective_damping, p.no_shear, p.linear_bending,
-            p.flat_relative_velocity, p.latlon, p.earth_radius, period,
-        )  # fmt: skip
-        if wears:
-            damage_rows(block, sheet, dt, p)
-        if may_break and loaded(block, sheet, 1.0) > 0:
-            broken += break_overloaded(
-                rows.bond[first:end], block, sheet, ends, rows.turned, el, bonds, pairs, scratch.aground, time,
-                p.broken_as_contact,
-            )  # fmt: skip
-        if last:
-            note_all(rows.bond[first:end], bonds, block, sheet, rows.turned)
-        add_to_first(block, sheet, sums)
-    return broken
-
-
-@kernel
-def accelerate(el: Elements, rows: BondRows, scratch: Scratch, begin: int, end: int) -> None:
-    """Accelerations and angular accelerations of elements by bonds and loads, added to those by contact."""
-    sum_over_bonds(rows, scratch.force_x, scratch.force_y, scratch.torque, begin, end)
-    divide_by_mass(el, scratch, begin, end)
 
 
 @kernel
@@ -244,27 +125,27 @@ def add_collisions(
 
 
 @kernel
-def floor_rates(el: Elements, scratch: Scratch, dt: float, begin: int, end: int) -> None:
+def floor_rates(el: Elements, scratch: Scratch, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion
-    for e in range(np.uint64(begin), np.uint64(end)):
+    for e in range(el.place.lon.size):
         speed = math.sqrt(motion.u[e] * motion.u[e] + motion.v[e] * motion.v[e])
         rate = scratch.ground_linear[e] + scratch.ground_quadratic[e] * speed
         scratch.ground_rate[e], scratch.ground_leaves[e] = rate, 1.0 / (1.0 + rate * dt)
 
 
 @kernel
-def sum_stopped(el: Elements, scratch: Scratch, begin: int, end: int) -> None:
+def sum_stopped(el: Elements, scratch: Scratch) -> None:
     """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
     motion = el.motion
-    for e in range(np.uint64(begin), np.uint64(end)):
+    for e in range(el.place.lon.size):
         rate = scratch.active[e] * scratch.ground_rate[e]
         scratch.stopped_x[e] -= rate * motion.u[e]
         scratch.stopped_y[e] -= rate * motion.v[e]
 
 
 @kernel
-def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool, begin: int, end: int) -> None:
+def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
     """Update velocities by half the old and half the new fast acceleration (equations 6.4, 3b).
 
     The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
@@ -275,7 +156,7 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool, begin
     motion, kicks = el.motion, el.kicks
     half = 0.5 * dt
     explicit = 0.0 if implicit_ground else 1.0
-    for e in range(np.uint64(begin), np.uint64(end)):
+    for e in range(el.place.lon.size):
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
         u, v, ax_old, ay_old = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
         rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
@@ -291,20 +172,10 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool, begin
 
 
 @kernel
-def spin_up(el: Elements, scratch: Scratch, dt: float, begin: int, end: int) -> None:
-    """Update angular velocity, then the angle with the new angular velocity (equations 6.4, 3c)."""
-    motion, kicks = el.motion, el.kicks
-    for e in range(np.uint64(begin), np.uint64(end)):
-        spin = (motion.spin[e] + dt * kicks.spin_rate[e]) * scratch.ground_leaves_spin[e]
-        motion.spin[e] = spin if scratch.active[e] > 0.0 else motion.spin[e]
-        motion.rotation[e] += scratch.active[e] * dt * spin
-
-
-@kernel
-def show_velocities(el: Elements, active: Floats, begin: int, end: int) -> None:
+def show_velocities(el: Elements, active: Floats) -> None:
     """Let the others see the new velocities."""
     shown, motion = el.shown, el.motion
-    for e in range(np.uint64(begin), np.uint64(end)):
+    for e in range(el.place.lon.size):
         u, v, u_shown, v_shown, moves = motion.u[e], motion.v[e], shown.u_pair[e], shown.v_pair[e], active[e] > 0.0
         shown.u_pair[e] = u if moves else u_shown
         shown.v_pair[e] = v if moves else v_shown
@@ -325,3 +196,32 @@ def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList,
                     pairs.bond[k] = bond_of[q]
             k += 1
     pairs.count[0] = k
+
+
+@kernel
+def reaches_pole(lat: Floats) -> bool:
+    """Whether an element stands so far north that it may come near the pole within a long step."""
+    near = False
+    for at in lat:
+        near = near or at > POLAR_LATITUDE
+    return near
+
+
+@stage
+def remember_fast(el):
+    """Keep the fast accelerations of this sub-step where the reference keeps them."""
+    ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
+    ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
+    for e in range(ax.size):
+        ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
+
+
+@stage
+def show_all(el: Elements) -> None:
+    """Let the others see the velocities after the sub-steps, of those too that waited."""
+    u, v, u_shown, v_shown, static = (
+        el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair, el.body.static,
+    )  # fmt: skip
+    for e in range(u.size):
+        if static[e] < 0.5:
+            u_shown[e], v_shown[e] = u[e], v[e]

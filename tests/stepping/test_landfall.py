@@ -1,0 +1,191 @@
+"""Land stops a berg as a whole, with all that it would be pushed into; nothing is thrown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
+from riftberg.parameter_groups import Compatibility
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.stepping.landfall import turned_along
+
+SIZE = 3000.0
+CURRENT = 0.3
+PLANE = {"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": 0.0}
+
+
+def berg(x: float, columns: int, rows: int, speed: float = CURRENT) -> Iceberg:
+    """A berg of square elements whose eastern edge stands at x; a current and its own speed carry it to the coast."""
+    return Iceberg.rectangle(
+        columns * SIZE, rows * SIZE, thickness=200.0, radius=1500.0, placement=(x - 0.5 * columns * SIZE, 20e3), latlon=False,
+        velocity=(speed, 0.0),
+    )  # fmt: skip
+
+
+def coast(current: float = CURRENT, bend: float = 0.0) -> GriddedForcing:
+    """A coast at 50 km, with a cape of one cell; ``bend`` (m) makes the grid curvilinear."""
+    mask = np.ones((8, 16))
+    mask[:, 10:] = mask[5, 9] = 0.0
+    grid = Grid.cartesian(16, 8, 5000.0, mask=mask)
+    if bend:
+        x, y = np.meshgrid(5000.0 * np.arange(17), 5000.0 * np.arange(9))
+        x, y = x + bend * np.sin(y / 9e3), y + bend * np.sin(x / 12e3)
+        grid = Grid.from_corners(x, y, latlon=False, regular=False, period=0.0, mask=mask, includes_southwest=True)
+    fields = grid.fields(uo=np.full((8, 16), current))
+    return GriddedForcing(grid, [fields, fields], np.array([0.0, 10.0 * 86400.0]), FieldRules())
+
+
+BERGS = {
+    "three single bergs": lambda: Iceberg.join([berg(49e3, 1, 1), berg(45.9e3, 1, 1), berg(42.8e3, 1, 1)]),
+    "one bonded berg": lambda: berg(49.4e3, 3, 4),
+    "a bonded berg before a single one": lambda: Iceberg.join([berg(49.4e3, 3, 4), berg(40.3e3, 1, 1)]),
+    "a single berg before a bonded one": lambda: Iceberg.join([berg(49e3, 1, 1), berg(45.9e3, 3, 4)]),
+}
+
+
+def parameters(scheme: str, spring: float | None, **groups: Any) -> Parameters:
+    """Contact as soft as published, or as stiff as the ice."""
+    if scheme in ("verlet", "runge_kutta"):
+        groups = {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}, **groups}
+    return Parameters(**{"earth": PLANE, **groups}, stepping={"scheme": scheme}, contact={"spring": spring})
+
+
+@pytest.mark.parametrize("bend", [0.0, 300.0], ids=["square cells", "curvilinear"])
+@pytest.mark.parametrize("spring", [1e-7, None], ids=["soft contact", "stiff contact"])
+@pytest.mark.parametrize("scheme", ["mts", "verlet", "runge_kutta", "quasi_static"])
+@pytest.mark.parametrize("name", BERGS)
+def test_bergs_that_a_coast_stops_are_not_thrown(name: str, scheme: str, spring: float | None, bend: float) -> None:
+    """Bug: each element was stopped for itself, out of its lattice or into the next berg: up to 43 m/s in a current of 0.3."""
+    model = Model(BERGS[name](), coast(bend=bend), parameters(scheme, spring))
+    energy = _energy(model)
+    for _ in range(24):
+        model.advance(steps=1)
+        assert _in_water(model)
+        assert np.hypot(model.elements.u, model.elements.v).max() < 1.1 * CURRENT
+        assert _energy(model) < 1.1 * energy
+    assert (model.bonds.status == 0).all()
+    assert model.bonds.peak_stress.max(initial=0.0) < 100.0
+    # The current would have carried them 13 km ashore.
+    assert model.elements.lon.max() > 48e3
+
+
+def _in_water(model: Model) -> bool:
+    """Whether all elements stand in the cell that they are counted in, and that is water."""
+    el, grid = model.elements, model.forcing.grid.arrays
+    inside = (el.xi >= 0.0) & (el.xi < 1.0) & (el.eta >= 0.0) & (el.eta < 1.0)
+    return bool((inside & (grid.mask[el.cell_j, el.cell_i] > 0.0)).all())
+
+
+def _energy(model: Model) -> float:
+    el = model.elements
+    return float(0.5 * np.sum(el.mass * (el.u**2 + el.v**2)))
+
+
+@pytest.mark.parametrize("scheme", ["mts", "quasi_static"])
+def test_pieces_of_one_berg_that_breaks_at_a_coast_are_not_thrown(scheme: str) -> None:
+    """It breaks along its columns; the pieces go back together, those behind with those ashore."""
+    model = Model(
+        berg(49.4e3, 3, 4), coast(), parameters(scheme, None, fracture={"normal_strength": 1e9, "shear_strength": 1e9})
+    )
+    bonds, lon = model.bonds, model.elements.lon.copy()
+    bonds.strength[np.abs(lon[bonds.first] - lon[bonds.second]) > 1.0] = 1e-12  # as soon as anything pulls at them
+    for _ in range(14):
+        model.advance(steps=1)
+        assert np.hypot(model.elements.u, model.elements.v).max() < 1.1 * CURRENT
+        assert _in_water(model)
+    assert (bonds.status != 0).any()
+
+
+def test_a_berg_alone_is_stopped_as_in_the_reference() -> None:
+    """What touches nobody goes back as equations 8.1 say, to the last digit."""
+    ends = []
+    for alone in (True, False):
+        p = parameters("mts", None, compatibility={"elements_stopped_alone": alone})
+        model = Model(Iceberg.join([berg(49e3, 1, 1), berg(30e3, 1, 1)]), coast(), p)
+        model.advance(steps=12)
+        ends.append(model.elements.copy())
+    for name in ("lon", "lat", "u", "v", "cell_i", "cell_j", "xi", "eta", "lon_pair"):
+        np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
+
+
+def test_runs_of_kid_stop_each_element_for_itself() -> None:
+    assert Compatibility.kid().elements_stopped_alone
+    assert not Compatibility().elements_stopped_alone
+
+
+@pytest.mark.parametrize("period", [0.0, 80e3])
+def test_bergs_are_stopped_at_the_edge_of_the_grid_too(period: float) -> None:
+    """The sea ends at an open edge as at land; in a periodic one it goes on."""
+    grid = Grid.cartesian(16, 8, 5000.0, period=period)
+    fields = grid.fields(uo=np.full((8, 16), CURRENT))
+    sea = GriddedForcing(grid, [fields, fields], np.array([0.0, 10.0 * 86400.0]), FieldRules())
+    bergs = Iceberg.join([berg(79e3, 3, 4), berg(69.9e3, 1, 1)])
+    model = Model(bergs, sea, parameters("mts", None, earth={**PLANE, "period": period}))
+    for _ in range(24):
+        model.advance(steps=1)
+        assert np.hypot(model.elements.u, model.elements.v).max() < 1.1 * CURRENT
+    assert (model.bonds.status == 0).all()
+    assert (model.elements.lon.max() < 80e3) == (period == 0.0) or model.elements.lon.min() < 30e3
+
+
+def test_a_berg_beside_the_one_that_land_stops_goes_on() -> None:
+    """What lies beside or before the berg that goes back is in nobody's way."""
+    bergs = Iceberg.join([berg(49e3, 1, 1), berg(40e3, 1, 1)])
+    model = Model(bergs, coast(), parameters("mts", None))
+    model.advance(steps=4)
+    assert model.elements.lon[0] < 50e3
+    assert model.elements.lon[1] == pytest.approx(38.5e3 + 4 * 1800.0 * CURRENT, abs=5.0)
+
+
+def test_on_the_sphere_distances_in_a_berg_stay() -> None:
+    """A berg that goes back is turned about the centre of the sphere, whatever way its rows lie."""
+    lon, lat = np.meshgrid(np.linspace(-52.0, -49.0, 7), np.linspace(-76.0, -74.0, 7))
+    lon, lat = lon.ravel(), lat.ravel()
+
+    def vectors(x: Any, y: Any) -> Any:
+        x, y = np.radians(x), np.radians(y)
+        return np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=-1)
+
+    start, end = vectors(lon[:1], lat[:1]), vectors(lon[:1] + 0.02, lat[:1] - 0.01)
+    before, after = vectors(lon, lat), turned_along(start, end, vectors(lon, lat))
+    np.testing.assert_allclose(after[0], end[0], rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(after @ after.T, before @ before.T, rtol=0.0, atol=1e-14)
+
+
+def test_a_berg_on_the_sphere_is_not_strained_by_land() -> None:
+    """77 degrees south the meridians converge by the hour; moved along parallels, a berg would be sheared."""
+    mask = np.ones((12, 16))
+    mask[:, 9:] = 0.0
+    lon, lat = np.meshgrid(-52.0 + 0.25 * np.arange(17), -78.0 + 0.1 * np.arange(13))
+    grid = Grid.from_corners(lon, lat, mask=mask, includes_southwest=True)
+    fields = grid.fields(uo=np.full((12, 16), CURRENT))
+    sea = GriddedForcing(grid, [fields, fields], np.array([0.0, 10.0 * 86400.0]), FieldRules())
+    ice = Iceberg.rectangle(
+        12e3, 30e3, thickness=200.0, radius=1500.0, placement=(-50.02, -77.4), velocity=(CURRENT, 0.0)
+    )
+    model = Model(
+        ice,
+        sea,
+        Parameters(stepping={"scheme": "mts", "time_step": 600.0}, earth={"f_plane": True, "reference_latitude": 0.0}),
+    )
+    el, bonds = model.elements, model.bonds
+    metric = Metric(True, EARTH_RADIUS_A68, 360.0)
+    rest = np.hypot(
+        *separations(metric, el.lon[bonds.first], el.lat[bonds.first], el.lon[bonds.second], el.lat[bonds.second])
+    )
+    for _ in range(30):
+        model.advance(steps=1)
+    now = np.hypot(
+        *separations(metric, el.lon[bonds.first], el.lat[bonds.first], el.lon[bonds.second], el.lat[bonds.second])
+    )
+    assert el.lon.max() < -49.75
+    np.testing.assert_allclose(now, rest, rtol=1e-4)
+    assert bonds.peak_stress.max() < 1500.0
