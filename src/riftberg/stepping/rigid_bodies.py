@@ -189,37 +189,11 @@ def _add_outer(into: Floats, factor: float, a: Floats, b: Floats) -> None:
 
 @kernel
 def _add_inertia(into: Floats, mass: float, inertia: float, m: Floats) -> None:
-    """Add ``mass (u u^T + v v^T) + inertia w w^T``, the rows u, v, w one after the other; all is read before it is written."""
-    a, b, c, d, e, f, g, h, i = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
-    p, q, r, s, t, x, y, z, o = (
-        mass * a,
-        mass * b,
-        mass * c,
-        mass * d,
-        mass * e,
-        mass * f,
-        inertia * g,
-        inertia * h,
-        inertia * i,
-    )
-    s00, s01, s02 = (
-        into[0, 0] + p * a + s * d + y * g,
-        into[0, 1] + p * b + s * e + y * h,
-        into[0, 2] + p * c + s * f + y * i,
-    )
-    s10, s11, s12 = (
-        into[1, 0] + q * a + t * d + z * g,
-        into[1, 1] + q * b + t * e + z * h,
-        into[1, 2] + q * c + t * f + z * i,
-    )
-    s20, s21, s22 = (
-        into[2, 0] + r * a + x * d + o * g,
-        into[2, 1] + r * b + x * e + o * h,
-        into[2, 2] + r * c + x * f + o * i,
-    )
-    into[0, 0], into[0, 1], into[0, 2] = s00, s01, s02
-    into[1, 0], into[1, 1], into[1, 2] = s10, s11, s12
-    into[2, 0], into[2, 1], into[2, 2] = s20, s21, s22
+    """Add ``mass (u u^T + v v^T) + inertia w w^T``, with u, v and w one after the other in ``m``."""
+    for i in range(3):
+        for j in range(3):
+            # In one expression: each number is read and written once.
+            into[i, j] = into[i, j] + mass * m[i] * m[j] + mass * m[3 + i] * m[3 + j] + inertia * m[6 + i] * m[6 + j]
 
 
 @kernel
