@@ -315,7 +315,7 @@ def _accelerate(b, first, second, touched, soft_step, law, max_bonds):
 
 @stage
 def _kick(b, h, step, p):
-    """Update velocities, spins and angles, as `kick` and `spin_up` of `riftberg.stepping.substep`; others see the new ones."""
+    """Update velocities, spins and angles, as `kick_block` of `riftberg.stepping.element_blocks`; others see the new ones."""
     for e in range(b.shape[1]):
         if b[MOVES, e] == 0.0:
             continue
