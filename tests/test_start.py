@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from riftberg.cli.main import SUMMARIES, app, function_of
 from riftberg.state.neighbours import find_pairs
-from riftberg.stepping.contacts import ContactLog, Meeting
 
 KERNELS = """\
 import sys
@@ -154,15 +153,6 @@ def test_partners_ascend_where_there_are_many() -> None:
     for e in range(150):
         near = np.flatnonzero(np.hypot(x - x[e], y - y[e]) < 0.6)
         assert partner[start[e] : start[e + 1]].tolist() == near[near != e].tolist()
-
-
-def test_a_contact_that_goes_on_has_a_new_end_when_somebody_asks() -> None:
-    """Hundreds of pieces of a shattered berg touch in each step: one object each took longer than their motion."""
-    log = ContactLog([Meeting(1, 2, 0.0, 1800.0, 0.0, 0.0, 0.1)])
-    saved = log.saved()
-    assert log._goes_on((1, 2), 1800.0, 3600.0, None)  # type: ignore[arg-type]
-    assert [row.end for row in log.rows] == [3600.0]
-    assert [row.end for row in saved.rows] == [1800.0]
 
 
 @pytest.mark.compiled

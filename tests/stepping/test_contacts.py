@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
-from riftberg.stepping.contacts import APART, ContactLog
+from riftberg.stepping.contacts import APART, ContactLog, Meeting
 from riftberg.stepping.fragments import Fragment, FragmentTree
 
 P = Parameters().kernel_values()
@@ -72,3 +73,67 @@ def test_elements_of_one_berg_do_not_meet() -> None:
     log = ContactLog()
     log.update(elements((1, 1)), pair(0, 1), 0.0, 1.0, FragmentTree([fragment(1)]), P)
     assert log.rows == []
+
+
+def test_a_contact_that_goes_on_has_a_new_end_when_somebody_asks() -> None:
+    """Hundreds of pieces of a shattered berg touch in each step: one object each took longer than their motion."""
+    log, tree = ContactLog([Meeting(1, 2, 0.0, 1800.0, 0.0, 0.0, 0.1)]), FragmentTree([fragment(1), fragment(2)])
+    saved = log.saved()
+    log.update(elements(), pair(0, 1), 1800.0, 3600.0, tree, P)
+    assert [row.end for row in log.rows] == [3600.0]
+    assert [row.end for row in saved.rows] == [1800.0]
+
+
+class PlainLog:
+    """The log one pair after the other: when each pair last met, and last touched without meeting."""
+
+    def __init__(self) -> None:
+        self.met: list[list[float]] = []
+        self.latest: dict[tuple[int, int], int] = {}
+        self.quiet: dict[tuple[int, int], float] = {}
+
+    def update(self, pairs: set[tuple[int, int]], began: float, ended: float, tree: FragmentTree) -> None:
+        for pair in sorted(pairs):
+            if pair in self.latest and began - self.met[self.latest[pair]][3] < APART:
+                self.met[self.latest[pair]][3] = ended
+            elif began - self.quiet.get(pair, -np.inf) < APART or self.born(pair, began, tree):
+                self.quiet[pair] = ended
+            else:
+                self.latest[pair] = len(self.met)
+                self.met.append([*pair, began, ended])
+
+    def born(self, pair: tuple[int, int], began: float, tree: FragmentTree) -> bool:
+        for own, other in (pair, pair[::-1]):
+            row, sibling = tree.rows[own - 1], tree.rows[other - 1].parent
+            family = (min(row.parent, other), max(row.parent, other))
+            late = self.quiet.get(family, -np.inf)
+            if family in self.latest:
+                late = max(late, self.met[self.latest[family]][3])
+            near = row.parent in (other, sibling) or began - late < APART
+            if row.parent > 0 and began - row.birth_time < APART and near:
+                return True
+        return False
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_log_is_that_of_one_pair_after_the_other(seed: int) -> None:
+    """Pairs that touched a step before are extended all at once; restarts and copies in between change nothing."""
+    random = np.random.default_rng(seed)
+    tree, log, plain = FragmentTree([fragment(n) for n in range(1, 6)]), ContactLog(), PlainLog()
+    el = new_elements(40)
+    for step in range(120):
+        began = 1800.0 * step + (APART if step > 60 else 0.0)
+        if step % 8 == 7:
+            parent = int(random.integers(1, len(tree.rows) + 1))
+            tree.rows.append(fragment(len(tree.rows) + 1, parent, began))
+        el.berg[:] = random.integers(1, len(tree.rows) + 1, 40)
+        first, second = random.integers(0, 40, (2, int(random.integers(0, 12))))
+        bergs = zip(el.berg[first].tolist(), el.berg[second].tolist(), strict=True)
+        plain.update({(min(b), max(b)) for b in bergs if b[0] != b[1]}, began, began + 1800.0, tree)
+        log.update(el, (first, second), began, began + 1800.0, tree, P)
+        if step % 13 == 5:
+            log = log.saved() if step % 2 else ContactLog(log.rows, log.quiet)
+    assert len(plain.met) > 20
+    assert len(plain.quiet) > 5
+    assert [[row.first, row.second, row.time, row.end] for row in log.rows] == plain.met
+    assert log.quiet == plain.quiet

@@ -14,6 +14,10 @@ from riftberg.stepping.fragments import FragmentTree
 APART: Final = 6.0 * 3600.0
 """Time (s) after which bergs that touch again have met anew."""
 
+_HALF: Final = 32
+_OTHER: Final = (1 << _HALF) - 1
+"""The numbers of both bergs of a pair stand in one whole number, half each."""
+
 
 @dataclass(frozen=True)
 class Meeting:
@@ -55,24 +59,35 @@ class ContactLog:
 
     def __init__(self, rows: list[Meeting] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
         self._rows: list[Meeting] = list(rows or [])
-        self._ends = [row.end for row in self._rows]
-        self.quiet: dict[tuple[int, int], float] = dict(quiet or {})
+        quiet = quiet or {}
+        # When each contact, a meeting or not, last was: meetings first. Hundreds of pieces touch in each step, most of them
+        # those of the step before, so these are gone through as arrays.
+        self._last = np.array([row.end for row in self._rows] + list(quiet.values()), np.float64)
+        self._count = self._last.size
+        self._of_row = list(range(len(self._rows)))
         self._latest = {(row.first, row.second): k for k, row in enumerate(self._rows)}
+        self._quiet = {key: len(self._rows) + k for k, key in enumerate(quiet)}
+        self._touching: tuple[Ints, Ints] = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     @property
     def rows(self) -> list[Meeting]:
         """All meetings, in order of time."""
-        # Hundreds of pieces touch in each step: their ends are kept as numbers, and told when somebody asks.
-        for k, (row, end) in enumerate(zip(self._rows, self._ends, strict=True)):
+        for k, (row, end) in enumerate(zip(self._rows, self._last[self._of_row].tolist(), strict=True)):
             if row.end != end:
                 self._rows[k] = replace(row, end=end)
         return self._rows
 
+    @property
+    def quiet(self) -> dict[tuple[int, int], float]:
+        """When pairs last touched that are no meeting."""
+        return {key: float(self._last[k]) for key, k in self._quiet.items()}
+
     def saved(self) -> ContactLog:
         """Return a copy to go back to; made before each long step, so that nothing is looked for anew."""
         copy = ContactLog()
-        copy._rows, copy._ends = self._rows.copy(), self._ends.copy()
-        copy.quiet, copy._latest = self.quiet.copy(), self._latest.copy()
+        copy._rows, copy._of_row, copy._last = self._rows.copy(), self._of_row.copy(), self._last.copy()
+        copy._quiet, copy._latest, copy._touching = self._quiet.copy(), self._latest.copy(), self._touching
+        copy._count = self._count
         return copy
 
     def update(
@@ -103,25 +118,48 @@ class ContactLog:
         berg = before.body.berg
         one, other = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
         apart = np.flatnonzero(one != other)
-        one, other = one[apart], other[apart]
-        each = np.unique(one * (int(other.max(initial=0)) + 1) + other, return_index=True)[1]
-        for key, k in zip(zip(one[each].tolist(), other[each].tolist()), apart[each].tolist(), strict=True):
-            if self._goes_on(key, began, ended, tree):
-                continue
-            self._latest[key] = len(self._rows)
-            self._rows.append(_meeting(before, key, int(first[k]), int(second[k]), began, ended, p))
-            self._ends.append(ended)
+        both, each = np.unique((one[apart] << _HALF) | other[apart], return_index=True)
+        contact = self._extended(both, began, ended)
+        for n in np.flatnonzero(contact < 0).tolist():
+            key, k = (int(both[n]) >> _HALF, int(both[n]) & _OTHER), int(apart[each[n]])
+            known = self._goes_on(key, began, tree)
+            if known < 0:
+                known = self._latest[key] = self._new()
+                self._of_row.append(known)
+                self._rows.append(_meeting(before, key, int(first[k]), int(second[k]), began, ended, p))
+            contact[n], self._last[known] = known, ended
+        self._touching = both, contact
 
-    def _goes_on(self, key: tuple[int, int], began: float, ended: float, tree: FragmentTree) -> bool:
-        """Extend the contact of a pair that touched not long ago; True if that is so."""
-        k = self._latest.get(key)
-        if k is not None and began - self._ends[k] < APART:
-            self._ends[k] = ended
-            return True
-        if (key in self.quiet and began - self.quiet[key] < APART) or self._by_birth(key, began, tree):
-            self.quiet[key] = ended
-            return True
-        return False
+    def _extended(self, both: Ints, began: float, ended: float) -> Ints:
+        """Extend the contacts of pairs that touched when last any did; the number of each contact, or -1."""
+        before, contact = self._touching
+        if before.size == 0:
+            return np.full(both.size, -1)
+        at = np.minimum(np.searchsorted(before, both), before.size - 1)
+        goes_on = (before[at] == both) & (began - self._last[contact[at]] < APART)
+        self._last[contact[at[goes_on]]] = ended
+        return np.where(goes_on, contact[at], -1)
+
+    def _goes_on(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
+        """Return the contact of a pair that touched not long ago, or is none that counts; -1 for a new meeting."""
+        k = self._latest.get(key, -1)
+        if k >= 0 and began - self._last[k] < APART:
+            return k
+        k = self._quiet.get(key, -1)
+        if k >= 0 and began - self._last[k] < APART:
+            return k
+        if not self._by_birth(key, began, tree):
+            return -1
+        if k < 0:
+            k = self._quiet[key] = self._new()
+        return k
+
+    def _new(self) -> int:
+        """Return the number of a new contact."""
+        if self._count == self._last.size:  # twice the room, so that thousands may begin in one step
+            self._last = np.append(self._last, np.full(max(self._last.size, 64), -np.inf))
+        self._count += 1
+        return self._count - 1
 
     def _by_birth(self, key: tuple[int, int], began: float, tree: FragmentTree) -> bool:
         """Whether a pair touches because one of it has just broken off: from the other, or from what touched that."""
@@ -131,11 +169,14 @@ class ContactLog:
                 continue
             family = (min(row.parent, other), max(row.parent, other))
             sibling = tree.rows[other - 1].parent if 0 < other <= len(tree.rows) else 0
-            k = self._latest.get(family)
-            met = k is not None and began - self._ends[k] < APART
-            if row.parent in (other, sibling) or met or began - self.quiet.get(family, -np.inf) < APART:
+            if row.parent in (other, sibling) or self._near_in_time(family, began):
                 return True
         return False
+
+    def _near_in_time(self, key: tuple[int, int], began: float) -> bool:
+        """Whether a pair touched not long ago."""
+        contacts = (self._latest.get(key, -1), self._quiet.get(key, -1))
+        return any(k >= 0 and began - self._last[k] < APART for k in contacts)
 
 
 def _meeting(
