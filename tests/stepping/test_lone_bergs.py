@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from riftberg import Forcing, Iceberg, Model, Parameters, Steady
-from riftberg.state import ELEMENT_VARIABLES
+from riftberg.state import ELEMENT_VARIABLES, new_elements
 from riftberg.stepping import schemes
+from riftberg.stepping.lone_bergs import find_islands
 
 SPRING = (0.4 * 31.9 / 600.0) ** 2
 """Stiffness (s-2) for which both ways take 32 sub-steps in 600 s."""
@@ -35,6 +38,49 @@ def pair(
     model = Model(Iceberg.join(bergs), ocean, Parameters(**{**plane, **groups}))
     model.elements.kicks.bx_fast[0] = push
     return model
+
+
+def test_islands_are_the_bergs_that_may_meet_directly_or_by_way_of_others() -> None:
+    """Against a plain search, on random pairs; bergs of several elements and those near the pole are left to the general way."""
+    r = np.random.default_rng(3)
+    for _ in range(60):
+        el = new_elements(int(r.integers(4, 30)))
+        el.body.berg[:] = r.integers(5, 60, el.size)
+        el.place.lat[:] = r.choice([-60.0, 89.5], el.size, p=[0.95, 0.05])
+        drawn = {tuple(sorted(pair)) for pair in r.integers(0, el.size, (int(r.integers(1, 20)), 2)).tolist()}
+        pairs = sorted(pair for pair in drawn if el.berg[pair[0]] != el.berg[pair[1]])
+        run: Any = SimpleNamespace(elements=el, parameters=Parameters(), constants=Parameters().kernel_values())
+        sizes: Any = SimpleNamespace(radius=r.uniform(100.0, 2e3, el.size))
+        first, second = np.array(pairs, np.int64).reshape(-1, 2).T
+        islands, others = find_islands(run, sizes, first, second, 89.0)
+        wanted = plain_islands(el, pairs)
+        assert others.tolist() == [not any(pair[0] in rows for rows in wanted) for pair in pairs]
+        if islands is None:
+            assert not wanted
+            continue
+        starts, pair_starts = islands.start.tolist(), islands.pair_start.tolist()
+        assert [islands.rows[a:b].tolist() for a, b in pairwise(starts)] == wanted
+        for k, (a, b) in enumerate(pairwise(pair_starts)):
+            ends = zip(
+                islands.rows[islands.first[a:b]].tolist(), islands.rows[islands.second[a:b]].tolist(), strict=True
+            )
+            assert list(ends) == [pair for pair in pairs if pair[0] in wanted[k]]
+
+
+def plain_islands(el: Any, pairs: list[tuple[int, int]]) -> list[list[int]]:
+    """Rows of each island, in the order of the smallest number of its bergs."""
+    bergs = el.berg.tolist()
+    parts = [{berg} for berg in sorted(set(bergs))]
+    for i, j in pairs:
+        one = next(part for part in parts if bergs[i] in part)
+        other = next(part for part in parts if bergs[j] in part)
+        if one is not other:
+            parts.remove(other)
+            one |= other
+    general = {berg for berg, lat in zip(bergs, el.lat, strict=True) if bergs.count(berg) > 1 or lat > 89.0}
+    met = {row for pair in pairs for row in pair}
+    rows = [sorted(row for row in met if bergs[row] in part) for part in sorted(parts, key=min) if not part & general]
+    return [some for some in rows if some]
 
 
 def state_of(model: Model) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
-from riftberg.stepping.rigid_bodies import _settled
+from riftberg.stepping.rigid_bodies import CLOSE_ENOUGH, _change, allocate_body_room, close_step, newton_step
 from riftberg.stepping.sizes import interaction_sizes
 from twins import equilibrium as twin
 
@@ -242,10 +242,26 @@ def test_a_berg_of_single_elements_is_in_equilibrium_whatever_the_rounding_of_it
 def test_a_spin_that_is_round_off_does_not_keep_the_velocities_from_settling() -> None:
     """Bug: a berg of 10,000 elements that does not turn was refused after 50 passes, for its spin changed by 1e-21 s-1."""
     inertia, now = np.diag([1e14, 1e14, 1e23])[None], np.array([[0.2, 0.0, 1e-20]])
-    assert _settled(np.array([[1e-17, 1e-17, 1e-20]]), now, inertia)
+    assert _change(np.array([[1e-17, 1e-17, 1e-20]]), now, inertia) <= CLOSE_ENOUGH
     # Half a micrometre a second at the radius of gyration (32 km), or of the centre, does count.
-    assert not _settled(np.array([[0.0, 0.0, 1.6e-11]]), now, inertia)
-    assert not _settled(np.array([[5e-7, 0.0, 0.0]]), now, inertia)
+    assert _change(np.array([[0.0, 0.0, 1.6e-11]]), now, inertia) > CLOSE_ENOUGH
+    assert _change(np.array([[5e-7, 0.0, 0.0]]), now, inertia) > CLOSE_ENOUGH
+
+
+@pytest.mark.parametrize("guess", [1e-4, 1e-2, 0.3, 10.0])
+def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> None:
+    """It ends without the pass that the last two say would change the velocities by less than 1e-11 of them."""
+    model = square_berg(30, lambda p: p.changed(stepping={"scheme": "quasi_static"}))
+    model.forcing = Forcing.uniform(current=(0.2, -0.1), wind=(9.0, 4.0))
+    model.advance(steps=2)
+    now = model._stepper._now  # type: ignore[attr-defined]
+    m, opened, room = now.motion, now.bodies.rate, allocate_body_room(1)
+    rate = opened + guess * np.array([[0.1, -0.3, 1e-6]])
+    known = m.body, m.elements, m.load
+    passes = close_step(*known, m.inertia, m.mobility, m.floor, opened, rate, 900.0, room)
+    assert 1 < passes < 8
+    newton_step(*known, opened, rate, 900.0, room)
+    assert _change(room.step, rate, m.inertia) < 1e-10
 
 
 def test_a_large_berg_that_does_not_turn_is_stepped() -> None:

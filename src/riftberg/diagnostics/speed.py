@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics import yardstick
+from riftberg.interrupts import held
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -54,11 +55,15 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
     """
     dt = model.parameters.stepping.time_step
     first = _timed_step(model)
-    before, steps = clock.perf_counter(), 0
-    while steps < 1 or (steps < days * SECONDS_PER_DAY / dt and clock.perf_counter() - before < seconds):
-        model.step()
-        steps += 1
-    per_step = (clock.perf_counter() - before) / steps
+    steps = 0
+    with held() as hold:  # as in a run: each step by itself would hold signals back anew
+        before = clock.perf_counter()
+        while steps < 1 or (steps < days * SECONDS_PER_DAY / dt and clock.perf_counter() - before < seconds):
+            model.step()
+            steps += 1
+            if hold.requested:
+                break
+        per_step = (clock.perf_counter() - before) / steps
     speed = per_step * SECONDS_PER_DAY / dt
     stick = yardstick.yardstick_seconds_per_day(model)
     return {

@@ -35,6 +35,8 @@ GIVERS: Final = (*FORCES, "elements", "life", "other")
 """What changes momentum and energy: forces from outside, elements among each other (with land), melt and births, processes of
 the user."""
 
+ELEMENTS, OTHER = GIVERS.index("elements"), GIVERS.index("other")
+
 START, NOW, BONDS = len(GIVERS), len(GIVERS) + 1, len(GIVERS) + 2
 """Rows after those of the givers: stock at the start, stock now; elastic energy at the start and released by cracks."""
 
@@ -264,10 +266,7 @@ class MotionLedger:
         entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
         was, stands, given = entries(before, now, applied, run)
         kept = self._begun(remembered, before, bonds_before, run, was)
-        _enter(kept, "other", was)
-        kept[: len(FORCES)] += given
-        kept[GIVERS.index("elements")] += stands - was - given.sum(axis=0)
-        kept[NOW] = stands
+        _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
         remembered[KEPT] = kept
 
@@ -331,13 +330,26 @@ def _known(remembered: Mapping[str, Floats]) -> Floats | None:
     """
     if KEPT not in remembered:
         return None
-    kept = np.array(remembered[KEPT])
+    kept = np.asarray(remembered[KEPT])
     if kept.shape != (BONDS + 1, 3) or kept.dtype.kind not in "fiu":
         raise InputError(
             f"a ledger of shape {kept.shape} and type {kept.dtype}", where=f"restart file, extra/{KEPT}",
             remedy=f"Name a restart file that Riftberg wrote: it has {BONDS + 1} by 3 numbers there",
         )  # fmt: skip
-    return kept.astype(float)
+    return kept.astype(float)  # a copy
+
+
+@borrower
+def _enter_step(kept: Floats, was: Floats, stands: Floats, given: Floats) -> None:
+    """Enter a step of motion: what others did before it, what each force gave, and what is left over."""
+    for i in range(3):
+        kept[OTHER, i] += was[i] - kept[NOW, i]
+        total = 0.0
+        for k in range(given.shape[0]):
+            kept[k, i] += given[k, i]
+            total += given[k, i]
+        kept[ELEMENTS, i] += stands[i] - was[i] - total
+        kept[NOW, i] = stands[i]
 
 
 def _enter(kept: Floats, who: str, now: Floats) -> None:

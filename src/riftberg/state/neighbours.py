@@ -6,6 +6,7 @@ pairs within it gives the same forces. Here it does not depend on an ocean grid.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from riftberg.state import Floats, Ints
 
 ANY, SAME_BERG, OTHER_BERG = 0, 1, 2
 _MAX_COLUMNS = 4096
-_FEWEST_CELLS, _CELLS_PER_ELEMENT = 65_536, 4
+_FEWEST_CELLS, _CELLS_PER_ELEMENT = 1024, 4
 _FEW = 16
 """Others in the bin of an element, on average, that are not worth classes of reach."""
 
@@ -71,10 +72,11 @@ def _hash_columns(
         closed = not covered + 3.0 * width_x < period
         # Half a column before the first, so that round-off does not carry it once around.
         x0, span = (0.0, period) if closed else (begin - 0.5 * width_x, covered + width_x)
-    rows = int(min(max((y.max() - y0) / width_y + 1.0, 1.0), _MAX_COLUMNS))
     # Bergs far apart must not make a grid of mostly empty cells that costs more than the search.
-    most = max(_FEWEST_CELLS, _CELLS_PER_ELEMENT * x.size) // rows
-    columns = int(min(max(span / width_x, 1.0), min(most, _MAX_COLUMNS)))
+    most = max(_FEWEST_CELLS, _CELLS_PER_ELEMENT * x.size)
+    across = min(max(span / width_x, 1.0), _MAX_COLUMNS)
+    rows = int(min(max((y.max() - y0) / width_y + 1.0, 1.0), min(max(math.sqrt(most), most / across), _MAX_COLUMNS)))
+    columns = int(min(across, max(most // rows, 1)))
     width_x = span / columns if closed else max(width_x, span / columns)
     if not closed:
         columns = min(columns + 1, _MAX_COLUMNS + 1)
@@ -174,15 +176,23 @@ def _find_pairs(
 
 
 @kernel
-def _crowded(x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float) -> bool:
-    """Whether elements share their bins of this reach (m) with more than `_FEW` others, on average."""
-    width_x, width_y, columns, rows, x0, y0, _ = _hash_columns(x, y, reach, latlon, radius, period)
-    _, start, _ = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+def _crowded(start: Ints) -> bool:
+    """Whether elements share their bins with more than `_FEW` others, on average."""
     shared = 0
     for c in range(start.size - 1):
         inside = start[c + 1] - start[c]
         shared += inside * (inside - 1)
-    return shared > _FEW * x.size
+    return bool(shared > _FEW * start[start.size - 1])
+
+
+@kernel
+def _binned(
+    x: Floats, y: Floats, reach: float, latlon: bool, radius: float, period: float
+) -> tuple[int, int, bool, Ints, Ints, Ints]:
+    """Columns and rows of the bins for a reach (m), whether the last column meets the first, and what `_bin` gives."""
+    width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(x, y, reach, latlon, radius, period)
+    cell, start, member = _bin(x, y, width_x, width_y, columns, rows, x0, y0, period)
+    return columns, rows, closed, cell, start, member
 
 
 @kernel
@@ -207,39 +217,41 @@ def near_pairs(
         Rows of the pairs, ``first < second``, in rising order.
     """
     count = x.size
+    if count == 0:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
     level = np.zeros(count, np.int64)
     # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
-    if count and _crowded(x, y, 2.0 * reach.max(), latlon, radius, period):
+    columns, rows, closed, cell, bin_start, member = _binned(x, y, 2.0 * reach.max(), latlon, radius, period)
+    crowded = _crowded(bin_start)
+    if crowded:
         least = reach.min()
         for e in range(count):
             level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     per_unit = DEGREE * radius if latlon else 1.0
-    top = level.max() if count else -1
-    for k in range(top, -1, -1):
+    for k in range(level.max(), -1, -1):
         asking = np.flatnonzero(level == k)
         if asking.size == 0:
             continue
         asked = np.flatnonzero(level <= k)
-        ax, ay = x[asked], y[asked]
-        width_x, width_y, columns, rows, x0, y0, closed = _hash_columns(
-            ax, ay, 2.0 * reach[asking].max(), latlon, radius, period
-        )
-        cell, bin_start, member = _bin(ax, ay, width_x, width_y, columns, rows, x0, y0, period)
+        if crowded:
+            far = 2.0 * reach[asking].max()
+            columns, rows, closed, cell, bin_start, member = _binned(x[asked], y[asked], far, latlon, radius, period)
         for one in range(asked.size):
             e = asked[one]
             if level[e] != k:
                 continue
             row, column = cell[one] // columns, cell[one] % columns
+            # The bins of a row stand beside each other; only round the seam of a circle they are taken one by one.
+            wraps = closed and columns > 2
+            low, high = (max(column - 1, 0), min(column + 2, columns)) if columns > 2 else (0, columns)
             for r in range(max(row - 1, 0), min(row + 2, rows)):
-                for shift in range(-1, 2) if columns > 2 else range(columns):
-                    c = column + shift if columns > 2 else shift
-                    if closed:
-                        c %= columns
-                    elif c < 0 or c >= columns:
-                        continue
-                    for n in range(bin_start[r * columns + c], bin_start[r * columns + c + 1]):
+                for shift in range(3 if wraps else 1):
+                    if wraps:
+                        low = (column + shift - 1) % columns
+                        high = low + 1
+                    for n in range(bin_start[r * columns + low], bin_start[r * columns + high]):
                         f = asked[member[n]]
                         # Two of one class meet twice.
                         if berg[e] == berg[f] or (level[f] == k and f <= e):

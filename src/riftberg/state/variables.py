@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -250,10 +250,9 @@ class Elements(NamedTuple):
 
     def copy_of_stepped(self) -> Elements:
         """Return elements with copies of what a long step may change; the rest is shared."""
-        return Elements(*(
-            kind(*[a.copy() if stepped else a for a, stepped in zip(group, marks, strict=True)])
-            for kind, group, marks in zip(GROUPS.values(), self, _STEPPED, strict=True)
-        ))  # fmt: skip
+        return Elements._make([
+            _with_copies(group, places) for group, places in zip(self, _STEPPED, strict=True)
+        ])  # fmt: skip
 
     def shown_in(self, block: slice) -> Elements:
         """Return some rows that follow one another, in the memory of these elements."""
@@ -315,11 +314,21 @@ class Bonds(NamedTuple):
 
     def copy_of_stepped(self) -> Bonds:
         """Return bonds with copies of what a long step may change; the rest is shared."""
-        return Bonds._make(a.copy() if stepped else a for a, stepped in zip(self, _BONDS_STEPPED, strict=True))
+        return cast("Bonds", _with_copies(self, _BONDS_STEPPED))
 
     def taken(self, rows: Any) -> Bonds:
         """Return a copy of some rows (numbers or a mask); the rows of their ends stay as they are."""
         return Bonds(**{name: array[rows].copy() for name, array in self.arrays().items()})
+
+
+def _with_copies(arrays: Any, places: list[int]) -> Any:
+    """Return a named tuple of arrays with copies of those at some places; once a long step, so without a generator."""
+    if not places:
+        return arrays
+    some = list(arrays)
+    for k in places:
+        some[k] = some[k].copy()
+    return arrays._make(some)
 
 
 def _registered(kind: type, group: str = "") -> tuple[Variable, ...]:
@@ -339,8 +348,11 @@ ELEMENT_VARIABLES: tuple[Variable, ...] = tuple(v for group, kind in GROUPS.item
 BOND_VARIABLES: tuple[Variable, ...] = _registered(Bonds)
 """Registry of the variables of a bond."""
 
-_STEPPED = tuple(tuple(v.stepped for v in ELEMENT_VARIABLES if v.group == group) for group in GROUPS)
-_BONDS_STEPPED = tuple(v.stepped for v in BOND_VARIABLES)
+_STEPPED = tuple(
+    [k for k, v in enumerate(v for v in ELEMENT_VARIABLES if v.group == group) if v.stepped] for group in GROUPS
+)
+_BONDS_STEPPED = [k for k, v in enumerate(BOND_VARIABLES) if v.stepped]
+"""Places in each group of what a long step may change."""
 
 # Each variable of an element is a property as well: found without `__getattr__`, which steps in pure Python would feel.
 for _variable in ELEMENT_VARIABLES:

@@ -66,7 +66,7 @@ def find_islands(
     run : RunState
     sizes : Sizes
     first, second : array of int
-        Rows of the pairs.
+        Rows of the pairs, in rising order.
     polar_latitude : float
         Bergs north of it (degrees) are left to the general sub-steps.
     """
@@ -75,30 +75,67 @@ def find_islands(
     if first.size == 0 or run.parameters.compatibility.bergs_coupled:
         return None, others
     _, berg = numbered(el.body.berg)
-    count = np.bincount(berg)
-    general = count > 1
-    if run.constants.latlon:
-        general[berg[el.place.lat > polar_latitude]] = True
-    group = connected_parts(count.size, berg[first], berg[second], np.zeros(first.size, np.int64))
-    others = np.isin(group, group[general])[berg[first]]
-    some = np.flatnonzero(~others)
+    polar = polar_latitude if run.constants.latlon else np.inf
+    others, some, *found = _find_islands(berg, int(berg.max()) + 1, el.place.lat, polar, first, second)
     if some.size == 0:
         return None, others
-    group_of_row = group[berg]
-    # By group, and within one in the order of the rows: what happens elsewhere has no say.
-    some = some[np.lexsort((second[some], first[some], group_of_row[first[some]]))]
-    one, other = first[some], second[some]
-    rows = np.unique(np.concatenate([one, other]))
-    rows = rows[np.argsort(group_of_row[rows], kind="stable")]
-    place = np.zeros(el.size, np.int64)
-    place[rows] = np.arange(rows.size)
-    numbers, start = np.unique(group_of_row[rows], return_index=True)
-    pair_start = np.searchsorted(group_of_row[one], numbers)
-    substeps = np.maximum.reduceat(substeps_of_contact(run, sizes, one, other), pair_start)
-    substeps = np.maximum(substeps, el.body.substeps[rows[start]])
-    return Islands(
-        rows, np.append(start, rows.size), place[one], place[other], np.append(pair_start, some.size), substeps
-    ), others
+    islands = Islands(*found, np.zeros(0, np.int64))
+    most = np.maximum.reduceat(substeps_of_contact(run, sizes, first[some], second[some]), islands.pair_start[:-1])
+    return islands._replace(substeps=np.maximum(most, el.body.substeps[islands.rows[islands.start[:-1]]])), others
+
+
+@kernel
+def _find_islands(
+    berg: Ints, count: int, lat: Floats, polar: float, first: Ints, second: Ints
+) -> tuple[NDArray[np.bool_], Ints, Ints, Ints, Ints, Ints, Ints]:
+    """Return which pairs are in no island, those that are, island by island, and the first five fields of `Islands`.
+
+    ``berg`` are numbers below ``count``, of each element. By island, and within one in the order of the rows: what happens
+    elsewhere has no say.
+    """
+    group = connected_parts(count, berg[first], berg[second], np.zeros(first.size, np.int64))
+    size, general = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    for e in range(berg.size):
+        size[berg[e]] += 1
+        if size[berg[e]] > 1 or lat[e] > polar:
+            general[group[berg[e]]] = True
+    others, meets = np.zeros(first.size, np.bool_), np.zeros(berg.size, np.bool_)
+    pairs, rows = np.zeros(count + 1, np.int64), np.zeros(count + 1, np.int64)
+    for k in range(first.size):
+        g = group[berg[first[k]]]
+        others[k] = general[g]
+        if not others[k]:
+            pairs[g + 1] += 1
+            meets[first[k]] = meets[second[k]] = True
+    for e in range(berg.size):
+        if meets[e]:
+            rows[group[berg[e]] + 1] += 1
+    islands = 0
+    for g in range(count):
+        if rows[g + 1] > 0:
+            islands += 1
+    start, pair_start = np.zeros(islands + 1, np.int64), np.zeros(islands + 1, np.int64)
+    islands = 0
+    for g in range(count):
+        islands += 1 if rows[g + 1] > 0 else 0
+        rows[g + 1] += rows[g]
+        pairs[g + 1] += pairs[g]
+        start[islands], pair_start[islands] = rows[g + 1], pairs[g + 1]
+    # From here on `rows` and `pairs` tell where the next one of each group goes.
+    row, place = np.empty(rows[count], np.int64), np.empty(berg.size, np.int64)
+    for e in range(berg.size):
+        if meets[e]:
+            g = group[berg[e]]
+            row[rows[g]], place[e] = e, rows[g]
+            rows[g] += 1
+    some = np.empty(pairs[count], np.int64)
+    one, other = np.empty(pairs[count], np.int64), np.empty(pairs[count], np.int64)
+    for k in range(first.size):
+        if not others[k]:
+            g = group[berg[first[k]]]
+            some[pairs[g]], one[pairs[g]], other[pairs[g]] = k, place[first[k]], place[second[k]]
+            pairs[g] += 1
+    return others, some, row, start, one, other, pair_start
 
 
 def collide(

@@ -53,9 +53,6 @@ TOUCHDOWN = 64
 MOST_CORRECTIONS = 90
 """Columns of Woodbury's formula beyond which the matrix is factored anew."""
 
-PLACE = ("lon", "lat", "lon_pair", "lat_pair", "u_pair", "v_pair", "cell_i", "cell_j", "xi", "eta", "rotation")
-"""What a trial step changes and the next trial needs as it was; all else is found anew."""
-
 
 @dataclass
 class Structure:
@@ -95,6 +92,7 @@ class QuasiStaticStepper:
         self._applied = np.zeros((0, len(FORCES), 2))
         self._ice: list[bytes] = []
         self._sizes: Sizes | None = None
+        self._room: BodyRoom | None = None
         self._touched = NOBODY
         self._began: tuple[float, Bodies | None] = math.nan, None  # the last step
 
@@ -133,12 +131,13 @@ class QuasiStaticStepper:
         self._forget_what_changed(model)
         self._began = model.time, self._bodies
         step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
+        step.room = step.room or self._room
         self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
         self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
         self._applied = step.applied
         self._touched = joined(step.touched)
-        self._sizes = step.sizes
+        self._sizes, self._room = step.sizes, step.room
         if step.cracked:
             self._ice = _ice(model)
         model.time = step.start + model.parameters.stepping.time_step
@@ -207,7 +206,8 @@ class LongStep:
             pieces = math.ceil(left / longest - 1e-9)
             h, self._soon = min(left / pieces, self._soon), math.inf
             longest = min(longest, self._go(h, dt, may_break))
-            self._peak()
+            if self.meeting is not None or end - self.now.time > 1e-9 * dt:  # the last equilibrium is stored below
+                self._peak()
         self._store(self._equilibrium())
 
     def _go(self, h: float, dt: float, may_break: bool) -> float:
@@ -249,12 +249,13 @@ class LongStep:
     def _landed(self, aground: Floats) -> bool:
         """Whether an element touches the floor that did not by ``aground``."""
         now = self.now.motion.load.aground
-        return bool(now.any()) and bool(((now > 0.0) & (aground == 0.0)).any())
+        return now.tobytes() != aground.tobytes() and bool(((now > 0.0) & (aground == 0.0)).any())
 
     def _touch_changed(self, aground: Floats) -> bool:
         """Whether an element touches the floor that did not by ``aground``, or the other way round."""
         now = self.now.motion.load.aground
-        return (bool(now.any()) or bool(aground.any())) and bool(((now > 0.0) != (aground > 0.0)).any())
+        # Afloat, as nearly always, the bytes are the same, and compared quickly.
+        return now.tobytes() != aground.tobytes() and bool(((now > 0.0) != (aground > 0.0)).any())
 
     def _touchdown(self, before: Standing, kept: list[np.ndarray], h: float, near: float) -> float:
         """Shorten a step in which an element touches down: it ends before, and the next one just after; returns its length.
@@ -294,13 +295,15 @@ class LongStep:
             self.touched.append((met.first, met.second))
 
     def _keep(self) -> list[np.ndarray]:
-        return [getattr(self.el, name).copy() for name in PLACE] + [self.bonds.damage.copy()]
+        """Return what a trial step changes and the next trial needs as it was; all else is found anew."""
+        el = self.el
+        return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage)]
 
     def _back(self, before: Standing, kept: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
-        for name, values in zip(PLACE, kept[:-1], strict=True):
-            getattr(self.el, name)[:] = values
-        self.bonds.damage[:] = kept[-1]
+        el = self.el
+        for array, values in zip((*el.place, *el.shown, el.motion.rotation, self.bonds.damage), kept, strict=True):
+            array[:] = values
         self.now, self.meeting = before, None
 
     def _advance(self, h: float) -> None:

@@ -59,6 +59,9 @@ MOST_PASSES = 50
 CLOSE_ENOUGH = 1e-8
 """Relative change of the velocities at which Newton's method ends: what is left is of the order of its square."""
 
+NOTHING_LEFT = 1e-11
+"""Relative change that the next pass would bring, by how the last two went, at which Newton's method ends without it."""
+
 
 class Loading(NamedTuple):
     """What acts on the elements at one place and time, before velocities are known.
@@ -185,14 +188,21 @@ def _add_outer(into: Floats, factor: float, a: Floats, b: Floats) -> None:
 
 
 @kernel
+def _add_inertia(into: Floats, mass: float, inertia: float, m: Floats) -> None:
+    """Add ``mass (u u^T + v v^T) + inertia w w^T``, with u, v and w one after the other in ``m``."""
+    for i in range(3):
+        for j in range(3):
+            # In one expression: each number is read and written once.
+            into[i, j] = into[i, j] + mass * m[i] * m[j] + mass * m[3 + i] * m[3 + j] + inertia * m[6 + i] * m[6 + j]
+
+
+@kernel
 def add_inertia_and_floor(body: Ints, motion: Floats, load: Loading, inertia: Floats, floor: Floats) -> None:
     """Add to the matrices of inertia and of the drag of the sea floor of each fragment, shape (fragments, 3, 3)."""
     for e in range(body.size):
         b, m = body[e], motion[e]
         u, v, w = m[0:3], m[3:6], m[6:9]
-        _add_outer(inertia[b], load.mass[e], u, u)
-        _add_outer(inertia[b], load.mass[e], v, v)
-        _add_outer(inertia[b], load.inertia[e], w, w)
+        _add_inertia(inertia[b], load.mass[e], load.inertia[e], m)
         if load.floor[e] > 0.0:
             _add_outer(floor[b], load.mass[e] * load.floor[e], u, u)
             _add_outer(floor[b], load.mass[e] * load.floor[e], v, v)
@@ -505,8 +515,8 @@ def newton_step(
 
 
 @kernel
-def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
-    """Whether a step of Newton's method changes the velocities at the rims of the fragments by nothing that counts.
+def _change(step: Floats, new: Floats, inertia: Floats) -> float:
+    """How much a step of Newton's method changes the velocities at the rims of the fragments, as a part of the largest.
 
     A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
     """
@@ -515,7 +525,9 @@ def _settled(step: Floats, new: Floats, inertia: Floats) -> bool:
         arm = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
         change = max(change, abs(step[b, 0]), abs(step[b, 1]), arm * abs(step[b, 2]))
         speed = max(speed, abs(new[b, 0]), abs(new[b, 1]), arm * abs(new[b, 2]))
-    return bool(change <= CLOSE_ENOUGH * speed)
+    if change == 0.0:
+        return 0.0
+    return change / speed if speed > 0.0 else np.inf
 
 
 @kernel
@@ -533,13 +545,16 @@ def close_step(
         Passes of Newton's method, -1 where they do not settle.
     """
     floor_factors(mobility, floor, half, room)
+    before = 0.0
     for n in range(MOST_PASSES):
         newton_step(body, motion, load, rate, new, half, room)
         for b in range(new.shape[0]):
             for i in range(3):
                 new[b, i] += room.step[b, i]
-        if _settled(room.step, new, inertia):
+        change = _change(room.step, new, inertia)
+        if change <= CLOSE_ENOUGH or (n > 0 and change * (change / before) ** 2 <= NOTHING_LEFT):
             return n + 1
+        before = change
     return -1
 
 
