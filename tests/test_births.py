@@ -20,7 +20,7 @@ from riftberg.state.population import Population
 
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
 BASE = A68A_2022.changed(earth=PLANE, fracture={"normal_strength": 10e3, "shear_strength": 10e3})
-SPRING = {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
+SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 SCHEMES: dict[str, Parameters] = {
     "mts": BASE.changed(stepping={"substeps": None}),
     "verlet": BASE.changed(**SPRING, stepping={"scheme": "verlet", "time_step": 20.0}),

@@ -39,7 +39,7 @@ from riftberg import Iceberg, Model, Steady
 from riftberg.parameters import A68A_2022
 scheme, how, out = sys.argv[1:4]
 stepping = {"scheme": scheme, **({} if scheme == "mts" else {"time_step": 20.0})}
-law = {} if scheme == "mts" else {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
+law = {} if scheme == "mts" else {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 berg = Iceberg.rectangle(24e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
 model = Model(berg, Steady(current=(0.3, 0.1), depth=500.0), A68A_2022.changed(stepping=stepping, **law))
 class Tell:
@@ -289,7 +289,7 @@ def test_no_kernel_that_python_calls_returns_a_named_tuple() -> None:
     def named(kind: object) -> bool:
         return isinstance(kind, BaseNamedTuple) or (isinstance(kind, BaseTuple) and any(map(named, kind)))
 
-    spring = {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
+    spring = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
     for scheme, dt in (("mts", 1800.0), ("quasi_static", 1800.0), ("verlet", 20.0), ("runge_kutta", 20.0)):
         law = spring if scheme in {"verlet", "runge_kutta"} else {}
         p = A68A_2022.changed(stepping={"scheme": scheme, "time_step": dt}, **law)

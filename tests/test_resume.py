@@ -19,7 +19,7 @@ from riftberg.runs.model import Model
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 STEPS = 7
-SPRING = {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
+SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 WEAK = {"normal_strength": 10e3, "shear_strength": 10e3}
 WEAKER = {"normal_strength": 4e3, "shear_strength": 4e3}
 STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}

@@ -35,7 +35,7 @@ from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.ringing import ringing
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
-from riftberg.stepping.substep_choice import assign_substeps, coarse_sizes
+from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
 from riftberg.values import moment, native, number, required
 
 _LOG = logging.getLogger(__name__)
@@ -154,6 +154,7 @@ class BareModel(RunState):
         # A number that is given may be larger than an array can hold.
         check_work(1, self.parameters.stepping.substeps or 1, self.elements.size, where="stepping.substeps")
         assign_substeps(self, self.elements.body.substeps == 0)
+        check_long_step(self)
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
         self._look()
         self._stepper: Stepper = make_stepper(self)

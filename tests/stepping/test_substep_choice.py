@@ -195,3 +195,57 @@ def test_choice_takes_little_time() -> None:
 
 def test_defaults_need_no_number_of_substeps() -> None:
     assert Parameters().stepping.substeps is None
+
+
+def _loose(scheme, packing, step, spring=None, **groups):
+    """A berg of spring bonds, whose elements move a little, in a scheme without sub-steps."""
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, fracture={"enabled": False},
+        bonds={"law": "spring", "spring": spring, "packing": packing},
+        stepping={"scheme": scheme, "time_step": step, "only_interactions": True}, **groups,
+    )  # fmt: skip
+    model = Model(_berg(packing), Steady(), p)
+    model.elements.u[:] = 1e-3 * np.random.default_rng(3).standard_normal(model.elements.size)
+    return model
+
+
+@pytest.mark.parametrize("spring", [None, 1e-6])
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("scheme", ["verlet", "runge_kutta"])
+def test_a_long_step_that_spring_bonds_cannot_bear_is_refused(scheme, packing, spring) -> None:
+    """Bug: a bonded berg in a scheme without sub-steps went at 400 m/s to 19 km/s, with the default step, and nobody said so."""
+    with pytest.raises(InputError, match="springs of these bonds bear") as refused:
+        _loose(scheme, packing, 5000.0, spring)
+    longest = float(str(refused.value).split("longer than the ")[1].split(" s ")[0])
+    model = _loose(scheme, packing, 0.995 * longest, spring)
+    for _ in range(4):
+        model.advance(steps=50)
+        assert np.hypot(model.elements.u, model.elements.v).max() < 4e-3
+    with pytest.raises(InputError, match="springs of these bonds bear"):
+        _loose(scheme, packing, 1.01 * longest, spring)
+    _loose(scheme, packing, 5000.0, spring, compatibility={"zero_start": True})  # as the reference has it
+
+
+@pytest.mark.parametrize("scheme", ["mts", "verlet", "runge_kutta"])
+def test_contact_that_the_long_step_cannot_bear_is_refused(scheme) -> None:
+    """Two bergs that touch would leave each other at a thousand times their speed."""
+    bergs = Iceberg.join([
+        Iceberg.rectangle(3e3, 3e3, thickness=200.0, radius=RADIUS, placement=(x, 0.0), latlon=False, velocity=(u, 0.0))
+        for x, u in ((0.0, 0.1), (3010.0, -0.1))
+    ])  # fmt: skip
+
+    def bergs_with(spring, dt=1800.0, substeps=False):
+        return Model(bergs, Steady(), Parameters(
+            earth={"latlon": False, "period": 0.0}, bonds={"law": "none"},
+            stepping={"scheme": scheme, "time_step": dt, "only_interactions": True},
+            contact={"spring": spring, "on_substeps": substeps},
+        ))  # fmt: skip
+
+    with pytest.raises(InputError, match=r"contact of 1e-05 s-2 swings in 1.4e\+03 s") as refused:
+        bergs_with(1e-5)
+    longest = float(str(refused.value).split("longer than the ")[1].split(" s ")[0])
+    for allowed in (bergs_with(1e-5, 0.99 * longest), bergs_with(None), bergs_with(1e-7)):
+        allowed.advance(steps=30)
+        assert np.abs(allowed.elements.u).max() <= 0.21
+    if scheme == "mts":
+        bergs_with(1e-5, substeps=True).advance(steps=3)

@@ -208,6 +208,19 @@ def test_panels_of_a_short_run_tell_their_seconds(tmp_path: Path, monkeypatch: p
     assert figures[1].axes[-1].get_xlabel() == "time since the start (s)"
 
 
+@pytest.mark.parametrize(("hours", "unit", "last"), [(2.0, "min", 120.0), (5.0, "h", 5.0)])
+def test_the_axis_of_a_short_run_has_a_unit_that_fits(
+    hours: float, unit: str, last: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bug: five hours stood as 300 minutes below panels that were named 0 h to 5 h."""
+    run = finished(FakeModel(), tmp_path, hours / 24.0)
+    figures = figures_of(monkeypatch, plots)
+    plots.draw_timeline(run, tmp_path / "timeline.png", dpi=30)
+    axis = figures[0].axes[-1]
+    assert axis.get_xlabel() == f"time since the start ({unit})"
+    assert axis.get_xlim() == (0.0, pytest.approx(last))
+
+
 def test_moments_differ_and_are_as_short_as_can_be() -> None:
     def texts(step: str, count: int, records: list[int], *, hour: bool = True) -> list[str]:
         times = np.datetime64("2020-12-09T13:00", "ms") + np.timedelta64(1, step) * np.arange(count)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats
@@ -19,6 +20,15 @@ from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 MOST_COUNTED = 1e15
 """Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.limits`."""
+
+SINGLE_STEP = {"verlet": 4.0, "runge_kutta": 0.5}
+"""Largest squared frequency of bonds times step for schemes without sub-steps: of Verlet the bound of the leapfrog; in
+Runge-Kutta others are seen where they were at its start, so that it grows from 0.6 on (hexagonal) or 0.8 (square) even where
+bonds are damped critically."""
+
+LONG_CONTACT = 1.0
+"""The same of one pair of bergs whose contact acts in the long step. They may get into each other by a whole step of their
+closing speed v before contact is seen, and ``2 k v dt`` in a step is then more than they came with."""
 
 COARSE = 0.01
 """Steps of the logarithm of sizes at which sub-steps are chosen anew: far less than the margin of ``stepping.safety``."""
@@ -83,6 +93,62 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
             remedy=f"Set it to {least} or more, or leave it out to have it chosen",
         )
     return fixed
+
+
+def check_long_step(run: RunState) -> None:
+    """Refuse a long step that springs cannot bear which act in it: bonds without sub-steps, contact of a given stiffness.
+
+    Runs with the reference's quirks must run as they stand.
+
+    Raises
+    ------
+    InputError
+        If bergs would be thrown about, however little acts on them.
+    """
+    p, dt = run.parameters, run.parameters.stepping.time_step
+    scheme = p.stepping.scheme
+    moves = not p.stepping.frozen and p.stepping.fixed_velocity is None
+    if p.compatibility.zero_start or scheme == "quasi_static" or not moves:
+        return
+    if scheme in SINGLE_STEP and p.bonds.law != "none":
+        longest = math.sqrt(SINGLE_STEP[scheme] / max(_spring_frequency(run), 1e-300))
+        if dt > longest:
+            raise InputError(
+                f"step of {dt:g} s is longer than the {longest:.3g} s that the springs of these bonds bear with scheme "
+                f"{scheme!r}",
+                where="stepping.time_step",
+                remedy="Make it shorter, give softer bonds (bonds.spring), or take stepping.scheme = 'mts', which has sub-steps",
+            )
+    k = p.contact.spring
+    if k is None or run.constants.contact_on_substeps or not p.stepping.interactions:
+        return
+    if 2.0 * k * dt * dt > LONG_CONTACT and np.ptp(run.elements.body.berg) > 0:
+        longest = math.sqrt(0.5 * LONG_CONTACT / k)
+        raise InputError(
+            f"contact of {k:g} s-2 swings in {2.0 * math.pi / math.sqrt(2.0 * k):.3g} s, and the step of {dt:g} s, in which it "
+            f"acts, is longer than the {longest:.3g} s that this bears",
+            where="contact.spring",
+            remedy="Leave it out to have what the step can resolve, or take stepping.scheme = 'mts' with contact.on_substeps",
+        )
+
+
+def _spring_frequency(run: RunState) -> float:
+    """Bound of the largest squared frequency (s-2) of KID's spring bonds: twice the stiffest sum over one element."""
+    el, bonds, c = run.elements, run.bonds, run.constants
+    held = np.flatnonzero(bonds.status == 0)
+    if held.size == 0:
+        return 0.0
+    i, j, mass = bonds.first[held], bonds.second[held], el.body.mass
+    metric = Metric(c.latlon, c.earth_radius, c.period)
+    x, y = separations(metric, el.place.lon[i], el.place.lat[i], el.place.lon[j], el.place.lat[j])
+    squared = np.maximum(x * x + y * y, 1e-300)
+    stiffness = np.full(held.size, c.spring) if c.spring >= 0.0 else c.modulus / squared
+    lighter = stiffness * np.minimum(mass[i], mass[j]) / squared
+    sums = np.zeros((el.size, 2, 2))
+    for end in (i, j):
+        along = np.stack([x, y], axis=-1)
+        np.add.at(sums, end, (lighter / mass[end])[:, None, None] * along[:, :, None] * along[:, None, :])
+    return 2.0 * float(np.linalg.eigvalsh(sums).max())
 
 
 def coarse_sizes(elements: Elements) -> tuple[Floats, ...]:

@@ -364,9 +364,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         style.plain_axes(ax)
         ax.text(0.0, 1.02, f"({'abc'[k]})", transform=ax.transAxes, fontsize=10, fontweight="bold", va="bottom")
     if is_short(scene.times):
-        lower.set_xlabel(
-            "time since the start (s)" if length_of(scene.times) <= 180.0 else "time since the start (min)"
-        )
+        lower.set_xlabel(f"time since the start ({_unit_of_time(scene)[0]})")
     else:
         date_axis(lower)
     if len(times) > 1:
@@ -386,11 +384,18 @@ def knows_floor(scene: Scene) -> bool:
 
 
 def _times_shown(scene: Scene) -> Any:
-    """Return the records along the axis of time: dates, or in a short run seconds or minutes since its start."""
+    """Return the records along the axis of time: dates, or in a short run seconds, minutes or hours since its start."""
     if not is_short(scene.times):
         return scene.times
-    seconds = scene.seconds - scene.seconds[0]
-    return seconds if length_of(scene.times) <= 180.0 else seconds / 60.0
+    return (scene.seconds - scene.seconds[0]) / _unit_of_time(scene)[1]
+
+
+def _unit_of_time(scene: Scene) -> tuple[str, float]:
+    """Return the unit of the axis of time of a short run, and its seconds."""
+    length = length_of(scene.times)
+    if length <= 180.0:
+        return "s", 1.0
+    return ("min", 60.0) if length <= 10800.0 else ("h", 3600.0)
 
 
 def _areas(ax: Axes, scene: Scene, times: Any) -> None:
