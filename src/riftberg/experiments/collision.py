@@ -33,7 +33,6 @@ PARAMETERS = Parameters(
     contact={
         "spring": 1e-7,
         "distance": 1750.0,
-        "on_substeps": False,
         "tangential_critical_damping": True,
         "damping_by_speed": True,
         "tolerance": 1e-8,
