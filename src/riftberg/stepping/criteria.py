@@ -25,7 +25,7 @@ HOLDS = 1.0 - 1e-9
 """Stress over strength at the end of a step below which nothing has failed in it: stress is largest at one of its ends."""
 
 AT_ONCE = 512
-"""Bonds whose discs are looked for at once: as lists a disc takes ten times the memory that it has as an array."""
+"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it has as an array."""
 
 
 class Equilibrium:
