@@ -24,6 +24,9 @@ from riftberg.stepping.lattice_equilibrium import ElasticLattice, deformations_a
 HOLDS = 1.0 - 1e-9
 """Stress over strength at the end of a step below which nothing has failed in it: stress is largest at one of its ends."""
 
+AT_ONCE = 512
+"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it has as an array."""
+
 
 class Equilibrium:
     """A lattice under its loads, with the stress of its bonds, found when it is first asked for.
@@ -135,11 +138,12 @@ class AveragedStress:
         far = 4.0 * (float(np.abs(flat).max(initial=0.0)) + self.radius)  # fragments have frames of their own
         tree = cKDTree(np.column_stack([flat, far * body]))
         places = np.column_stack([self._middle[alive], far * self._body[alive]])
-        inside = tree.query_ball_point(places, self.radius, return_sorted=True)
-        counts = np.zeros(self._middle.shape[0] + 1, np.int64)
-        counts[alive + 1] = [len(near) for near in inside]
-        member = np.concatenate([np.array(near, np.int64) for near in inside]) if alive.size else np.zeros(0, np.int64)
-        start = np.cumsum(counts)
+        counts, members = np.zeros(self._middle.shape[0] + 1, np.int64), [np.zeros(0, np.int64)]
+        for begin in range(0, alive.size, AT_ONCE):
+            inside = tree.query_ball_point(places[begin : begin + AT_ONCE], self.radius, return_sorted=True)
+            counts[alive[begin : begin + AT_ONCE] + 1] = [len(near) for near in inside]
+            members.extend(np.array(near, np.int64) for near in inside)
+        member, start = np.concatenate(members), np.cumsum(counts)
         return start, member, _weights(alive, start, member, flat, self._middle, self._volume, self.radius)
 
     def _means(self, alive: Ints, bend: Floats) -> Floats:
