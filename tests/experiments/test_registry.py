@@ -89,3 +89,12 @@ def test_grounding_fracture_ends_in_more_than_one_fragment(numerics: Any) -> Non
     assert len(areas) >= 2
     assert areas[0] < 450.0
     assert areas[1] > 100.0
+
+
+@pytest.mark.parametrize("numerics", ["own", "reference"])
+@pytest.mark.parametrize("name", [each.name for each in EXPERIMENTS if not each.fetches])
+def test_each_experiment_can_be_built_and_takes_a_step(name: str, numerics: Any) -> None:
+    """A check of long steps, made for others, refused the collision: nobody built it by Riftberg's own numerics."""
+    model, _ = build(name, Options(numerics=numerics))
+    model.step()
+    assert model.step_number == 1
