@@ -25,6 +25,7 @@ from riftberg.parameters import Packing
 from riftberg.runs.model import Model
 from riftberg.stepping import quasi_static
 from riftberg.stepping.cracking import limits_of
+from riftberg.stepping.criteria import Equilibrium
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"
 DISTANCE = 10.7e3
@@ -68,8 +69,15 @@ class Watched(quasi_static.LongStep):
 
     def _peak(self) -> None:
         super()._peak()
+        self._note(self._equilibrium())
+
+    def _store(self, now: Equilibrium) -> None:
+        super()._store(now)
+        self._note(now)
+
+    def _note(self, now: Equilibrium) -> None:
         s = self.structure
-        ratio = s.criterion.worst(self._equilibrium(), limits_of(self.bonds, s.alive, self.c))[1]
+        ratio = s.criterion.worst(now, limits_of(self.bonds, s.alive, self.c))[1]
         Watched.seen.append((self.now.time, NO_LIMIT * ratio))
 
 

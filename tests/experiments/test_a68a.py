@@ -271,3 +271,22 @@ def test_what_a_run_should_not_be_taken_for_is_told_before_it() -> None:
         forcing_title(model.forcing)
         == "currents fitted to the observed drift with the reference's numerics, not measured"
     )
+
+
+@pytest.mark.parametrize("scheme", ["mts", "quasi_static", "verlet", "runge_kutta"])
+def test_elements_that_a_user_moves_are_moved(scheme: str) -> None:
+    """They showed each other their old places, from which an explicit step went on: a moved berg stood where it had been."""
+    long = scheme in ("mts", "quasi_static")
+    stepping = {"scheme": scheme} if long else {"scheme": scheme, "time_step": 10.0}
+    law = {} if long else {"bonds": {"law": "spring"}, "fracture": {"enabled": False}}
+    runs = [story_model(Options({"stepping": stepping, **law})) for _ in range(2)]
+    for model in runs[1:]:
+        model.elements.lat[:] += 3.0
+    for _ in range(2):
+        for model in runs:
+            model.step()
+        here, there = (model.elements for model in runs)
+        assert np.abs(there.lat - here.lat - 3.0).max() < 0.03
+        assert np.abs(there.lat_pair - there.lat).max() < 1e-6
+        there.lat[:] += 1.0
+        here.lat[:] += 1.0

@@ -115,6 +115,13 @@ class FrozenStepper(Forgetful):
         return NOBODY
 
 
+def show_places(el: Elements) -> None:
+    """Let moving elements see each other where they are, also those that a user, or a process after a step, has moved."""
+    moving = el.static < 0.5
+    np.copyto(el.lon_pair, el.lon, where=moving)
+    np.copyto(el.lat_pair, el.lat, where=moving)
+
+
 def settle(run: RunState) -> None:
     """Find the cells after a move, stop bergs at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
@@ -126,9 +133,7 @@ def settle(run: RunState) -> None:
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
-    moving = el.static < 0.5
-    np.copyto(el.lon_pair, el.lon, where=moving)
-    np.copyto(el.lat_pair, el.lat, where=moving)
+    show_places(el)
 
 
 def _processing_rank(run: RunState) -> Ints:
@@ -170,6 +175,7 @@ class MultipleStepper(Forgetful):
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
         el, bonds, c = run.elements, run.bonds, run.constants
+        show_places(el)
         sizes = interaction_sizes(el, c)
         earlier = np.arange(el.size)
         if self._quirky_order and not _uniform(run):
@@ -433,6 +439,7 @@ class VerletStepper(SingleStepper):
     def step(self, run: RunState) -> None:
         """Advance by one step."""
         el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
+        show_places(el)
         if run.step_number == 0 and c.grid_position_round_trip and run.forcing.grid is not None:
             round_trip(el, run.forcing.grid.arrays)
         run.forcing.sample(el, run.time)
@@ -482,6 +489,7 @@ class RungeKuttaStepper(SingleStepper):
     def step(self, run: RunState) -> None:
         """Advance by one step; stages go from the cell at the start of the step."""
         el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
+        show_places(el)
         mean_speeds = run.parameters.stepping.predictor_corrector
         sizes = interaction_sizes(el, c)
         partners = self._partners(run, sizes)
