@@ -300,6 +300,7 @@ class Stepping(Group):
         "with mts: threads for the sub-steps of lattices of 20,000 elements and more; results do not depend on it",
         "Riftberg",
         ge=1,
+        le=256,
     )
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "equations 6.4")
     predictor_corrector: bool = quantity(
