@@ -17,6 +17,12 @@ from riftberg.constants import DEGREE
 from riftberg.state import Floats
 
 
+def unit_vectors(lon: Floats, lat: Floats) -> Floats:
+    """Return positions (degrees) as vectors of length 1 along a last axis of three."""
+    east, north = np.deg2rad(np.asarray(lon, float)), np.deg2rad(np.asarray(lat, float))
+    return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=-1)
+
+
 @dataclass(frozen=True)
 class AzimuthalPlane:
     """Base of the planes that touch the sphere at ``(lon0, lat0)``; the identity for positions in metres.

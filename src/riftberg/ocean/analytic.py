@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
 from riftberg.ocean.shown import flows_text, pair_text, said
 from riftberg.ocean.steady_schema import ConstantForcing, steady_value
 from riftberg.parameters import Earth
-from riftberg.state import Elements, Environment, Floats, new_elements
+from riftberg.state import Elements, Floats, new_elements
 from riftberg.values import given, native, number
 
 DEEP = 1e4
@@ -111,30 +112,27 @@ class Steady(Formula):
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add what `sample` of this class gives."""
-        if type(self).sample is Steady.sample:
-            self._add_steady(elements.environment)
-            return
+        e, gives = elements.environment, self._values(elements, time)
+        for name in SUMMED:
+            getattr(e, name)[:] += gives[name]
+        np.minimum(e.depth, gives["depth"], out=e.depth)
+        for name in self.provides:
+            getattr(e, name)[:] = gives[name]
+        np.maximum(e.ice_fraction, self._water[2], out=e.ice_fraction)
+
+    def _values(self, elements: Elements, time: float) -> Mapping[str, Floats | float]:
+        """What `sample` of this class fills, by name; numbers where it is the same everywhere."""
+        if type(self).sample is Steady.sample:  # no elements are made for these, which takes longer than the sums
+            summed = (*self.current, *self.slope, *self.wind, *self.sea_ice, 0.0)
+            return {
+                **dict(zip(SUMMED, summed, strict=True)),
+                "depth": self.water,
+                **dict(zip(UNKNOWN, self._water, strict=True)),
+            }
         own = new_elements(elements.size)
         own.place.lon[:], own.place.lat[:] = elements.place.lon, elements.place.lat
         self.sample(own, time)
-        for name in SUMMED:
-            getattr(elements.environment, name)[:] += getattr(own.environment, name)
-        depth = elements.environment.depth
-        depth[:] = np.minimum(depth, own.environment.depth)
-        for name in self.provides:
-            getattr(elements.environment, name)[:] = getattr(own.environment, name)
-        elements.environment.ice_fraction[:] = np.maximum(elements.environment.ice_fraction, self._water[2])
-
-    def _add_steady(self, e: Environment) -> None:
-        """Add the same numbers everywhere: no elements are made for them, which takes longer than the sums."""
-        numbers = (*self.current, *self.slope, *self.wind, *self.sea_ice, 0.0)
-        for name, value in zip(SUMMED, numbers, strict=True):
-            array = getattr(e, name)
-            array += value
-        np.minimum(e.depth, self.water, out=e.depth)
-        for name in self.provides:
-            getattr(e, name)[:] = self._water[UNKNOWN.index(name)]
-        np.maximum(e.ice_fraction, self._water[2], out=e.ice_fraction)
+        return {name: getattr(own.environment, name) for name in (*SUMMED, "depth", *UNKNOWN)}
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""

@@ -18,8 +18,9 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
 from riftberg.kernels import kernel
 from riftberg.ocean.geometry import inverse_bilinear
+from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round
-from riftberg.products.cells import goes_round_in_x, unit_vectors
+from riftberg.products.cells import goes_round_in_x
 from riftberg.products.stencil import brackets
 from riftberg.state import Floats, Ints
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from riftberg.plane import unit_vectors
 from riftberg.products.stencil import Stencil
 
 Floats = NDArray[np.float64]
@@ -27,12 +28,6 @@ REACH = 1.5
 NEIGHBOURS = 3
 _ROUNDING = 1e-6
 _BLOCK = 200_000
-
-
-def unit_vectors(lon: Floats, lat: Floats) -> Floats:
-    """Return positions (degrees) as vectors of length 1 along a last axis of three."""
-    east, north = np.deg2rad(np.asarray(lon, float)), np.deg2rad(np.asarray(lat, float))
-    return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=-1)
 
 
 def _tree(points: Floats) -> tuple[Any, Integers]:

@@ -16,9 +16,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round
 from riftberg.products.canonical import QUANTITIES
-from riftberg.products.cells import curvilinear, scattered, unit_vectors
+from riftberg.products.cells import curvilinear, scattered
 from riftberg.products.records import VECTORS, named
 from riftberg.products.roles import standard_name, units_of
 from riftberg.products.stencil import MISSING, Stencil

@@ -151,7 +151,7 @@ def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.D
 
 def _nearest(lon: Floats, lat: Floats, to_lon: float, to_lat: float) -> NDArray[np.bool_]:
     """Mark the point of a grid that is nearest to a place."""
-    from riftberg.products.cells import unit_vectors
+    from riftberg.plane import unit_vectors
 
     off = np.linalg.norm(unit_vectors(lon, lat) - unit_vectors(np.array(to_lon), np.array(to_lat)), axis=-1)
     nearest: NDArray[np.bool_] = off == np.nanmin(off)

@@ -206,7 +206,7 @@ def end_beams(
         remember_fast(el)
     if on.floor_acts:
         end_substeps(around, room.scratch, plan.substeps)
-    show_all(el)
+    show_all(el, el.motion.u, el.motion.v)
 
 
 @stage

@@ -21,111 +21,103 @@ from riftberg.stepping.scratch import Scratch
 
 
 @kernel
-def _fetch(block, source):
-    """Copy the values of some elements to the front of a block."""
-    for k in range(source.size):
-        block[k] = source[k]
+def _lay_out(blocks, width, quantity, source):
+    """Copy the values of all elements to a quantity of their blocks, which are ``width`` numbers long."""
+    for b in range(row.blocks_of(source.size)):
+        some = source[b * row.LANES : min((b + 1) * row.LANES, source.size)]
+        block = blocks[b * width + quantity : b * width + quantity + row.LANES]
+        for k in range(some.size):
+            block[k] = some[k]
 
 
 @kernel
-def _bring(target, block):
-    """Copy back what `_fetch` has copied."""
-    for k in range(target.size):
-        target[k] = block[k]
+def _bring_back(target, blocks, width, quantity):
+    """Copy back what `_lay_out` has copied."""
+    for b in range(row.blocks_of(target.size)):
+        some = target[b * row.LANES : min((b + 1) * row.LANES, target.size)]
+        block = blocks[b * width + quantity : b * width + quantity + row.LANES]
+        for k in range(some.size):
+            some[k] = block[k]
 
 
 @kernel
-def _load_motion(own, ends, el, i, j):
-    """Place, motion and accelerations of elements i to j; those that do not move show what they showed before."""
-    shown, motion, kicks = el.shown, el.motion, el.kicks
-    _fetch(ends[row.X :], shown.lon_pair[i:j])
-    _fetch(ends[row.Y :], shown.lat_pair[i:j])
-    _fetch(ends[row.U :], shown.u_pair[i:j])
-    _fetch(ends[row.V :], shown.v_pair[i:j])
-    _fetch(ends[row.SPIN :], motion.spin[i:j])
-    _fetch(ends[row.ANGLE :], motion.rotation[i:j])
-    _fetch(own[row.OWN_U :], motion.u[i:j])
-    _fetch(own[row.OWN_V :], motion.v[i:j])
-    _fetch(own[row.AX :], kicks.ax_fast[i:j])
-    _fetch(own[row.AY :], kicks.ay_fast[i:j])
-    _fetch(own[row.BX :], kicks.bx_fast[i:j])
-    _fetch(own[row.BY :], kicks.by_fast[i:j])
-    _fetch(own[row.SPIN_RATE :], kicks.spin_rate[i:j])
+def _lay_out_motion(rows, shown, motion, kicks):
+    """Place, motion and accelerations; those that do not move show what they showed before."""
+    own, ends = rows.own, rows.ends
+    _lay_out(ends, row.ENDS, row.X, shown.lon_pair)
+    _lay_out(ends, row.ENDS, row.Y, shown.lat_pair)
+    _lay_out(ends, row.ENDS, row.U, shown.u_pair)
+    _lay_out(ends, row.ENDS, row.V, shown.v_pair)
+    _lay_out(ends, row.ENDS, row.SPIN, motion.spin)
+    _lay_out(ends, row.ENDS, row.ANGLE, motion.rotation)
+    _lay_out(own, row.OWN, row.OWN_U, motion.u)
+    _lay_out(own, row.OWN, row.OWN_V, motion.v)
+    _lay_out(own, row.OWN, row.AX, kicks.ax_fast)
+    _lay_out(own, row.OWN, row.AY, kicks.ay_fast)
+    _lay_out(own, row.OWN, row.BX, kicks.bx_fast)
+    _lay_out(own, row.OWN, row.BY, kicks.by_fast)
+    _lay_out(own, row.OWN, row.SPIN_RATE, kicks.spin_rate)
 
 
 @kernel
-def _load_body(own, el, scratch, i, j):
-    """What elements i to j are, in this long step, and what the floor does to them."""
-    body = el.body
-    _fetch(own[row.ACTIVE :], scratch.active[i:j])
-    _fetch(own[row.PER_MASS :], scratch.per_mass[i:j])
-    _fetch(own[row.PER_INERTIA :], scratch.per_inertia[i:j])
-    _fetch(own[row.LOAD_X :], body.load_x[i:j])
-    _fetch(own[row.LOAD_Y :], body.load_y[i:j])
-    _fetch(own[row.FREE_Y :], body.free_y[i:j])
-    _fetch(own[row.RATE :], scratch.ground_rate[i:j])
-    _fetch(own[row.LINEAR :], scratch.ground_linear[i:j])
-    _fetch(own[row.QUADRATIC :], scratch.ground_quadratic[i:j])
-    _fetch(own[row.LEAVES :], scratch.ground_leaves[i:j])
-    _fetch(own[row.LEAVES_SPIN :], scratch.ground_leaves_spin[i:j])
+def _lay_out_bodies(own, body, scratch):
+    """What elements are, in this long step, and what the floor does to them."""
+    _lay_out(own, row.OWN, row.ACTIVE, scratch.active)
+    _lay_out(own, row.OWN, row.PER_MASS, scratch.per_mass)
+    _lay_out(own, row.OWN, row.PER_INERTIA, scratch.per_inertia)
+    _lay_out(own, row.OWN, row.LOAD_X, body.load_x)
+    _lay_out(own, row.OWN, row.LOAD_Y, body.load_y)
+    _lay_out(own, row.OWN, row.FREE_Y, body.free_y)
+    _lay_out(own, row.OWN, row.RATE, scratch.ground_rate)
+    _lay_out(own, row.OWN, row.LINEAR, scratch.ground_linear)
+    _lay_out(own, row.OWN, row.QUADRATIC, scratch.ground_quadratic)
+    _lay_out(own, row.OWN, row.LEAVES, scratch.ground_leaves)
+    _lay_out(own, row.OWN, row.LEAVES_SPIN, scratch.ground_leaves_spin)
 
 
 @stage
 def load_elements(rows: BondRows, el: Elements, scratch: Scratch) -> None:
     """Lay out the elements for the sub-steps of a long step."""
-    size = el.place.lon.size
     rows.own[:] = 0.0
     rows.sums[:] = 0.0
     rows.turned[:] = 0.0
-    for b in range(row.blocks_of(size)):
-        i, j = b * row.LANES, min((b + 1) * row.LANES, size)
-        own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
-        _load_motion(own, ends, el, i, j)
-        _load_body(own, el, scratch, i, j)
+    _lay_out_motion(rows, el.shown, el.motion, el.kicks)
+    _lay_out_bodies(rows.own, el.body, scratch)
 
 
 @kernel
 def show_elements(rows: BondRows, el: Elements) -> None:
     """Write to the state what contact reads there: places, velocities, and those shown."""
-    shown, motion, size = el.shown, el.motion, el.place.lon.size
-    for b in range(row.blocks_of(size)):
-        i, j = b * row.LANES, min((b + 1) * row.LANES, size)
-        own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
-        _bring(shown.lon_pair[i:j], ends[row.X :])
-        _bring(shown.lat_pair[i:j], ends[row.Y :])
-        _bring(shown.u_pair[i:j], ends[row.U :])
-        _bring(shown.v_pair[i:j], ends[row.V :])
-        _bring(motion.u[i:j], own[row.OWN_U :])
-        _bring(motion.v[i:j], own[row.OWN_V :])
+    shown, motion, own, ends = el.shown, el.motion, rows.own, rows.ends
+    _bring_back(shown.lon_pair, ends, row.ENDS, row.X)
+    _bring_back(shown.lat_pair, ends, row.ENDS, row.Y)
+    _bring_back(shown.u_pair, ends, row.ENDS, row.U)
+    _bring_back(shown.v_pair, ends, row.ENDS, row.V)
+    _bring_back(motion.u, own, row.OWN, row.OWN_U)
+    _bring_back(motion.v, own, row.OWN, row.OWN_V)
 
 
 @kernel
 def take_contact(rows: BondRows, ax: Floats, ay: Floats) -> None:
     """Take up the accelerations (m s-2) by contact."""
-    for b in range(row.blocks_of(ax.size)):
-        i, j = b * row.LANES, min((b + 1) * row.LANES, ax.size)
-        own = rows.own[b * row.OWN : (b + 1) * row.OWN]
-        _fetch(own[row.CONTACT_X :], ax[i:j])
-        _fetch(own[row.CONTACT_Y :], ay[i:j])
+    _lay_out(rows.own, row.OWN, row.CONTACT_X, ax)
+    _lay_out(rows.own, row.OWN, row.CONTACT_Y, ay)
 
 
 @stage
 def store_elements(rows: BondRows, el: Elements, scratch: Scratch) -> None:
     """Give back to the state, and to the scratch rows of the floor, what the sub-steps have changed."""
-    place, motion, kicks, size = el.place, el.motion, el.kicks, el.place.lon.size
+    place, motion, kicks, own, ends = el.place, el.motion, el.kicks, rows.own, rows.ends
     show_elements(rows, el)
-    for b in range(row.blocks_of(size)):
-        i, j = b * row.LANES, min((b + 1) * row.LANES, size)
-        own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
-        _bring(place.lon[i:j], ends[row.X :])
-        _bring(place.lat[i:j], ends[row.Y :])
-        _bring(motion.spin[i:j], ends[row.SPIN :])
-        _bring(motion.rotation[i:j], ends[row.ANGLE :])
-        _bring(kicks.ax_fast[i:j], own[row.AX :])
-        _bring(kicks.ay_fast[i:j], own[row.AY :])
-        _bring(kicks.spin_rate[i:j], own[row.SPIN_RATE :])
-        _bring(scratch.stopped_x[i:j], own[row.STOPPED_X :])
-        _bring(scratch.stopped_y[i:j], own[row.STOPPED_Y :])
+    _bring_back(place.lon, ends, row.ENDS, row.X)
+    _bring_back(place.lat, ends, row.ENDS, row.Y)
+    _bring_back(motion.spin, ends, row.ENDS, row.SPIN)
+    _bring_back(motion.rotation, ends, row.ENDS, row.ANGLE)
+    _bring_back(kicks.ax_fast, own, row.OWN, row.AX)
+    _bring_back(kicks.ay_fast, own, row.OWN, row.AY)
+    _bring_back(kicks.spin_rate, own, row.OWN, row.SPIN_RATE)
+    _bring_back(scratch.stopped_x, own, row.OWN, row.STOPPED_X)
+    _bring_back(scratch.stopped_y, own, row.OWN, row.STOPPED_Y)
 
 
 @kernel

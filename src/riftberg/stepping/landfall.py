@@ -14,6 +14,7 @@ import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.ocean.cells import settle_elements
+from riftberg.plane import unit_vectors
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import near_pairs
 from riftberg.stepping.conglomerates import connected_parts
@@ -149,20 +150,14 @@ def _go_along(el: Elements, lon: Floats, lat: Floats, rows: Ints, lead: Ints, c:
     if not c.latlon:
         x, y = lon[rows] + _nearest(el.lon[lead] - lon[lead], c.period), lat[rows] + (el.lat[lead] - lat[lead])
     else:
-        start, end = _vectors(lon[lead], lat[lead]), _vectors(el.lon[lead], el.lat[lead])
-        to = turned_along(start, end, _vectors(lon[rows], lat[rows]))
+        start, end = unit_vectors(lon[lead], lat[lead]), unit_vectors(el.lon[lead], el.lat[lead])
+        to = turned_along(start, end, unit_vectors(lon[rows], lat[rows]))
         x, y = (
             np.degrees(np.arctan2(to[:, 1], to[:, 0])),
             np.degrees(np.arctan2(to[:, 2], np.hypot(to[:, 0], to[:, 1]))),
         )
     # On the branch of the cell in which it stands.
     el.lon[rows], el.lat[rows] = el.lon[rows] + _nearest(x - el.lon[rows], c.period), y
-
-
-def _vectors(lon: Floats, lat: Floats) -> Floats:
-    """Unit vectors of points in degrees, shape (points, 3)."""
-    a, b = np.radians(lon), np.radians(lat)
-    return np.stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)], axis=-1)
 
 
 def turned_along(start: Floats, end: Floats, points: Floats) -> Floats:
@@ -180,7 +175,7 @@ def led(pose: Floats, el: Elements, lon: Floats, lat: Floats, lead: Ints, c: Ker
         new[some, 0, 2] += _nearest(el.lon[e] - lon[e], c.period)
         new[some, 1, 2] += el.lat[e] - lat[e]
         return new
-    start, end = _vectors(lon[e], lat[e]), _vectors(el.lon[e], el.lat[e])
+    start, end = unit_vectors(lon[e], lat[e]), unit_vectors(el.lon[e], el.lat[e])
     for k in range(3):
         new[some, :, k] = turned_along(start, end, pose[some, :, k])
     return new

@@ -17,6 +17,7 @@ from riftberg.stepping.interactions import PairLaw, Partners
 from riftberg.stepping.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
 from riftberg.stepping.scratch import Scratch
 from riftberg.stepping.sizes import Sizes
+from riftberg.stepping.substep import show_all
 from riftberg.stepping.touching import Touching, allocate_touching, find_touching
 from riftberg.stepping.velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, find_lone, solve_in_contact
 
@@ -153,17 +154,6 @@ def any_of(marks):
     return some
 
 
-@kernel
-def _show_synchronised(el):
-    """Let the others see the velocities of this pass."""
-    u_shown, v_shown, u, v, static = (
-        el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync, el.body.static,
-    )  # fmt: skip
-    for e in range(u.size):
-        if static[e] < 0.5:
-            u_shown[e], v_shown[e] = u[e], v[e]
-
-
 @stage
 def closing_half_kick(
     el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
@@ -211,7 +201,7 @@ def closing_half_kick(
             return passes
         if not first:
             _settle_groups(el, group, unsettled, room.change, room.norm, norm_before, p.tolerance)
-        _show_synchronised(el)
+        show_all(el, u_sync, v_sync)
         if not any_of(unsettled):
             return passes
         if passes >= p.max_iterations:

@@ -185,7 +185,7 @@ def _take_substeps_of_springs(
         remember_fast(el)
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
-    show_all(el)
+    show_all(el, el.motion.u, el.motion.v)
     return passes
 
 

@@ -216,12 +216,10 @@ def remember_fast(el):
         ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
 
 
-@stage
-def show_all(el: Elements) -> None:
-    """Let the others see the velocities after the sub-steps, of those too that waited."""
-    u, v, u_shown, v_shown, static = (
-        el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair, el.body.static,
-    )  # fmt: skip
+@kernel
+def show_all(el: Elements, u: Floats, v: Floats) -> None:
+    """Let the others see these velocities of all elements that are not held, of those too that waited."""
+    u_shown, v_shown, static = el.shown.u_pair, el.shown.v_pair, el.body.static
     for e in range(u.size):
         if static[e] < 0.5:
             u_shown[e], v_shown[e] = u[e], v[e]
