@@ -17,6 +17,7 @@ from riftberg.stepping.lattice_equilibrium import (
     Holds,
     balanced_loads,
     bond_stresses,
+    deformed,
     elastic_energy,
     find_lattice,
 )
@@ -139,6 +140,35 @@ def test_energy_is_that_of_the_springs() -> None:
         )
         stored += 0.5 * k @ (rows @ np.concatenate([bend[i], bend[j]])) ** 2
     assert elastic_energy(bend, load) == pytest.approx(stored, rel=1e-8)
+
+
+def test_sides_that_melt_leave_bonds_as_they_formed() -> None:
+    """Bug: levers of shorter sides and kept lengths did not add up to the bond, whose shear then turned the berg as a whole."""
+    berg, force, p = floating(4, "square")
+    berg.bonds.rest_length[:] = 3000.0
+    before = solved(berg, force, p)
+    berg.elements.length[:] *= 0.97
+    berg.elements.width[:] *= 0.97
+    after = solved(berg, force, p)
+    load, bends = before[4], []
+    for flat, lattice, alive, holds, *_, body in (before, after):
+        bends.append(Factors(lattice, alive, holds, holds.springs(body, flat)).solve(load))
+        whole = np.column_stack([-flat[:, 1], flat[:, 0], np.ones(len(flat))])  # the berg turns as a whole
+        for b in alive:
+            assert deformed(lattice, whole, int(b)) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    for name in ("width", "thickness", "stiffness", "arm_first", "arm_second"):
+        assert getattr(after[1], name) == pytest.approx(getattr(before[1], name), rel=1e-12), name
+    assert bends[1] == pytest.approx(bends[0], rel=1e-9, abs=1e-12 * np.abs(bends[0]).max())
+
+
+def test_a_melting_berg_goes_on() -> None:
+    """Bug: it was refused after two hours ("a freedom that should be free carries 0.866 N")."""
+    p = Parameters(stepping={"scheme": "quasi_static"}, melt={"enabled": True, "temperature": 6.0, "salinity": 34.0})
+    sea = Forcing.uniform((0.4, -0.1), wind=(12.0, 2.0))
+    model = Model(Iceberg.rectangle(6e3, 6e3, thickness=150.0, placement=(-37.0, -56.0)), sea, p)
+    model.advance(days=3)
+    assert model.elements.length.max() < 2995.0
+    assert model.bonds_broken == 0
 
 
 def sphere(seed: int, latitude: float):

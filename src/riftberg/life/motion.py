@@ -374,11 +374,12 @@ def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | N
     radius, thickness = sizes.bond_radius, elements.body.thickness
     x, y = elements.place.lon, elements.place.lat
     length = np.hypot(*separations(Metric(c.latlon, c.earth_radius, c.period), x[i], y[i], x[j], y[j]))
-    small = np.minimum(radius[i], radius[j])
+    formed = some.rest_length / (radius[i] + radius[j])  # the section is that with which the bond formed
+    small = formed * np.minimum(radius[i], radius[j])
     section: Any = plain(bond_section)  # it has no branches, and takes arrays as well
     width, height = section(
-        small, np.abs(radius[i] - radius[j]), np.minimum(thickness[i], thickness[j]), np.abs(thickness[i] - thickness[j]),
-        0.5 * (some.rest_length - length), 1.0 / length,
+        small, formed * np.abs(radius[i] - radius[j]), np.minimum(thickness[i], thickness[j]),
+        np.abs(thickness[i] - thickness[j]), 0.5 * (some.rest_length - length), 1.0 / length,
     )  # fmt: skip
     stiffness = p.bonds.youngs_modulus * height * width / some.rest_length
     sub_step = p.stepping.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0

@@ -63,7 +63,8 @@ class ElasticLattice(NamedTuple):
 def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
     """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
 
-    Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`).
+    Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.bond_law`): of the sizes with which a bond
+    formed. Levers of sides that melt since would not add up to its length, and its shear would turn the berg.
     """
     rest = sizes.bond_radius[bonds.first] + sizes.bond_radius[bonds.second]
     if not p.rest_length_from_sizes:
@@ -84,20 +85,20 @@ def _find_lattice(
     radius = sizes.bond_radius
     for b in range(count):
         i, j = first[b], second[b]
-        r1, r2, t1, t2 = radius[i], radius[j], thickness[i], thickness[j]
+        formed = rest[b] / (radius[i] + radius[j])
+        r1, r2, t1, t2 = formed * radius[i], formed * radius[j], thickness[i], thickness[j]
         rx, ry = flat[i, 0] - flat[j, 0], flat[i, 1] - flat[j, 1]
         length[b] = np.sqrt(rx * rx + ry * ry)
         nx[b], ny[b] = rx / length[b], ry / length[b]
         half = overlap(rest[b], length[b])
         small, other = (t1, t2) if r1 <= r2 else (t2, t1)
         width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, 1.0 / length[b])
-        lever1, lever2 = (r1 - half) / r1, (r2 - half) / r2
+        arm_first[b], arm_second[b] = r1 - half, r2 - half
         m = rows[b]
         m[0, 0], m[0, 1], m[0, 3], m[0, 4] = nx[b], ny[b], -nx[b], -ny[b]
         m[1, 0], m[1, 1], m[1, 3], m[1, 4] = ny[b], -nx[b], -ny[b], nx[b]
-        m[1, 2], m[1, 5] = lever1, lever2
-        arm_first[b], arm_second[b] = lever1 * r1, lever2 * r2
-        m[2, 2], m[2, 5] = 1.0 / r1, -1.0 / r2
+        m[1, 2], m[1, 5] = arm_first[b] / radius[i], arm_second[b] / radius[j]
+        m[2, 2], m[2, 5] = 1.0 / radius[i], -1.0 / radius[j]
         stiffness[b, 0] = p.youngs_modulus * height[b] * width[b] / rest[b]
         stiffness[b, 1] = stiffness[b, 0] * 0.5 / (1.0 + p.poisson)
         stiffness[b, 2] = stiffness[b, 0] * width[b] ** 2 / 12.0
@@ -383,13 +384,13 @@ class Factors:
         Raises
         ------
         RunError
-            If the springs that hold the fragments carry a load: the lattice is a mechanism.
+            If the springs that hold the fragments carry a load (the lattice is a mechanism), or a load is not a number.
         """
         bend = np.empty(load.shape)
         size = self._factors.solve_scaled(load, self._lattice.radius, self._free, bend)
         if self._columns:
             self._correct(bend)
-        self._check(float(give_of(bend, self._springs)), size)
+        self._check(float(give_of(bend, self._springs)), size, load)
         bend[:, 2] /= self._lattice.radius
         return bend
 
@@ -400,9 +401,14 @@ class Factors:
         small = np.diag(self._signs) + w @ a.T
         x -= a.T @ np.linalg.solve(small, w @ x)
 
-    def _check(self, give: float, size: float) -> None:
+    def _check(self, give: float, size: float, load: Floats) -> None:
         force = give * self.spring
         if not (force <= BALANCE * size or give <= NO_GIVE):
+            unknown = np.flatnonzero(~np.isfinite(load).all(axis=1))
+            if unknown.size:
+                raise RunError(
+                    f"element {unknown[0] + 1} has no finite load: the water, air, floor or ice there is not a number"
+                )
             raise RunError(
                 f"the lattice is not in equilibrium: a freedom that should be free carries {force:.3g} N of loads of up to "
                 f"{size:.3g} N; bonds without shear stiffness or a mechanism cannot be held (stepping.scheme: mts can)"
