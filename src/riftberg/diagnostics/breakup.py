@@ -138,7 +138,7 @@ class Breakup:
     below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
     ``hours_since_start`` tells when the first bond failed; ``floor_recorded`` that the force of the sea floor is the one
     that was applied, not the one that balances. ``name`` and ``parent_name`` are what both are called; ``collision`` tells of
-    a berg that touched the parent while the first bond failed.
+    a berg that touched the parent while the first bond failed; ``scheme`` is that of the run.
     """
 
     fragment: int
@@ -165,8 +165,14 @@ class Breakup:
     parent_name: str = ""
     collision: Collision | None = None
     latlon: bool = True
+    scheme: str = "mts"
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def on_impact(self) -> bool:
+        """Whether the first bond failed as the berg met the sea floor, of which the record before tells nothing."""
+        return self.sudden and self.first_bonds[0].grounded and not self.decisive.aground
 
     @property
     def causes(self) -> list[tuple[str, float]]:

@@ -24,7 +24,8 @@ Breaks between records
 ----------------------
 In the multiple-time-step scheme the slow forces act as two kicks per long step, and the ice rings in between. A bond can
 fail in that ringing although no record shows a stress near its strength. Such a break is called sudden; whether it
-depends on the length of the long step is one of the controls.
+depends on the length of the long step is one of the controls. In the quasi-static scheme nothing rings: a sudden break
+there is one on impact, with the sea floor or another berg, or of a load that grows within the interval of the records.
 """
 
 from __future__ import annotations
@@ -126,6 +127,7 @@ class Cut:
             closure=self.closure(record, before),
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
             highest=highest,
+            scheme=self.scene.parameters.stepping.scheme,
             sudden=self.highest_stress(of_what_is_left=True) < SUDDEN * self.scene.parameters.fracture.normal_strength,
             hours_since_start=float((self.broken_at[self.bonds[0]] - self.scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,

@@ -198,8 +198,13 @@ def _collision_words(b: Breakup, met: Collision) -> str:
 def _sudden_words(b: Breakup) -> str:
     """Return how a break came that the record before does not show."""
     sentence = f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before"
-    if b.decisive.aground:
+    if b.decisive.aground or b.on_impact:
         return sentence + ": it broke within the long step, on impact."
+    if b.scheme == "quasi_static":
+        return (
+            sentence
+            + ": the load grew to the strength between the records (--forces and more frequent records show it)."
+        )
     hint = "." if b.controls else " (--controls tries half the long step)."
     if b.peak is None:
         return sentence + ": it broke within the long step, in the ringing after the kick of the slow forces" + hint
@@ -214,6 +219,8 @@ def _cause_words(b: Breakup, strength: float) -> str:
     shares = dict(b.causes)
     shares[GEOSTROPHIC] = shares.pop("Coriolis") + shares.pop("surface slope")
     leading = max(shares, key=lambda name: shares[name])
+    if b.on_impact:
+        return "Those are the loads before it touched the sea floor, whose blow broke it."
     if b.decisive.nominal < SMALL_LOAD * strength and not b.decisive.aground:
         return "The load of the cut is small beside the strength: no force parts the cut as a whole, it failed bond by bond."
     if shares[leading] <= 0.0:

@@ -40,8 +40,11 @@ if TYPE_CHECKING:
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
 
-IMPACT = 0.02
+IMPACT = 0.1
 """A break came by an impact where no bond had this part of the strength at the record before."""
+
+CRACK = 2.0
+"""Largest stress of the scale, as a part of the strength; what is beyond is written."""
 
 
 def figure_title(run: xr.Dataset, what: str) -> str:
@@ -441,4 +444,22 @@ def _peak_stress(ax: Axes, scene: Scene, times: Any = None) -> None:
         ax.plot(times, lowest / 1e3, color=colours.DAMAGE_LINE, ls="--", lw=1.2, label="lowest strength left by damage")
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, frameon=False)
     ax.set_ylim(bottom=0.0)
+    if fracture.enabled:
+        _cut_off_cracks(ax, times, peak / 1e3, CRACK * fracture.normal_strength / 1e3)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)
+
+
+def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
+    """End the scale at a stress (kPa) and write what goes beyond: the last bonds of a crack bear all of its load for a moment."""
+    beyond = peak > highest
+    if not beyond.any():
+        return
+    ax.set_ylim(top=highest)
+    starts = np.flatnonzero(beyond & ~np.concatenate([[False], beyond[:-1]]))
+    ends = np.flatnonzero(beyond & ~np.concatenate([beyond[1:], [False]])) + 1
+    for begin, end in zip(starts, ends, strict=True):
+        k = begin + int(np.argmax(peak[begin:end]))
+        ax.annotate(
+            f"{peak[k]:.0f} kPa in the crack", (times[k], highest), (4, -3), textcoords="offset points", fontsize=7,
+            va="top", color=colours.STRESS_LINE,
+        )  # fmt: skip
