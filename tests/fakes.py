@@ -19,6 +19,7 @@ from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.fragments import Fragment
 
 SIDE = 3000.0
+EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
 
 
 @dataclass
@@ -59,7 +60,7 @@ class FakeModel:
         ny: int = 3,
         *,
         latlon: bool = True,
-        parameters: Parameters = A68A_2022,
+        parameters: Parameters = EXPLICIT,
         lon: float = -39.0,
         lat: float = -55.0,
         turn_per_day: float = -12.0,

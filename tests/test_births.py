@@ -19,7 +19,9 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, new_bonds, new_ele
 from riftberg.state.population import Population
 
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
-BASE = A68A_2022.changed(earth=PLANE, fracture={"normal_strength": 10e3, "shear_strength": 10e3})
+BASE = A68A_2022.changed(
+    earth=PLANE, fracture={"normal_strength": 10e3, "shear_strength": 10e3}, stepping={"scheme": "mts"}
+)
 SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 SCHEMES: dict[str, Parameters] = {
     "mts": BASE.changed(stepping={"substeps": None}),

@@ -111,6 +111,7 @@ def test_a_cantilever_lives_as_long_as_its_outermost_bond_by_the_closed_form() -
     strength, r, lives = 90.6e6, 54.36 / 90.6, []
     for tau in (5 * HOUR, 10 * HOUR):
         settings = {
+            "stepping": {"scheme": "mts"},
             "fracture": {"enabled": True, "normal_strength": strength, "shear_strength": 1e9},
             "damage": {"enabled": True, "threshold": 0.0, "time_scale": tau, "exponent": 2.0},
         }
@@ -141,14 +142,18 @@ def test_off_it_leaves_no_trace(name: str) -> None:
 
 
 def test_a_stress_that_is_never_reached_changes_no_bit() -> None:
-    p = A68A_2022.changed(fracture={"normal_strength": 1e9, "shear_strength": 1e9}, stepping={"substeps": None})
+    p = A68A_2022.changed(
+        fracture={"normal_strength": 1e9, "shear_strength": 1e9}, stepping={"scheme": "mts", "substeps": None}
+    )
     on = run_of(p.changed(damage={"enabled": True, "threshold": 0.9}))
     assert (on.elements.lon != bergs().elements.lon).any()
     assert differing(on, run_of(p)) == ["parameters"]
 
 
 def test_it_makes_a_berg_break_that_else_holds() -> None:
-    p = A68A_2022.changed(fracture={"normal_strength": 40e3, "shear_strength": 1e9}, stepping={"substeps": None})
+    p = A68A_2022.changed(
+        fracture={"normal_strength": 40e3, "shear_strength": 1e9}, stepping={"scheme": "mts", "substeps": None}
+    )
     whole = run_of(p)
     worn = run_of(p.changed(damage={"enabled": True, "threshold": 0.0, "time_scale": 600.0}))
     assert worn.bonds_broken > whole.bonds_broken

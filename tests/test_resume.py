@@ -26,13 +26,14 @@ STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}
 WEAK_AFTER = {"normal_strength": 6e3, "shear_strength": 6e3}
 WEAR = {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}
 
+EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
 PHYSICS: dict[str, Parameters] = {
-    "dem": A68A_2022.changed(fracture=WEAK, stepping={"substeps": None}),
-    "dem, fracture after the step": A68A_2022.changed(fracture={**WEAKER, "on_substeps": False}),
-    "dem, broken bonds dropped": A68A_2022.changed(fracture={**WEAK, "broken_as_contact": False}),
+    "dem": EXPLICIT.changed(fracture=WEAK, stepping={"substeps": None}),
+    "dem, fracture after the step": EXPLICIT.changed(fracture={**WEAKER, "on_substeps": False}),
+    "dem, broken bonds dropped": EXPLICIT.changed(fracture={**WEAK, "broken_as_contact": False}),
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK),
-    "dem, damage": A68A_2022.changed(fracture=STRONG, damage=WEAR, stepping={"substeps": None}),
-    "dem, damage, fracture after the step": A68A_2022.changed(
+    "dem, damage": EXPLICIT.changed(fracture=STRONG, damage=WEAR, stepping={"substeps": None}),
+    "dem, damage, fracture after the step": EXPLICIT.changed(
         fracture={**WEAK_AFTER, "on_substeps": False}, damage=WEAR
     ),
     "quasi-static": A68A_2022.changed(fracture=WEAK, stepping={"scheme": "quasi_static"}),

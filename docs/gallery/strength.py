@@ -2,7 +2,8 @@
 Many runs: weaker ice breaks earlier
 ====================================
 
-The built-in A68a with three strengths of the ice, side by side.
+The built-in A68a with three strengths of the ice, side by side. The tip breaks as it touches the sea floor, whatever its strength; the
+finger, which the current bends, breaks later in stronger ice.
 """
 
 from riftberg import draw_sweep, sweep
@@ -14,4 +15,4 @@ draw_sweep(result, "strength.png")
 print(result["first_breakup"].values)
 assert (result["status"] == 0).all()
 first = result["first_breakup"].values
-assert first[0] <= first[1]
+assert (first == first[0]).all()

@@ -2,14 +2,14 @@
 Stress in the bonds
 ===================
 
-Where a berg is pulled, its bonds carry tension. The scheme ``quasi_static`` gives the stress in equilibrium with the loads.
+Where a berg is pulled, its bonds carry tension: the stress in equilibrium with the loads.
 """
 
 from riftberg import A68A_2022
-from riftberg.experiments import Options, build
+from riftberg.experiments import build
 from riftberg.viz.plots import draw_stress
 
-model, info = build("a68a", Options({"stepping": {"scheme": "quasi_static"}}))
+model, info = build("a68a")
 run = model.run(days=3, every_hours=6)
 draw_stress(run, "stress.png")
 

@@ -276,7 +276,12 @@ class Damage(Group):
 class Stepping(Group):
     """How the equations are stepped in time."""
 
-    scheme: Scheme = quantity("mts", "", "mts, verlet, runge_kutta or quasi_static", "equations 6; Riftberg")
+    scheme: Scheme = quantity(
+        "quasi_static",
+        "",
+        "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are asked for and no scheme is named",
+        "equations 6; quasi_static: Riftberg",
+    )
     time_step: float = quantity(1800.0, "s", "long step", "equations 10.5", gt=0)
     substeps: int | None = quantity(
         None,

@@ -167,6 +167,9 @@ class Parameters(Group):
     calving: Calving = Field(default_factory=Calving)
     compatibility: Compatibility = Field(default_factory=Compatibility)
 
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**_explicit_if_asked(given))
+
     @model_validator(mode="after")
     def _combinations(self) -> Parameters:
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
@@ -266,7 +269,13 @@ class Parameters(Group):
         return "\n".join(getattr(self, name).describe() for name in type(self).model_fields)
 
     def changed(self, **groups: dict[str, Any]) -> Parameters:
-        """Return a copy with some values of some groups changed, and checked again."""
+        """Return a copy with some values of some groups changed, and checked again.
+
+        Who asks for what only the explicit scheme has (sub-steps, spring bonds, bonds without shear) and names no scheme
+        gets that scheme, `mts`, in place of the quasi-static one.
+        """
+        if self.stepping.scheme == "quasi_static":
+            groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
         for group, changes in groups.items():
             merges = isinstance(changes, Mapping) and group in values
@@ -372,13 +381,30 @@ def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
     return 0.5 * math.sqrt(area) if bonded else math.sqrt(area / math.pi)
 
 
+def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
+    """Add ``stepping.scheme = "mts"`` to values by group that name no scheme and ask for what only the explicit one has."""
+
+    def asked(group: str, name: str) -> Any:
+        values = groups.get(group)
+        return values.get(name) if isinstance(values, Mapping) else getattr(values, name, None)
+
+    wants = asked("bonds", "law") == "spring" or asked("bonds", "no_shear") is True
+    wants = wants or asked("stepping", "substeps") is not None or asked("stepping", "explicit_substeps") is False
+    stepping = groups.get("stepping", {})
+    if isinstance(stepping, Stepping):
+        stepping = stepping.model_dump(exclude_unset=True)
+    if not wants or not isinstance(stepping, Mapping) or "scheme" in stepping:
+        return groups
+    return {**groups, "stepping": {"scheme": "mts", **stepping}}
+
+
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
     grounding=Grounding(coefficient=1e4),
     contact=Contact(spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=18e3, shear_strength=100e3),
-    stepping=Stepping(time_step=1800.0, substeps=90),
+    stepping=Stepping(scheme="quasi_static", time_step=1800.0, substeps=90),
 )
 """Physics of the published A68a run (equations 10.5) with Riftberg's numerics; see `A68A_2022_KID` for the reference's."""
 
@@ -386,7 +412,7 @@ A68A_2022_KID = A68A_2022.changed(
     drag={"rotational": False},
     grounding={"implicit": False},
     bonds={"objective_damping": False},
-    stepping={"skip_first_long_force": True},
+    stepping={"scheme": "mts", "skip_first_long_force": True},
     compatibility=Compatibility.kid().model_dump(),
 )
 """The published A68a run with the numerics and quirks of the reference."""

@@ -13,7 +13,7 @@ from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
 from riftberg.parameters import A68A_2022
 from riftberg.runs.run_file import RunWriter, open_run
 
-P = A68A_2022.changed(stepping={"substeps": None}, bonds={"constant_size": False})
+P = A68A_2022.changed(stepping={"scheme": "mts", "substeps": None}, bonds={"constant_size": False})
 
 
 @pytest.fixture(scope="module")

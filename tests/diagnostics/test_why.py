@@ -18,6 +18,7 @@ from fakes import FakeModel
 from riftberg.diagnostics import why
 from riftberg.diagnostics.breakup import Breakup
 from riftberg.diagnostics.forces import FORCES
+from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.why import draw_reasons
 
@@ -125,6 +126,21 @@ def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
         in text
     )
     assert "more than 1.8 kPa at the record before, but 2.3 kPa between that and the one before it" in text
+
+
+def test_a_landing_in_the_quasi_static_scheme_is_told_as_one() -> None:
+    """Bug: nothing rings in that scheme, but the tip of A68a "broke in the ringing after the kicks of the slow forces"."""
+    model, _ = build("a68a")
+    (tip,) = why.explain(model.run(days=8.0)).breakups
+    assert (tip.grounded, tip.sudden, tip.scheme) == (True, True, "quasi_static")
+    landed = [tip, dataclasses.replace(tip, decisive=dataclasses.replace(tip.decisive, aground=0))]
+    landed[1].first_bonds[0] = dataclasses.replace(tip.first_bonds[0], grounded=True)
+    texts = why.words(why.Reasons("a68a", "", landed, 0, 18e3))
+    for text in texts:
+        assert "on impact" in text
+        assert "ringing" not in text
+        assert "no force parts the cut" not in text
+    assert "before it touched the sea floor, whose blow broke it" in texts[1]
 
 
 def test_files_without_peaks_are_explained_by_their_records(run: xr.Dataset) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,6 @@ from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
-from riftberg.parameters import Packing
 from riftberg.runs.model import Model
 from riftberg.runs.provenance import forcing_title
 from riftberg.runs.track import berg_position
@@ -91,6 +91,24 @@ def test_the_story() -> None:
     assert model.elements.lat[~there].mean() < -56.8
 
 
+@pytest.mark.parametrize("scheme", ["quasi_static", "mts"])
+def test_pieces_part_where_they_stand(scheme: str) -> None:
+    """Bug: held by the last bonds of the crack, in equilibrium, the tip was 10 km off and turned by 30 degrees in its step."""
+    model = run(build("a68a", Options({"stepping": {"scheme": scheme}}))[0], 7.0)
+    e, dt = model.elements, model.parameters.stepping.time_step
+    while not breakups(model):
+        at, turned = (e.lon.copy(), e.lat.copy()), e.rotation.copy()
+        model.step()
+    for _ in range(2):
+        speed = np.hypot(e.u_sync, e.v_sync)
+        way = 111.07e3 * np.hypot((e.lon - at[0]) * math.cos(math.radians(55.0)), e.lat - at[1])
+        assert way.max() < 0.3 * dt
+        assert np.abs(e.rotation - turned).max() < math.radians(1.0)
+        assert speed.max() < 0.3
+        at, turned = (e.lon.copy(), e.lat.copy()), e.rotation.copy()
+        model.step()
+
+
 def test_without_the_shoal_only_the_finger_breaks_off() -> None:
     events = breakups(run(build("a68a", Options(without=frozenset({"shoal"})))[0], 14.0))
     assert len(events) == 1
@@ -105,24 +123,46 @@ def test_without_the_shear_the_finger_stays() -> None:
     assert events[0][0] < 19.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("time_step", [900.0, 450.0])
+@pytest.mark.parametrize("time_step", [3600.0, 900.0])
 def test_the_story_does_not_need_the_long_step(time_step: float) -> None:
-    """The bending alone exceeds the strength: shorter steps, in which the finger rings less, break it as well."""
-    changes = {"stepping": {"time_step": time_step, "substeps": round(time_step / 20.0)}}
+    """The same pieces at the same times: half the long step gave a finger of 783 km2 in place of 504, when stress rang."""
+    told = [
+        breakups(run(build("a68a", Options({"stepping": {"time_step": dt}}))[0], 14.0)) for dt in (1800.0, time_step)
+    ]
+    assert [area for _, area, _ in told[1]] == pytest.approx([area for _, area, _ in told[0]])
+    assert [day for day, *_ in told[1]] == pytest.approx([day for day, *_ in told[0]], abs=2.0 / 1440.0)
+
+
+def test_the_story_is_told_with_the_stiffness_of_ice() -> None:
+    assert_tip_and_finger(run(build("a68a", Options({"bonds": {"youngs_modulus": 9e9}}))[0], 14.0))
+
+
+@pytest.mark.parametrize("time_step", [1800.0, 900.0, 450.0])
+def test_the_explicit_scheme_tells_the_story_with_short_long_steps(time_step: float) -> None:
+    changes = {"stepping": {"scheme": "mts", "time_step": time_step, "substeps": round(time_step / 20.0)}}
     assert_tip_and_finger(run(build("a68a", Options(changes))[0], 14.0))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("strength", [16e3, 20e3])
+@pytest.mark.parametrize("strength", [10e3, 14e3, 16e3, 20e3])
 def test_the_story_bears_other_strengths(strength: float) -> None:
     assert_tip_and_finger(run(build("a68a", Options({"fracture": {"normal_strength": strength}}))[0], 14.0))
 
 
+def test_the_margin_of_the_strength_is_what_the_page_says() -> None:
+    """Equilibrium reaches 20.5 kPa at the neck of the finger once the tip is off, so at 20.7 kPa the finger stays on."""
+    told = [
+        breakups(run(build("a68a", Options({"fracture": {"normal_strength": p}}))[0], 14.0)) for p in (20.3e3, 20.7e3)
+    ]
+    assert [[aground for _, _, aground in events] for events in told] == [[True, False], [True]]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("east", "north"), [(0.02, 0.0), (-0.02, 0.0), (0.0, 0.015), (0.0, -0.015)])
+@pytest.mark.parametrize(
+    ("east", "north"),
+    [(0.02, 0.0), (-0.02, 0.0), (0.0, 0.015), (0.0, -0.015), (0.045, 0.0), (-0.045, 0.0), (0.0, 0.027), (0.0, -0.027)],
+)
 def test_the_story_bears_another_start(east: float, north: float) -> None:
-    """1.3 to 1.7 km to each side."""
+    """1.3 to 3 km to each side."""
     model = story_model(Options())
     model.elements.lon[:] += east
     model.elements.lat[:] += north
@@ -130,15 +170,31 @@ def test_the_story_bears_another_start(east: float, north: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("radius", "packing"), [(1000.0, "square"), (1500.0, "hexagonal"), (1000.0, "hexagonal")])
-def test_other_lattices_tell_the_same_story(radius: float, packing: Packing) -> None:
-    assert_tip_and_finger(run(story_model(Options(), radius=radius, packing=packing), 14.0))
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_the_story_bears_another_eddy(factor: float) -> None:
+    ocean = StoryOcean(replace(OWN, eddy_spin=factor * OWN.eddy_spin))
+    assert_tip_and_finger(run(story_model(Options(), ocean=ocean), 14.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [1000.0, 500.0])
+def test_finer_lattices_tell_the_same_story(radius: float) -> None:
+    """Within one row of elements of 1.5 km, 45 km2."""
+    model = run(story_model(Options(), radius=radius), 14.0)
+    assert_tip_and_finger(model)
+    assert [area for _, area, _ in breakups(model)] == pytest.approx([270.0, 504.0], abs=9.0)
+
+
+@pytest.mark.slow
+def test_hexagons_tell_the_story_with_less_strength() -> None:
+    options = Options({"fracture": {"normal_strength": 15e3}})
+    assert_tip_and_finger(run(story_model(options, packing="hexagonal"), 14.0))
 
 
 def test_currents_are_no_faster_than_products_show() -> None:
     """About 0.5 m/s is the largest that products show (shared description of the story); 0.75 + 0.1 was its own fit.
 
-    Hourly on 5 km, which misses less than 1e-3 m/s of the 0.527 m/s near 56.66 S 35.41 W on day 11.3: the second derivatives
+    Hourly on 5 km, which misses less than 1e-3 m/s of the 0.543 m/s near 56.67 S 35.41 W on day 11.3: the second derivatives
     there are those of the jet, sech2 of 26 km, and of its growth, tanh of half a day.
     """
     fastest, ocean = (0.0, 0.0), StoryOcean()
@@ -146,10 +202,10 @@ def test_currents_are_no_faster_than_products_show() -> None:
         seen = A68A_OBSERVED[hour // 24]
         lon, lat = np.meshgrid(seen.lon + np.linspace(-2.5, 2.5, 63), seen.lat + np.linspace(-1.4, 1.4, 63))
         fastest = max(fastest, (float(np.hypot(*ocean.currents(lon, lat, 3600.0 * hour)).max()), hour / 24.0))
-    assert 0.526 < fastest[0] < 0.5272
+    assert 0.541 < fastest[0] < 0.5427
     assert fastest[1] == pytest.approx(11.33, abs=0.1)
-    at_jet = np.hypot(*ocean.currents(np.array([-35.4062]), np.array([-56.6640]), 11.3317 * DAY))
-    assert fastest[0] <= float(at_jet[0]) + 1e-6 < 0.5272
+    there = np.hypot(*ocean.currents(np.array([-35.414658]), np.array([-56.666982]), 11.331045 * DAY))
+    assert fastest[0] <= float(there[0]) + 1e-6 < 0.5427
 
 
 def test_the_numerics_of_the_reference_tell_the_same_story() -> None:
@@ -232,9 +288,9 @@ def test_the_controls_change_only_their_part() -> None:
     far = np.array([-37.0]), np.array([OWN.jet_latitude])
     time = 11.3 * DAY
     with_shear, without = StoryOcean().currents(*far, time)[0], StoryOcean(shear=False).currents(*far, time)[0]
-    counter = 0.93 / math.cosh((OWN.counter_latitude - OWN.jet_latitude) * 111.07e3 / 25.7e3) ** 2
+    counter = 1.005 / math.cosh((OWN.counter_latitude - OWN.jet_latitude) * 111.07e3 / 25.4e3) ** 2
     grown = 0.25 * (1 + math.tanh((11.757 - 11.3) / 0.5)) * (1 + math.tanh((11.3 - 10.876) / 0.5))
-    assert with_shear[0] - without[0] == pytest.approx(grown * (0.312 + 0.27 - counter), rel=1e-3)
+    assert with_shear[0] - without[0] == pytest.approx(grown * (0.303 + 0.303 - counter), rel=1e-3)
     early = 5 * DAY  # before it has grown
     assert StoryOcean().currents(*far, early)[0] == pytest.approx(
         StoryOcean(shear=False).currents(*far, early)[0], abs=1e-4

@@ -24,7 +24,7 @@ def _parameters(**groups):
     base = {
         "earth": {"latlon": False, "period": 0.0},
         "fracture": {"enabled": False},
-        "stepping": {"only_interactions": True, "substeps": None},
+        "stepping": {"scheme": "mts", "only_interactions": True, "substeps": None},
         "bonds": {"constant_size": False},
     }
     for group, values in groups.items():

@@ -17,10 +17,13 @@ THICKNESS = 200.0
 
 
 def parameters(**groups: dict[str, Any]) -> Parameters:
-    """Return parameters on a plane without Coriolis force, fracture or contact distance, with some values changed."""
+    """Return parameters on a plane without Coriolis force, fracture or contact distance, with some values changed.
+
+    Of the explicit scheme, unless another one is asked for.
+    """
     base: dict[str, dict[str, Any]] = {
         "fracture": {"enabled": False},
-        "stepping": {"time_step": 600.0},
+        "stepping": {"scheme": "mts", "time_step": 600.0},
         "earth": {"latlon": False, "period": 0.0},
     }
     for group, values in groups.items():

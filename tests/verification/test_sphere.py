@@ -31,7 +31,8 @@ def turning(packing: str, flat: bool) -> Model:
     for name in ("v", "v_pair", "v_sync"):
         getattr(e, name)[:] = v * np.cos(angle) - u * np.sin(angle)
     e.spin[:] = TURN
-    changes = {"stepping": {"only_interactions": True, "substeps": None}, "fracture": {"enabled": False}}
+    stepping = {"scheme": "mts", "only_interactions": True, "substeps": None}
+    changes = {"stepping": stepping, "fracture": {"enabled": False}}
     return Model(berg, Steady(), A68A_2022.changed(**changes, compatibility={"flat_relative_velocity": flat}))
 
 

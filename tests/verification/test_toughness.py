@@ -302,7 +302,7 @@ def test_a_criterion_without_its_quantity_is_refused(wrong) -> None:
     with pytest.raises((InputError, ValueError), match=r"fracture\.(distance|toughness)"):
         Parameters(fracture=wrong, stepping={"scheme": "quasi_static"})
     with pytest.raises((InputError, ValueError), match="quasi_static"):
-        Parameters(fracture={**wrong, "distance": 3e3, "toughness": 2e5})
+        Parameters(fracture={**wrong, "distance": 3e3, "toughness": 2e5}, stepping={"scheme": "mts"})
 
 
 def test_discs_take_no_more_memory_than_they_need() -> None:

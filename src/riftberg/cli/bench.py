@@ -34,7 +34,12 @@ def bench(
     settings: Settings = None,
     days: Annotated[float, typer.Option("--days", help="Simulated days to time.")] = 1.0,
     scaling: Annotated[
-        str | None, typer.Option("--scaling", metavar="FROM..TO", help="Time rectangular bergs of FROM to TO elements.")
+        str | None,
+        typer.Option(
+            "--scaling",
+            metavar="FROM..TO",
+            help="Time rectangular bergs of FROM to TO elements, by mts unless a scheme is set.",
+        ),
     ] = None,
 ) -> None:
     """Measure seconds per simulated day, compilation and memory, beside a yardstick."""

@@ -105,7 +105,8 @@ def memory_mb() -> float | None:
 def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None = None) -> Model:
     """Return a model of a rectangular berg of about ``elements`` elements in a steady current, in plane coordinates.
 
-    Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows.
+    Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows: that of the explicit
+    scheme, unless ``change`` names another one.
 
     Parameters
     ----------
@@ -123,5 +124,7 @@ def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None
     columns = max(1, round(elements / rows))
     berg = Iceberg.rectangle(columns * 3000.0, rows * 3000.0, thickness=200.0, latlon=False, offset=(0.0, 0.0))
     plane = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
-    parameters = A68A_2022.changed(earth=plane, stepping={"substeps": None}, fracture={"enabled": False})
+    parameters = A68A_2022.changed(
+        earth=plane, stepping={"scheme": "mts", "substeps": None}, fracture={"enabled": False}
+    )
     return Model(berg, Steady(current=(0.2, 0.0)), change(parameters) if change else parameters)

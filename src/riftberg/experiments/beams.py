@@ -100,7 +100,7 @@ class Beam:
             contact={"spring": 1e-8, "distance": 0.0},
             bonds={"youngs_modulus": self.youngs_modulus, "damping": 0.1, "linear_bending": self.rows > 1},
             fracture={"enabled": False},
-            stepping={"time_step": self.time_step, "only_interactions": True},
+            stepping={"scheme": "mts", "time_step": self.time_step, "only_interactions": True},
             earth={"latlon": False, "period": 0.0},
         )
         if numerics == "own":

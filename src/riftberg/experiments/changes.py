@@ -99,6 +99,6 @@ def reference_numerics(parameters: Parameters) -> Parameters:
         grounding={"implicit": False},
         bonds={"objective_damping": False},
         contact={"on_substeps": False},
-        stepping={"skip_first_long_force": True},
+        stepping={"scheme": "mts", "skip_first_long_force": True},
         compatibility=A68A_2022_KID.compatibility.model_dump(),
     )

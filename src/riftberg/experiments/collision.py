@@ -39,7 +39,7 @@ PARAMETERS = Parameters(
     },
     bonds={"packing": "hexagonal", "youngs_modulus": 4471.94, "spring": 1e-5, "linear_bending": False},
     fracture={"enabled": False},
-    stepping={"time_step": 3600.0},
+    stepping={"scheme": "mts", "time_step": 3600.0},
     earth={"latlon": False, "period": PERIOD},
 )
 """Physics of the iKID case with Riftberg's numerics."""

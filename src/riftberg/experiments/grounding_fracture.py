@@ -34,7 +34,7 @@ PARAMETERS = Parameters(
         "constant_size": True,
     },
     fracture={"normal_strength": 1850.0, "shear_strength": 1000.0},
-    stepping={"time_step": 1800.0},
+    stepping={"scheme": "mts", "time_step": 1800.0},
     earth={"latlon": False, "period": 0.0},
 )
 """Physics of the reference's case."""

@@ -14,7 +14,7 @@ up for the rim of the drift, where the berg's ends lie, and W(s) is the spin of 
 that the tip, once it has been held by the shoal, stays behind. The shear is an eastward jet (Uj) at the finger and a
 counter-current (Uc) at the middle of the berg; a uniform flow (Um) makes its pull on the whole berg vanish. It grows
 and decays with A(s). A wind, and a shoal on which the tip grounds, complete it: a bell whose depth is that of the keel
-(166 m) on a circle of 15.9 km in `OWN`, of 5.0 km in `REFERENCE`. The form follows the shared description of the A68a
+(166 m) on a circle of 5.0 km. The form follows the shared description of the A68a
 story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
 """
 
@@ -127,21 +127,21 @@ OWN = StoryNumbers(
     last_day=17.0,
     drift_radius=105e3,
     drift_gain=1.05,
-    surge=5.65e3,
+    surge=4.91e3,
     eddy_spin=-4.6e-6,
     eddy_day=3.027,
     eddy_days=3.415,
     late_spin=0.3e-6,
-    jet_speed=0.312,
-    jet_width=26.3e3,
+    jet_speed=0.303,
+    jet_width=26.2e3,
     jet_latitude=-56.612,
-    counter_speed=0.93,
-    counter_width=25.7e3,
+    counter_speed=1.005,
+    counter_width=25.4e3,
     counter_latitude=-56.218,
-    shear_flow=0.27,
+    shear_flow=0.303,
     shear_start=10.876,
     shear_end=11.757,
-    shoal=(-37.155, -54.879, 24.1e3, 130.0, 250.0),
+    shoal=(-37.221, -54.95, 7580.0, 130.0, 250.0),
 )
 """Fitted with Riftberg's own numerics."""
 
