@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -44,24 +45,21 @@ def test_the_shoal_takes_the_tip_and_the_shear_the_finger(breakups: list[dict[st
     tip, finger = (b["controls"] for b in breakups)
     assert (tip["without shoal"], finger["without shear"]) == ("removed", "removed")
     assert tip["without shear"] == f"breaks off at {breakups[0]['time']}"
-    assert re.fullmatch(r"breaks off at 2020-12-20T\d\d:\d\d:00", finger["without shoal"])
+    assert re.fullmatch(r"breaks off at 2020-12-20T\d\d:\d\d:\d\d", finger["without shoal"])
 
 
-def test_with_half_the_long_step_both_break_off_and_other_areas_are_told(breakups: list[dict[str, Any]]) -> None:
-    """The times and areas are those of the row "long step of 900 s" in docs/explanation/a68a-story.md."""
-    areas = []
-    for breakup, day in zip(breakups, (16, 20), strict=True):
-        told = breakup["controls"]["with half the long step"]
+def test_with_half_the_long_step_both_break_off_as_they_did(breakups: list[dict[str, Any]]) -> None:
+    """In equilibrium the long step changes neither piece, see the row "long step of 900 s" in docs/explanation/a68a-story.md.
+
+    With explicit stepping half the long step took another finger, 783 km2 instead of 504, because the stress rang.
+    """
+    for breakup in breakups:
         found = re.fullmatch(
-            rf"breaks off at 2020-12-{day}T\d\d:\d\d:00( with another area, (\d+) km2 instead of (\d+) km2)?", told
+            r"breaks off at (2020-12-\d\dT\d\d:\d\d:\d\d)", breakup["controls"]["with half the long step"]
         )
-        assert found is not None, told
-        if found[1]:
-            other, mine = float(found[2]), float(found[3])
-            assert mine == breakup["area_km2"]
-            assert other % 9.0 == 0.0  # km2, of an element
-            areas.append(other)
-    assert areas, "the finger, at least, breaks off with another area"
+        assert found is not None, breakup["controls"]
+        apart = datetime.fromisoformat(found[1]) - datetime.fromisoformat(breakup["time"])
+        assert abs(apart) <= timedelta(minutes=2)
 
 
 def test_the_controls_are_in_the_file_and_not_in_the_run(folder: Path, breakups: list[dict[str, Any]]) -> None:
