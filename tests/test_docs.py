@@ -127,7 +127,7 @@ def test_the_break_of_the_five_lines_does_not_come_from_the_step() -> None:
     pieces = []
     for step in (1800, 900):
         here: dict[str, Any] = {}
-        code = lines.replace('"quasi_static"', f'"quasi_static", "time_step": {step}')
+        code = lines.replace(".changed(", f'.changed(stepping={{"time_step": {step}}}, ')
         assert code.count("time_step") == 1
         exec(code.rpartition("draw_map")[0], here)
         run = here["run"]
