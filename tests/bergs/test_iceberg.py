@@ -388,3 +388,17 @@ def test_thickness_may_be_a_list_with_one_number_per_element():
 def test_an_option_that_a_constructor_does_not_take_is_refused(make, name):
     with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
         make(**{name: 1.0})
+
+
+@pytest.mark.parametrize("offset", [(3.0, 0.0), (0.0, -0.5), (float("nan"), 0.0), (-39.3, -55.5), 0.5])
+def test_a_lattice_is_shifted_by_at_most_one_pitch(offset):
+    """A shift by three pitches left 9 km of the outline empty without a word; one in metres or degrees all of it."""
+    with pytest.raises(BergError, match="offset"):
+        Iceberg.rectangle(30e3, 15e3, thickness=200.0, offset=offset)
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+def test_a_shift_by_a_whole_pitch_is_none(offset):
+    here, there = (Iceberg.rectangle(30e3, 15e3, thickness=200.0, offset=o).elements for o in (offset, (0.0, 0.0)))
+    np.testing.assert_array_equal(here.lon, there.lon)
+    np.testing.assert_array_equal(here.lat, there.lat)

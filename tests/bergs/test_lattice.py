@@ -101,6 +101,15 @@ def test_region_smaller_than_an_element_is_refused_with_a_radius_that_fits():
     assert len(fill(region, fitting, "square")) >= 4
 
 
+def test_a_sliver_of_a_region_is_not_called_smaller_than_an_element():
+    """30 km2 of ice in 300 m of width were "smaller than one element (9 km2)"."""
+    region = rectangle_region(100e3, 300.0)
+    with pytest.raises(BergError, match="too narrow for one element") as caught:
+        fill(region, 1500.0, "square")
+    fitting = float(caught.value.remedy.split("below ")[1].split(" m")[0])
+    assert len(fill(region, fitting, "square")) >= 100
+
+
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
 def test_impossible_radius_is_refused(radius):
     with pytest.raises(BergError, match="radius"):

@@ -163,11 +163,14 @@ def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, f
         misfit = _misfit(lattice, region, element_area(radius, packing)) if len(lattice) else math.inf
         if misfit < best_misfit - 1e-9:  # equal fits keep the first shift
             best, best_misfit = lattice, misfit
-    if best is None or region.area < element_area(radius, packing):
+    one = element_area(radius, packing)
+    if best is None or region.area < one:
+        x0, y0, x1, y1 = region.bounds
+        fault, wide = f"is smaller than one element ({one / 1e6:.4g} km2)", math.sqrt(region.area)
+        if region.area >= one:
+            fault, wide = "is too narrow for one element", region.area / math.hypot(x1 - x0, y1 - y0)
         raise BergError(
-            f"the outline ({region.area / 1e6:.4g} km2) is smaller than one element "
-            f"({element_area(radius, packing) / 1e6:.4g} km2)",
-            remedy=f"Give a radius below {0.2 * math.sqrt(region.area):.3g} m",
+            f"the outline ({region.area / 1e6:.4g} km2) {fault}", remedy=f"Give a radius below {0.2 * wide:.3g} m"
         )
     return along(best)
 

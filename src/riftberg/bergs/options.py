@@ -197,7 +197,7 @@ def option(name: str, value: Any, latlon: bool = True) -> Any:
     if name == "pieces" or (value is None and name in ("placement", "offset")):
         return value
     if name == "offset":
-        return _pair(name, value, "1")
+        return _part_of_pitch(name, value)
     if name in ("latlon", "conformal"):
         return flag(value, where=name, kind=BergError)
     if name == "density":
@@ -235,6 +235,17 @@ def _pair(name: str, value: Any, unit: str) -> tuple[float, float]:
         raise BergError(f"{value_shown(value)} is not two numbers", where=name, remedy=f"Allowed: 2 numbers{measured}")
     first, second = (number(part, unit, where=name, kind=BergError) for part in plain)
     return first, second
+
+
+def _part_of_pitch(name: str, value: Any) -> tuple[float, float]:
+    """Return a shift of the lattice; a longer one would leave a strip of the outline empty."""
+    parts = _pair(name, value, "1")
+    if not all(0.0 <= part <= 1.0 for part in parts):
+        raise BergError(
+            f"({parts[0]:g}, {parts[1]:g}) is no shift within one pitch of the lattice", where=name,
+            remedy="Allowed: 2 numbers from 0 to 1, parts of the distance between neighbouring elements",
+        )  # fmt: skip
+    return parts
 
 
 def _one_per_element(value: Any, name: str) -> bool:
