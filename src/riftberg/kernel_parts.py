@@ -79,6 +79,7 @@ class Kernel(CPUDispatcher):
         return self._as_part(counts=False)
 
     def _as_part(self, *, counts: bool) -> Any:
+        counts = counts and self.targetoptions.get("_nrt", True)  # a borrower borrows whoever calls it
         options = {**self.targetoptions, "no_cpython_wrapper": True, "_nrt": counts}
         return CPUDispatcher(self.py_func, targetoptions=options, pipeline_class=PartCompiler)
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from numba.core.errors import NumbaError
 from numba.core.runtime import _nrt_python, rtsys
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model
+from riftberg.kernels import borrower, kernel
 
 pytestmark = pytest.mark.compiled
 
@@ -30,3 +33,20 @@ def _allocations(substeps: int, grounded: bool) -> int:
 def test_sub_steps_take_no_memory(grounded: bool) -> None:
     few, many = _allocations(90, grounded), _allocations(180, grounded)
     assert few == many > 0
+
+
+@borrower
+def _lends(a):
+    """Not to be compiled: it makes an array."""
+    return (a + 1.0)[0]
+
+
+@kernel
+def _asks(a):
+    return _lends(a) + a.copy()[0]
+
+
+def test_a_borrower_borrows_from_a_kernel_too() -> None:
+    """Called from a kernel that counts references, it counted them too: four fifths of the time of bergs in contact."""
+    with pytest.raises(NumbaError, match="NRT required"):
+        _asks(np.zeros(2))

@@ -206,7 +206,7 @@ def stream(x_local: float, y_local: float, now: _Instant) -> tuple[float, float,
     return psi, psi_x, psi_y, curl
 
 
-@kernel
+@borrower
 def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
     """Fill current, slope and vorticity at many points."""
     scale, f_over_g = (

@@ -12,10 +12,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import borrower, kernel
+from riftberg.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms, stiffness_and_reach
-from riftberg.stepping.rigid_bodies import solve_three
 
 CONTACT_PHASE: Final = 1.0
 """Largest sub-step times frequency of the springs of contact, rad."""
@@ -40,9 +39,9 @@ class MeetingRoom(NamedTuple):
     """Room for the sub-steps of one island.
 
     For each body: sums of the stiffness of its contacts, accelerations, cosine and sine of its turn, arm from its centre to
-    its farthest element, forces, matrices, answers to a force, places of its contacts in a list and that list, loads. For
-    each pair: which touch, their numbers (`find_contacts`), and whether it has touched before. For each element: the push of
-    contact.
+    its farthest element, forces, matrices, answers to a force, places of its contacts in a list, and that list: the other
+    body, and how its change of velocity makes one of its own; loads. For each pair: which touch, their numbers
+    (`find_contacts`), and whether it has touched before. For each element: the push of contact.
     """
 
     stiff: Floats
@@ -54,7 +53,8 @@ class MeetingRoom(NamedTuple):
     held: Floats
     begin: Ints
     place: Ints
-    listed: Ints
+    other: Ints
+    coupled: Floats
     size: Floats
     near: Ints
     pairs: Floats
@@ -69,8 +69,8 @@ def allocate_meeting_room(bodies: int, pairs: int, elements: int) -> MeetingRoom
     return MeetingRoom(
         np.empty(bodies), np.empty((bodies, 3)), np.empty((bodies, 2)), np.zeros(bodies), np.empty((bodies, 3)),
         np.empty((bodies, 3, 3)), np.empty((bodies, 3, 3)), np.empty(bodies + 1, np.int64), np.empty(bodies, np.int64),
-        np.empty(2 * pairs, np.int64), np.empty(bodies), np.empty(pairs, np.int64), np.empty((pairs, 15)),
-        np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.empty((4, 3, 3)),
+        np.empty(2 * pairs, np.int64), np.empty((2 * pairs, 3, 3)), np.empty(bodies), np.empty(pairs, np.int64),
+        np.empty((pairs, 15)), np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.empty((4, 3, 3)),
     )  # fmt: skip
 
 
@@ -107,7 +107,7 @@ def _resolved(stiff: float, mass: float) -> float:
     return CONTACT_PHASE / math.sqrt(2.0 * stiff / mass) if stiff > 0.0 else np.inf
 
 
-@borrower
+@stage
 def find_contacts(
     own: Ints, motion: Floats, inertia: Floats, mobility: Floats, total: Floats, first: Ints, second: Ints, apart: Floats,
     radii: Floats, smaller: Floats, law: PairLaw, rate: Floats, moved: Floats, touched: NDArray[np.bool_], room: MeetingRoom,
@@ -181,7 +181,7 @@ def find_contacts(
     return found, ahead
 
 
-@borrower
+@stage
 def kick_bodies(
     own: Ints, inertia: Floats, mobility: Floats, floor: Floats, slope: Floats, total: Floats, first: Ints, second: Ints,
     motion: Floats, found: int, before: float, step: float, rate: Floats, change: Floats, room: MeetingRoom,
@@ -225,32 +225,40 @@ def kick_bodies(
     return found == 0 or _sweep(own, inertia, first, second, motion, found, h, rate, change, room)
 
 
-@borrower
+@stage
 def _lone_changes(mobility: Floats, h: float, change: Floats, room: MeetingRoom) -> None:
     """Change of the velocities of each body by itself, and what it answers to a force with where it touches others."""
-    right, block, begin, held = room.right, room.block, room.begin, room.held
-    matrix, used, x = room.small[0], room.small[1], room.small[2, 0]
+    right, block, held = room.right, room.block, room.held
+    matrix, inverse = room.small[0], room.small[1]
     for b in range(change.shape[0]):
         for i in range(3):
             for j in range(3):
                 matrix[i, j] = 1.0 if i == j else 0.0
                 for k in range(3):
                     matrix[i, j] += h * mobility[b, i, k] * block[b, k, j]
-        if begin[b] == begin[b + 1]:
-            for i in range(3):
-                x[i] = h * (
-                    mobility[b, i, 0] * right[b, 0] + mobility[b, i, 1] * right[b, 1] + mobility[b, i, 2] * right[b, 2]
-                )
-            change[b, 0], change[b, 1], change[b, 2] = solve_three(matrix, x)
-            continue
-        for j in range(3):
-            for i in range(3):
-                x[i] = mobility[b, i, j]
-                for k in range(3):
-                    used[i, k] = matrix[i, k]
-            held[b, 0, j], held[b, 1, j], held[b, 2, j] = solve_three(used, x)
+        _invert(matrix, inverse)
         for i in range(3):
+            for j in range(3):
+                held[b, i, j] = (
+                    inverse[i, 0] * mobility[b, 0, j]
+                    + inverse[i, 1] * mobility[b, 1, j]
+                    + inverse[i, 2] * mobility[b, 2, j]
+                )
             change[b, i] = h * (held[b, i, 0] * right[b, 0] + held[b, i, 1] * right[b, 1] + held[b, i, 2] * right[b, 2])
+
+
+@borrower
+def _invert(a: Floats, out: Floats) -> None:
+    """Inverse of a 3 by 3 matrix that is one plus a product of a positive and a dissipative one, by its cofactors."""
+    for i in range(3):
+        r, s = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            c, d = (j + 1) % 3, (j + 2) % 3
+            out[j, i] = a[r, c] * a[s, d] - a[r, d] * a[s, c]
+    one = 1.0 / (a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0])
+    for i in range(3):
+        for j in range(3):
+            out[i, j] *= one
 
 
 @kernel
@@ -265,6 +273,13 @@ def lever_speed(m: tuple[float, float, float, float, float, float], q: Floats) -
     return m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
 
 
+@kernel
+def middle_speed(m: tuple[float, float, float, float, float, float], q: Floats, change: Floats) -> tuple[float, float]:
+    """As `lever_speed`, half-way through a change of the velocity."""
+    x, y, w = q[0] + 0.5 * change[0], q[1] + 0.5 * change[1], q[2] + 0.5 * change[2]
+    return m[0] * x + m[1] * y + m[2] * w, m[3] * x + m[4] * y + m[5] * w
+
+
 @borrower
 def _add_damping(block: Floats, m: tuple[float, float, float, float, float, float], t: Floats) -> None:
     """Add half of B^T C B, which damps the change by half of it."""
@@ -274,52 +289,58 @@ def _add_damping(block: Floats, m: tuple[float, float, float, float, float, floa
             block[i, j] += 0.5 * (x * m[j] + y * m[3 + j])
 
 
-@borrower
+@stage
 def _sweep(
     own: Ints, inertia: Floats, first: Ints, second: Ints, motion: Floats, found: int, h: float, rate: Floats,
     change: Floats, room: MeetingRoom,
 ) -> bool:  # fmt: skip
     """Sweep over the bodies that touch until the change of their velocities has settled; see `kick_bodies`."""
-    count = rate.shape[0]
-    right, held, begin, near, pairs = room.right, room.held, room.begin, room.near, room.pairs
-    listed, place, size, scale = room.listed, room.place, room.size, 0.0
-    for b in range(count):
-        place[b] = begin[b]
-    for k in range(found):
-        i, j = own[first[near[k]]], own[second[near[k]]]
-        listed[place[i]] = listed[place[j]] = k
-        place[i] += 1
-        place[j] += 1
+    count, begin, base, block, other, size = rate.shape[0], room.begin, room.right, room.coupled, room.other, room.size
+    _couple(own, first, second, motion, found, h, room)
+    scale = 0.0
     for b in range(count):
         size[b] = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
         scale = max(scale, abs(rate[b, 0]), abs(rate[b, 1]), size[b] * abs(rate[b, 2]))
         scale = max(scale, abs(change[b, 0]), abs(change[b, 1]), size[b] * abs(change[b, 2]))
-    rest, new = room.small[0, 0], room.small[0, 1]
+        for i in range(3):
+            base[b, i] = change[b, i]
     for _ in range(MOST_SWEEPS):
         most = 0.0
         for b in range(count):
             if begin[b] == begin[b + 1]:
                 continue
-            for c in range(3):
-                rest[c] = right[b, c]
+            x, y, w = base[b, 0], base[b, 1], base[b, 2]
             for n in range(begin[b], begin[b + 1]):
-                t, i, j = pairs[listed[n]], first[near[listed[n]]], second[near[listed[n]]]
-                one, two = lever(motion[i], t[5], t[6]), lever(motion[j], t[7], t[8])
-                mine, theirs = (one, two) if own[i] == b else (two, one)
-                du, dv = lever_speed(theirs, change[own[j] if own[i] == b else own[i]])
-                fx, fy = (
-                    0.5 * (t[ACTS + 2] * du + t[ACTS + 3] * dv),
-                    0.5 * (t[ACTS + 3] * du + t[ACTS + 4] * dv),
-                )
-                for c in range(3):
-                    rest[c] += mine[c] * fx + mine[3 + c] * fy
-            for c in range(3):
-                new[c] = h * (held[b, c, 0] * rest[0] + held[b, c, 1] * rest[1] + held[b, c, 2] * rest[2])
-            most = max(
-                most, abs(new[0] - change[b, 0]), abs(new[1] - change[b, 1]), size[b] * abs(new[2] - change[b, 2])
-            )
-            for c in range(3):
-                change[b, c] = new[c]
+                d, q = block[n], change[other[n]]
+                x += d[0, 0] * q[0] + d[0, 1] * q[1] + d[0, 2] * q[2]
+                y += d[1, 0] * q[0] + d[1, 1] * q[1] + d[1, 2] * q[2]
+                w += d[2, 0] * q[0] + d[2, 1] * q[1] + d[2, 2] * q[2]
+            most = max(most, abs(x - change[b, 0]), abs(y - change[b, 1]), size[b] * abs(w - change[b, 2]))
+            change[b, 0], change[b, 1], change[b, 2] = x, y, w
         if most <= SETTLED * scale:
             return True
     return False
+
+
+@stage
+def _couple(
+    own: Ints, first: Ints, second: Ints, motion: Floats, found: int, h: float, room: MeetingRoom
+) -> None:  # fmt: skip
+    """List for each body its contacts: the other body, and by which matrix its change of velocity makes one of its own."""
+    pairs, place, block, held = room.pairs, room.place, room.coupled, room.held
+    for b in range(place.size):
+        place[b] = room.begin[b]
+    for k in range(found):
+        i, j, t = first[room.near[k]], second[room.near[k]], pairs[k]
+        one, two = lever(motion[i], t[5], t[6]), lever(motion[j], t[7], t[8])
+        for end in range(2):
+            b, mine, theirs = (own[i], one, two) if end == 0 else (own[j], two, one)
+            n = place[b]
+            place[b], room.other[n] = n + 1, own[j] if end == 0 else own[i]
+            for c in range(3):
+                # By a velocity of one in direction c of the other body: the force of damping, half of it over a kick.
+                fx = 0.5 * (t[ACTS + 2] * theirs[c] + t[ACTS + 3] * theirs[3 + c])
+                fy = 0.5 * (t[ACTS + 3] * theirs[c] + t[ACTS + 4] * theirs[3 + c])
+                x, y, w = mine[0] * fx + mine[3] * fy, mine[1] * fx + mine[4] * fy, mine[2] * fx + mine[5] * fy
+                for r in range(3):
+                    block[n, r, c] = h * (held[b, r, 0] * x + held[b, r, 1] * y + held[b, r, 2] * w)

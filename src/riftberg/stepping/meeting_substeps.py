@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import borrower, kernel
+from riftberg.kernels import borrower, kernel, stage
 from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
 from riftberg.stepping.interactions import PairLaw
@@ -28,7 +28,7 @@ from riftberg.stepping.meeting_contacts import (
     find_contacts,
     kick_bodies,
     lever,
-    lever_speed,
+    middle_speed,
 )
 from riftberg.stepping.rigid_bodies import Loading, add_forces, add_totals_and_slopes, drag_and_slope
 
@@ -100,12 +100,30 @@ def _cross(
     given, slope, total = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3))
     for e in range(own.size):
         room.arm[own[e]] = max(room.arm[own[e]], math.hypot(motion[e, 2], motion[e, 5]))
-    known, way, since = rate.copy(), np.zeros((count, 3)), np.inf
-    left, before, shortest = span, 0.0, span
+    known, way = rate.copy(), np.zeros((count, 3))
+    return _take_substeps(
+        own, motion, load, inertia, mobility, floor, bonded, first, second, apart, radii, smaller, span, law, rate, moved,
+        touched, applied, blow, turn, spin, heaviest, change, acted, force, given, slope, total, known, way, room,
+    )  # fmt: skip
+
+
+@borrower
+def _take_substeps(
+    own: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, bonded: NDArray[np.bool_],
+    first: Ints, second: Ints, apart: Floats, radii: Floats, smaller: Floats, span: float, law: PairLaw, rate: Floats,
+    moved: Floats, touched: NDArray[np.bool_], applied: Floats, blow: Floats, turn: Floats, spin: Floats, heaviest: Floats,
+    change: Floats, acted: Floats, force: Floats, given: Floats, slope: Floats, total: Floats, known: Floats, way: Floats,
+    room: MeetingRoom,
+) -> float:  # fmt: skip
+    """Take the sub-steps of an island in the room that `_cross` has made; the same is returned."""
+    left, before, shortest, since = span, 0.0, span, np.inf
     while True:
         if since >= FRESH * span or left <= 0.0:
             _keep(own, motion, load, known, way, since, applied)
-            given[:, :], slope[:, :, :], way[:, :], known[:, :], since = 0.0, 0.0, 0.0, rate, 0.0
+            given[:, :], slope[:, :, :], way[:, :], since = 0.0, 0.0, 0.0, 0.0
+            for b in range(rate.shape[0]):
+                for i in range(3):
+                    known[b, i] = rate[b, i]
             add_totals_and_slopes(own, motion, rate, load, given, slope)
             total[:, :] = 0.0
             add_forces(own, motion, rate, load, acted, force, total)
@@ -126,18 +144,26 @@ def _cross(
         _remember(
             own, motion, load, bonded, first, second, found, force, rate, change, moved, heaviest, blow, turn, spin, room
         )  # fmt: skip
-        way += h * (rate + 0.5 * change)
+        _move(rate, change, h, step, way, moved)
         since += h
-        rate += change
         _slow(own, motion, load, rate, h, applied)
         if left <= 0.0:
             _keep(own, motion, load, known, way, since, applied)
             return shortest
-        moved += step * rate
         left -= step
         if left < 1e-9 * span:
             left = 0.0
         before = step
+
+
+@stage
+def _move(rate: Floats, change: Floats, h: float, step: float, way: Floats, moved: Floats) -> None:
+    """Give the bodies their new velocities and let them go on by a step with these; ``way`` is that of the velocities alone."""
+    for b in range(rate.shape[0]):
+        for i in range(3):
+            way[b, i] += h * (rate[b, i] + 0.5 * change[b, i])
+            rate[b, i] += change[b, i]
+            moved[b, i] += step * rate[b, i]
 
 
 @borrower
@@ -160,7 +186,7 @@ def _keep(own: Ints, motion: Floats, load: Loading, known: Floats, way: Floats, 
                 applied[e, k, 1] += time * ay - xy * du - yy * dv
 
 
-@kernel
+@stage
 def _linear(given: Floats, slope: Floats, floor: Floats, rate: Floats, known: Floats, total: Floats) -> None:
     """Forces on the bodies at the velocities ``rate``, from those that were found at the velocities ``known``."""
     for b in range(rate.shape[0]):
@@ -170,7 +196,7 @@ def _linear(given: Floats, slope: Floats, floor: Floats, rate: Floats, known: Fl
                 total[b, i] -= slope[b, i, j] * (rate[b, j] - known[b, j]) + floor[b, i, j] * rate[b, j]
 
 
-@kernel
+@stage
 def _remember(
     own: Ints, motion: Floats, load: Loading, bonded: NDArray[np.bool_], first: Ints, second: Ints, found: int, force: Floats,
     rate: Floats, change: Floats, moved: Floats, heaviest: Floats, blow: Floats, turn: Floats, spin: Floats, room: MeetingRoom,
@@ -186,8 +212,8 @@ def _remember(
         a, b = own[i], own[j]
         if not (bonded[a] or bonded[b]):
             continue
-        wx, wy = lever_speed(lever(motion[j], t[7], t[8]), rate[b] + 0.5 * change[b])
-        ux, uy = lever_speed(lever(motion[i], t[5], t[6]), rate[a] + 0.5 * change[a])
+        wx, wy = middle_speed(lever(motion[j], t[7], t[8]), rate[b], change[b])
+        ux, uy = middle_speed(lever(motion[i], t[5], t[6]), rate[a], change[a])
         fx = t[0] + t[2] * (wx - ux) + t[3] * (wy - uy)
         fy = t[1] + t[3] * (wx - ux) + t[4] * (wy - uy)
         push[i, 0] += fx
@@ -216,7 +242,7 @@ def _remember(
         heaviest[b] = max(heaviest[b], size[b])
 
 
-@kernel
+@stage
 def _slow(own: Ints, motion: Floats, load: Loading, rate: Floats, h: float, applied: Floats) -> None:
     """Add what the linear drag of the sea floor did in ``h`` s that ended with ``rate``."""
     for e in range(own.size):

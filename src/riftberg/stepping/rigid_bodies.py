@@ -253,10 +253,13 @@ def keep_forces(
     held : array of float, shape (fragments, 3)
         Velocities at which it has acted (`BodyMotion.held`).
     """
+    one, other = (
+        acted.reshape(acted.size),
+        applied.reshape(applied.size),
+    )  # as rows of numbers, so that the loop vectorises
+    for k in range(one.size):
+        other[k] += part * one[k]
     for e in range(body.size):
-        for m in range(acted.shape[1]):
-            applied[e, m, 0] += part * acted[e, m, 0]
-            applied[e, m, 1] += part * acted[e, m, 1]
         if floor[e] > 0.0:
             u, v, _ = _velocity(motion[e], held[body[e]])
             applied[e, SEA_FLOOR, 0] -= part * floor[e] * u
