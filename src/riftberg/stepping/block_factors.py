@@ -8,6 +8,8 @@ The factors are found row by row (Davis 2006, Direct Methods for Sparse Linear S
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
@@ -19,7 +21,8 @@ from riftberg.state import Floats, Ints
 def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:
     """Return the elements in the order in which they are to be eliminated.
 
-    SuperLU finds it, for a matrix with a number instead of a block: that takes a tenth of the time of the factors.
+    SuperLU finds it, for a matrix with a number instead of a block: that takes as long as the factors of a berg of some
+    hundred elements. So it is kept: ice that melts changes the matrix in each step, and which bonds hold in few of them.
 
     Parameters
     ----------
@@ -28,13 +31,21 @@ def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:
     first, second : array of int
         Ends of the bonds.
     """
+    return _minimum_degree(count, first.tobytes(), second.tobytes())
+
+
+@lru_cache(maxsize=4)
+def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
+    first, second = np.frombuffer(firsts, np.int64), np.frombuffer(seconds, np.int64)
     every = np.arange(count)
     row, column = np.concatenate([first, second, every]), np.concatenate([second, first, every])
     degree = np.bincount(row, minlength=count)
     value = np.concatenate([np.full(2 * first.size, -1.0), degree.astype(np.float64)])
     matrix = csc_matrix((value, (row, column)), shape=(count, count))
     place = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).perm_c
-    return np.asarray(np.argsort(place), np.int64)
+    order = np.asarray(np.argsort(place), np.int64)
+    order.flags.writeable = False  # it is shared
+    return order
 
 
 class BlockFactors:
@@ -195,8 +206,22 @@ def _factored(
         start[k + 1] += start[k]
     end, row = start[:-1].copy(), np.empty(start[count], np.int64)
     lower, inverse = np.empty((start[count], 3, 3)), np.empty((count, 3, 3))
-    work, pivot, scaled = np.zeros((count, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
     seen[:] = -1
+    _eliminate(
+        order, place, first, second, diagonal, between, near, bond, parent, seen, stack, start, end, row, lower, inverse,
+        np.zeros((count, 3, 3)), np.empty((2, 3, 3)),
+    )  # fmt: skip
+    return start, row, lower, inverse
+
+
+@borrower
+def _eliminate(
+    order: Ints, place: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats, near: Ints, bond: Ints,
+    parent: Ints, seen: Ints, stack: Ints, start: Ints, end: Ints, row: Ints, lower: Floats, inverse: Floats, work: Floats,
+    small: Floats,
+) -> None:  # fmt: skip
+    """Fill rows, blocks of L and inverse blocks of D, element by element; ``work`` is zero, ``small`` room for two blocks."""
+    count, pivot, scaled = order.size, small[0], small[1]
     for k in range(count):
         for n in range(near[k], near[k + 1]):
             b = bond[n]
@@ -205,7 +230,9 @@ def _factored(
             for x in range(3):
                 for y in range(3):
                     work[i, x, y] += between[b, y, x] if turned else between[b, x, y]
-        pivot[:, :] = diagonal[order[k]]
+        for x in range(3):
+            for y in range(3):
+                pivot[x, y] = diagonal[order[k], x, y]
         for n in range(_reach(k, place, first, second, near, bond, parent, seen, stack), count):
             i = stack[n]
             here = work[i]
@@ -217,11 +244,11 @@ def _factored(
                 _take_product(work[row[p]], here, lower[p])
             _take_product(pivot, scaled, here)
             row[end[i]] = k
-            lower[end[i], :, :] = scaled
-            here[:, :] = 0.0
+            for x in range(3):
+                for y in range(3):
+                    lower[end[i], x, y], here[x, y] = scaled[x, y], 0.0
             end[i] += 1
         _inverted(pivot, inverse[k])
-    return start, row, lower, inverse
 
 
 @borrower
