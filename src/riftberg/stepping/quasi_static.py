@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.errors import RunError
 from riftberg.kernels import plain
@@ -24,6 +25,7 @@ from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.cracking import Limits, keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.criteria import AveragedStress, BondStress, Criterion, Equilibrium, characteristic_distance
+from riftberg.stepping.followed import Left, followed, left_by
 from riftberg.stepping.frames import Bodies, flat_shape, free_bodies, place, regrouped
 from riftberg.stepping.groups import NOBODY, joined
 from riftberg.stepping.interactions import pair_law
@@ -94,7 +96,9 @@ class QuasiStaticStepper:
         self._sizes: Sizes | None = None
         self._room: BodyRoom | None = None
         self._touched = NOBODY
-        self._began: tuple[float, Bodies | None] = math.nan, None  # the last step
+        self._left: Left | None = None
+        self._unknown: NDArray[np.bool_] | None = None
+        self._began: tuple[float, Bodies | None, Left | None] = math.nan, None, None  # the last step
 
     @property
     def applied(self) -> Floats:
@@ -108,13 +112,17 @@ class QuasiStaticStepper:
 
     def memory(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        return {} if self._bodies is None else dict(zip(MEMORY, self._bodies, strict=True))
+        bodies = {} if self._bodies is None else dict(zip(MEMORY, self._bodies, strict=True))
+        return bodies if self._left is None else {**bodies, **dict(zip(MEMORY_LEFT, self._left, strict=True))}
 
     def recall(self, kept: Mapping[str, Any]) -> None:
         """Take up what `memory` gave."""
         if all(name in kept for name in MEMORY):
             body, *rest = (np.asarray(kept[name]) for name in MEMORY)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
+        if all(name in kept for name in MEMORY_LEFT):  # files of earlier versions lack it
+            ids, *rest = (np.asarray(kept[name]) for name in MEMORY_LEFT)
+            self._left = Left(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
 
     def surround(self, model: RunState) -> None:
         """Sample at the present positions."""
@@ -127,10 +135,10 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one long step."""
         if self._began[0] == model.time:  # the last step was taken back, after it had been taken here
-            self._bodies, self._now = self._began[1], None
+            (_, self._bodies, self._left), self._now = self._began, None
+        self._began = model.time, self._bodies, self._left
         self._forget_what_changed(model)
-        self._began = model.time, self._bodies
-        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes)
+        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes, self._unknown)
         step.room = step.room or self._room
         self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
@@ -140,32 +148,41 @@ class QuasiStaticStepper:
         self._sizes, self._room = step.sizes, step.room
         if step.cracked:
             self._ice = _ice(model)
+        self._left = left_by(model.elements)
         model.time = step.start + model.parameters.stepping.time_step
 
     def _forget_what_changed(self, model: RunState) -> None:
-        """Begin anew where elements came or went, and find the lattice anew where ice or bonds have changed."""
-        count = model.elements.size
-        now = _ice(model)
-        if self._ice and [len(a) for a in now] != [len(a) for a in self._ice]:
-            self._bodies = None
-        if self._bodies is not None and self._bodies.body.size != count:
-            self._bodies = None
-        if self._ice != now:
+        """Find the lattice anew where ice, bonds or supports have changed, and follow what happened to the bodies."""
+        now, count = _ice(model), model.elements.size
+        rows, same = self._ice[:HANGS] == now[:HANGS], self._ice == now
+        if self._ice and not same:
             self._structure = self._now = self._sizes = None
-        if self._ice and now[0] != self._ice[0]:
-            self._bodies = None  # other elements, in the same number
-        self._ice = now
+        self._ice, self._unknown = now, None
+        if self._bodies is None:
+            return
+        if self._left is None or self._left.id.size != self._bodies.body.size:
+            self._bodies = self._bodies if self._bodies.body.size == count else None
+        elif not (rows and self._left.is_still(model.elements)):
+            bodies, unknown = followed(model.elements, model.bonds, self._bodies, self._left, model.constants)
+            if unknown.any() or not np.array_equal(bodies.body, self._bodies.body):
+                self._bodies, self._unknown, self._structure, self._now = bodies, unknown, None, None
 
 
 def _ice(model: RunState) -> list[bytes]:
-    """What frames and lattice are made of: elements, their ice, and which bonds hold; as bytes, which compare quickly."""
+    """What frames and lattice are made of: elements, supports, bonds that hold, and ice; as bytes, which compare quickly."""
     body, bonds = model.elements.body, model.bonds
-    kept = body.id, body.mass, body.thickness, body.length, body.width, bonds.id, bonds.status
+    kept = body.id, body.static, body.free_y, bonds.id, bonds.status, body.mass, body.thickness, body.length, body.width
     return [array.tobytes() for array in kept]
 
 
+HANGS = 5
+"""How many of them say which elements there are, and what holds them together and in place."""
+
 MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
 """Names of the fields of `Bodies` in a restart file."""
+
+MEMORY_LEFT = tuple(f"rigid_left_{name}" for name in Left._fields)
+"""Names of the fields of `Left` there."""
 
 
 class LongStep:
@@ -173,7 +190,7 @@ class LongStep:
 
     def __init__(
         self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
-        sizes: Sizes | None,
+        sizes: Sizes | None, unknown: NDArray[np.bool_] | None = None,
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes: Sizes = sizes or interaction_sizes(self.el, self.c)
@@ -185,9 +202,11 @@ class LongStep:
         self.meeting: Meeting | None = None  # of the last step
         self._blown: tuple[Meeting, Equilibrium] | None = None
         self.room: BodyRoom | None = None
-        fresh = bodies is None
+        fresh = bodies is None or unknown is not None
         bodies = self._first_bodies() if bodies is None else bodies
         self.structure = structure or self._build(bodies)
+        if unknown is not None:
+            bodies = bodies._replace(rate=np.where(unknown[:, None], self._rates(bodies), bodies.rate))
         self.now = now or self._moment(bodies, model.time)
         if fresh:
             self._bend()
@@ -565,12 +584,16 @@ class LongStep:
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
         bodies = free_bodies(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
         self.structure = self._build(bodies)
-        motion = self._motion(bodies)
+        return bodies._replace(rate=self._rates(bodies))
+
+    def _rates(self, bodies: Bodies) -> Floats:
+        """Return the rigid motions nearest to the velocities of the elements, of the same momentum."""
+        el, body, motion = self.el, bodies.body, self._motion(bodies)
         m, load = motion.elements, motion.load
         momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return bodies._replace(rate=(motion.mobility @ sums[:, :, None])[:, :, 0])
+        return np.asarray((motion.mobility @ sums[:, :, None])[:, :, 0])
 
     def _build(self, bodies: Bodies) -> Structure:
         """Describe and factor the lattice of the bonds that hold."""

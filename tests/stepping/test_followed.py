@@ -1,0 +1,151 @@
+"""What comes, goes, is moved, pushed, held or cut between two steps, in all schemes that bend bonds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+
+from riftberg import A68A_2022, Forcing, Iceberg, Model
+
+SCHEMES = pytest.mark.parametrize("scheme", ["quasi_static", "mts"])
+
+
+def berg(**options: Any) -> Iceberg:
+    return Iceberg.rectangle("60 km", "9 km", thickness="200 m", placement=(-38.0, -56.0), **options)
+
+
+def model(scheme: str, sea: Forcing | None = None, **change: Any) -> Model:
+    """Return a long berg that the wind of an eddy bends."""
+    sea = sea or Forcing.eddy((-37.7, -56.2), radius=30e3, speed=0.5)
+    change = {"fracture": {"enabled": False}, **change}
+    return Model(berg(), sea, A68A_2022.changed(stepping={"scheme": scheme}, **change))
+
+
+def distances(run: Model, count: int) -> Any:
+    """Return distances (m) between the first elements, straight through the earth."""
+    lon, lat = np.deg2rad(run.elements.lon[:count]), np.deg2rad(run.elements.lat[:count])
+    radius = run.parameters.earth.radius
+    return pdist(radius * np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]))
+
+
+@SCHEMES
+def test_births_and_deaths_elsewhere_leave_a_berg_alone(scheme: str) -> None:
+    """Each birth took the displacements by load for the shape: after ten days with 480 of them A68a was deformed by 4 km."""
+    alone, crowded = model(scheme), model(scheme)
+    count = alone.elements.size
+
+    def come_and_go(run: Model) -> None:
+        if run.elements.size > count + 3:
+            run.remove(run.elements.id[count : count + 2])
+        run.append(Iceberg.field(1, (-20.0, -19.9, -60.0, -59.9), seed=run.step_number).elements)
+
+    crowded.after_step.append(come_and_go)
+    for run in (alone, crowded):
+        run.advance(days=2)
+    assert crowded.elements.size > count
+    np.testing.assert_allclose(crowded.elements.lon[:count], alone.elements.lon, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(crowded.elements.lat[:count], alone.elements.lat, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(crowded.bonds.normal_stress, alone.bonds.normal_stress, rtol=0.0, atol=1e-3)
+
+
+def test_elements_that_go_leave_the_others_in_their_shape() -> None:
+    """Within a bent berg too: free of load again, what is left has the shape that it had at the start."""
+    run = model("quasi_static", Forcing.uniform(current=(0.0, 0.0)))
+    count, shape = run.elements.size, distances(run, run.elements.size)
+    x = run.elements.lon - run.elements.lon.mean()
+    run.elements.load_y[:] = 1e8 * np.cos(2.0 * np.pi * x / np.ptp(x))
+    run.advance(steps=2)
+    assert np.abs(distances(run, count) - shape).max() > 20.0
+    for _ in range(3):
+        run.remove(run.elements.id[-1:])
+        run.advance(steps=1)
+    run.elements.load_y[:] = 0.0
+    run.advance(steps=2)
+    kept = np.array([j < count - 3 for i in range(count) for j in range(i + 1, count)])
+    np.testing.assert_allclose(distances(run, count - 3), shape[kept], rtol=0.0, atol=1.0)
+
+
+@SCHEMES
+def test_a_berg_that_is_pushed_goes(scheme: str) -> None:
+    """The velocity that a user had given to the elements was lost without a word in the quasi-static scheme."""
+    run = model(scheme, Forcing.uniform(current=(0.0, 0.0)))
+    run.advance(steps=3)
+    before = run.elements.lon.mean()
+    run.elements.u[:], run.elements.v[:] = 0.5, 0.0
+    run.advance(steps=1)
+    metres = (run.elements.lon.mean() - before) * 111.2e3 * np.cos(np.deg2rad(56.0))
+    assert 550.0 < metres < 700.0  # the water slows it
+    assert 0.2 < run.elements.u.mean() < 0.4
+
+
+@SCHEMES
+def test_a_berg_that_is_moved_stays_there(scheme: str) -> None:
+    run = model(scheme, Forcing.uniform(current=(0.0, 0.0)))
+    run.advance(steps=3)
+    there = run.elements.lon + 0.01
+    run.elements.lon[:] = there
+    run.advance(steps=2)
+    np.testing.assert_allclose(run.elements.lon, there, rtol=0.0, atol=2e-4)
+
+
+def test_a_berg_that_is_nudged_in_each_step_keeps_its_shape() -> None:
+    """As by an assimilation of positions; displacements by load are no part of the shape."""
+    alone, nudged = model("quasi_static"), model("quasi_static")
+
+    def nudge(run: Model) -> None:
+        run.elements.lon[:] += 1e-7 * (-1.0) ** run.step_number
+
+    nudged.after_step.append(nudge)
+    for run in (alone, nudged):
+        run.advance(days=2)
+    count = alone.elements.size
+    # Unloaded, the ends would have come 300 m nearer to each other if each nudge took the bent shape for the free one.
+    np.testing.assert_allclose(distances(nudged, count), distances(alone, count), rtol=0.0, atol=1.0)
+
+
+@SCHEMES
+def test_pieces_that_a_user_cuts_apart_go_their_ways(scheme: str) -> None:
+    """They went on as one rigid body in the quasi-static scheme."""
+    run = model(
+        scheme, Forcing.eddy((-38.0, -56.0), radius=30e3, speed=0.5), contact={"on_substeps": False, "spring": 0.0}
+    )
+    run.advance(steps=2)
+    column = np.round(run.elements.lon, 3)
+    middle = np.median(column)
+    across = (column[run.bonds.first] < middle) != (column[run.bonds.second] < middle)
+    assert 0 < across.sum() < 10
+    run.bonds.status[across] = 1
+    west, east = run.elements.lon < middle, run.elements.lon >= middle
+    run.elements.u[east] += 0.3
+    gap = run.elements.lon[east].min() - run.elements.lon[west].max()
+    run.advance(steps=2)
+    metres = (run.elements.lon[east].min() - run.elements.lon[west].max() - gap) * 111.2e3 * np.cos(np.deg2rad(56.0))
+    assert 500.0 < metres < 1200.0
+
+
+@SCHEMES
+def test_a_berg_that_is_held_stops(scheme: str) -> None:
+    run = model(scheme, Forcing.uniform(current=(0.3, 0.0)))
+    run.advance(steps=5)
+    run.elements.static[:] = 1.0
+    there = run.elements.lon.copy()
+    run.advance(steps=2)
+    np.testing.assert_array_equal(run.elements.lon, there)
+
+
+def test_a_restart_knows_what_was_changed_before_it(tmp_path: Path) -> None:
+    """Bit for bit as without it: a berg that was pushed between the last step and the restart file included."""
+    straight = model("quasi_static")
+    straight.advance(steps=5)
+    straight.elements.u[:] += 0.1
+    straight.save(tmp_path / "berg.nc")
+    other = Model.resume(tmp_path / "berg.nc", straight.forcing)
+    for run in (straight, other):
+        run.append(Iceberg.field(2, (-20.0, -19.9, -60.0, -59.9), seed=1).elements)
+        run.advance(steps=3)
+    np.testing.assert_array_equal(other.elements.lon, straight.elements.lon)
+    np.testing.assert_array_equal(other.bonds.normal_stress, straight.bonds.normal_stress)
