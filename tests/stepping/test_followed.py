@@ -128,6 +128,16 @@ def test_pieces_that_a_user_cuts_apart_go_their_ways(scheme: str) -> None:
 
 
 @SCHEMES
+def test_a_load_acts_from_the_step_on_in_which_it_is_given(scheme: str) -> None:
+    """It acted over half of its first step in the quasi-static scheme."""
+    run = model(scheme, Forcing.uniform(current=(0.0, 0.0)))
+    run.advance(steps=3)
+    run.elements.load_x[:] = 1e-6 * run.elements.mass
+    run.advance(steps=1)
+    assert 0.95 * 1.8e-3 < run.velocity()[0].mean() < 1.01 * 1.8e-3
+
+
+@SCHEMES
 def test_a_berg_that_is_held_stops(scheme: str) -> None:
     run = model(scheme, Forcing.uniform(current=(0.3, 0.0)))
     run.advance(steps=5)

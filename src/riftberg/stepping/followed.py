@@ -19,7 +19,7 @@ from riftberg.stepping.sizes import interaction_sizes
 
 
 class Left(NamedTuple):
-    """Elements as a step has left them: identifiers, places (degrees or m), velocities (m s-1), spins (rad s-1), supports."""
+    """Elements as a step has left them: identifiers, places (degrees or m), motion (m s-1, rad s-1), supports, loads (N)."""
 
     id: Ints
     lon: Floats
@@ -29,6 +29,8 @@ class Left(NamedTuple):
     spin: Floats
     static: Floats
     free_y: Floats
+    load_x: Floats
+    load_y: Floats
 
     def is_still(self, el: Elements) -> bool:
         """Whether the elements are as they were left."""
@@ -36,8 +38,10 @@ class Left(NamedTuple):
 
 
 def _of(el: Elements) -> Left:
-    motion = el.motion
-    return Left(el.body.id, el.place.lon, el.place.lat, motion.u, motion.v, motion.spin, el.body.static, el.body.free_y)
+    place, motion, body = el.place, el.motion, el.body
+    return Left(
+        body.id, place.lon, place.lat, motion.u, motion.v, motion.spin, body.static, body.free_y, body.load_x, body.load_y
+    )  # fmt: skip
 
 
 def left_by(el: Elements) -> Left:

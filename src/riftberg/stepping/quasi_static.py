@@ -164,8 +164,9 @@ class QuasiStaticStepper:
             self._bodies = self._bodies if self._bodies.body.size == count else None
         elif not (rows and self._left.is_still(model.elements)):
             bodies, unknown = followed(model.elements, model.bonds, self._bodies, self._left, model.constants)
+            self._now = None  # loads may be other ones
             if unknown.any() or not np.array_equal(bodies.body, self._bodies.body):
-                self._bodies, self._unknown, self._structure, self._now = bodies, unknown, None, None
+                self._bodies, self._unknown, self._structure = bodies, unknown, None
 
 
 def _ice(model: RunState) -> list[bytes]:
