@@ -88,10 +88,8 @@ def changed_rows(
         for now, then in zip(values, before, strict=True):
             changed |= now != then
         return changed
-    order = np.argsort(ids_before, kind="stable")
-    place = np.minimum(np.searchsorted(ids_before[order], ids), ids_before.size - 1)
-    row = order[place]
-    changed = ids_before[row] != ids
+    row, known = rows_of(ids_before, ids)
+    changed = ~known
     for now, then in zip(values, before, strict=True):
         changed |= now != then[row]
     return changed
@@ -99,10 +97,16 @@ def changed_rows(
 
 def by_identifier(ids: Ints, values: Floats, wanted: Ints) -> Floats:
     """Return rows of values in the order of other identifiers; zeros for those that have none."""
-    order = np.argsort(ids, kind="stable")
-    place = order[np.minimum(np.searchsorted(ids[order], wanted), max(ids.size - 1, 0))] if ids.size else wanted[:0]
     taken = np.zeros((wanted.size, *values.shape[1:]))
-    if ids.size:
-        known = ids[place] == wanted
-        taken[known] = values[place[known]]
+    row, known = rows_of(ids, wanted)
+    taken[known] = values[row[known]]
     return taken
+
+
+def rows_of(ids: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+    """Return the row of each wanted identifier, any one where it is not there, and whether it is there."""
+    if ids.size == 0:
+        return np.zeros(wanted.size, np.int64), np.zeros(wanted.size, np.bool_)
+    order = np.argsort(ids, kind="stable")
+    row = order[np.minimum(np.searchsorted(ids[order], wanted), ids.size - 1)]
+    return row, ids[row] == wanted

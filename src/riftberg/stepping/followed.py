@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.stepping.births import rows_of
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.frames import Bodies, free_bodies, place, regrouped
 from riftberg.stepping.sizes import interaction_sizes
@@ -76,7 +77,7 @@ def followed(
     """
     body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
     count = int(body.max()) + 1
-    row, known = _rows(left.id, el.body.id)
+    row, known = rows_of(left.id, el.body.id)
     now = _of(el)
     other = dict(zip(Left._fields, (a != b[row] for a, b in zip(now, left, strict=True)), strict=True))
     moved = ~known | other["lon"] | other["lat"]
@@ -107,13 +108,6 @@ def followed(
     unknown = anew.copy()
     unknown[body[pushed]] = True
     return new, unknown
-
-
-def _rows(ids: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
-    """Row of each wanted identifier (any where it is not there), and whether it is there."""
-    order = np.argsort(ids, kind="stable")
-    row = order[np.minimum(np.searchsorted(ids[order], wanted), ids.size - 1)]
-    return row, ids[row] == wanted
 
 
 def _sources(body: Ints, count: int, before: Ints, moved: NDArray[np.bool_]) -> tuple[Ints, NDArray[np.bool_]]:
