@@ -106,7 +106,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...]]] = {
             + [f"stepping: {{substeps: {v}}}" for v in ("0", "-1", "1000000000", "1.5", "true", "many", "[3]")]
             + [f"stepping: {{scheme: quasi_static, landing_steps: {v}}}" for v in ("0", "1e30", "true", "1.5")]
             + [f"contact: {{max_iterations: {v}}}" for v in ("0", "1e30", "1000000000000", ".nan")]
-            + [f"stepping: {{safety: {v}}}" for v in ("0", "2", "1e-12", ".nan", "true")]
+            + [f"stepping: {{scheme: mts, safety: {v}}}" for v in ("0", "2", "1e-12", ".nan", "true")]
             + [f"stepping: {{scheme: {v}}}" for v in ("euler", "[mts]", "3", "true")]
             + [f"bonds: {{youngs_modulus: {v}}}" for v in ("-1", "1e300", ".inf", "true", "'1 kg'")]
             + [f"bonds: {{poisson: {v}}}" for v in ("-1", "0.5", "7", "true")]
@@ -610,7 +610,7 @@ def restart_variables_of_own() -> Iterator[Kind]:
                 not possible,
             )
     for name, value in (
-        ("time", -5.0), ("time", 1e30), ("time", 7.0), ("step_number", -1), ("step_number", 10**9), ("step_number", 0), ("element_substeps", -3), ("element_substeps", 0),
+        ("time", -5.0), ("time", 1e30), ("time", 7.0), ("step_number", -1), ("step_number", 10**9), ("step_number", 0), ("element_substeps", -3),
         ("element_substeps", 10**12), ("bond_status", 9), ("bond_status", -1), ("bond_first", -1), ("bond_second", 10**6),
         ("bond_strength", -1.0), ("bond_damage", 2.0), ("element_mass", -1.0), ("element_mass", 1e20), ("element_lat", -200.0), ("element_thickness", 0.0), ("element_length", -1.0),
         ("element_berg", -3), ("element_id", 2), ("bond_break_time", 1e12), ("bond_break_time", -7.0), ("bond_bond_length", 0.0),
