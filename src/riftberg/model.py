@@ -305,7 +305,7 @@ class BareModel(RunState):
     def _check_finite(self) -> None:
         place = self.elements.place
         # A sum is finite where all are, and takes one pass.
-        if math.isfinite(np.add.reduce(place.lon) + np.add.reduce(place.lat)):
+        if math.isfinite(place.lon.sum() + place.lat.sum()):
             return
         if not np.isfinite(place.lon).all() or not np.isfinite(place.lat).all():
             bad = int(np.flatnonzero(~np.isfinite(self.elements.lon + self.elements.lat))[0])

@@ -93,21 +93,17 @@ def test_impossible_rows_are_refused(rows):
         cells_of_rows(rows)
 
 
-def test_region_smaller_than_an_element_is_refused_with_a_radius_that_fits():
-    region = rectangle_region(2000.0, 1000.0)
-    with pytest.raises(BergError, match="smaller than one element") as caught:
+@pytest.mark.parametrize(
+    ("size", "fault", "count"),
+    [((2000.0, 1000.0), "smaller than one element", 4), ((100e3, 300.0), "too narrow for one element", 100)],
+)
+def test_a_region_that_holds_no_element_is_refused_with_a_radius_that_fits(size, fault, count):
+    """30 km2 of ice in 300 m of width were "smaller than one element (9 km2)" too."""
+    region = rectangle_region(*size)
+    with pytest.raises(BergError, match=fault) as caught:
         fill(region, 1500.0, "square")
     fitting = float(caught.value.remedy.split("below ")[1].split(" m")[0])
-    assert len(fill(region, fitting, "square")) >= 4
-
-
-def test_a_sliver_of_a_region_is_not_called_smaller_than_an_element():
-    """30 km2 of ice in 300 m of width were "smaller than one element (9 km2)"."""
-    region = rectangle_region(100e3, 300.0)
-    with pytest.raises(BergError, match="too narrow for one element") as caught:
-        fill(region, 1500.0, "square")
-    fitting = float(caught.value.remedy.split("below ")[1].split(" m")[0])
-    assert len(fill(region, fitting, "square")) >= 100
+    assert len(fill(region, fitting, "square")) >= count
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])

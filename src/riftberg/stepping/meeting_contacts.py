@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from riftberg.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms, stiffness_and_reach
+from riftberg.stepping.rigid_bodies import solve_three
 
 CONTACT_PHASE: Final = 1.0
 """Largest sub-step times frequency of the springs of contact, rad."""
@@ -228,37 +229,29 @@ def kick_bodies(
 @stage
 def _lone_changes(mobility: Floats, h: float, change: Floats, room: MeetingRoom) -> None:
     """Change of the velocities of each body by itself, and what it answers to a force with where it touches others."""
-    right, block, held = room.right, room.block, room.held
-    matrix, inverse = room.small[0], room.small[1]
+    right, block, begin, held = room.right, room.block, room.begin, room.held
+    matrix, used, x = room.small[0], room.small[1], room.small[2, 0]
     for b in range(change.shape[0]):
         for i in range(3):
             for j in range(3):
                 matrix[i, j] = 1.0 if i == j else 0.0
                 for k in range(3):
                     matrix[i, j] += h * mobility[b, i, k] * block[b, k, j]
-        _invert(matrix, inverse)
-        for i in range(3):
-            for j in range(3):
-                held[b, i, j] = (
-                    inverse[i, 0] * mobility[b, 0, j]
-                    + inverse[i, 1] * mobility[b, 1, j]
-                    + inverse[i, 2] * mobility[b, 2, j]
+        if begin[b] == begin[b + 1]:
+            for i in range(3):
+                x[i] = h * (
+                    mobility[b, i, 0] * right[b, 0] + mobility[b, i, 1] * right[b, 1] + mobility[b, i, 2] * right[b, 2]
                 )
+            change[b, 0], change[b, 1], change[b, 2] = solve_three(matrix, x)
+            continue
+        for j in range(3):
+            for i in range(3):
+                x[i] = mobility[b, i, j]
+                for k in range(3):
+                    used[i, k] = matrix[i, k]
+            held[b, 0, j], held[b, 1, j], held[b, 2, j] = solve_three(used, x)
+        for i in range(3):
             change[b, i] = h * (held[b, i, 0] * right[b, 0] + held[b, i, 1] * right[b, 1] + held[b, i, 2] * right[b, 2])
-
-
-@borrower
-def _invert(a: Floats, out: Floats) -> None:
-    """Inverse of a 3 by 3 matrix that is one plus a product of a positive and a dissipative one, by its cofactors."""
-    for i in range(3):
-        r, s = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            c, d = (j + 1) % 3, (j + 2) % 3
-            out[j, i] = a[r, c] * a[s, d] - a[r, d] * a[s, c]
-    one = 1.0 / (a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0])
-    for i in range(3):
-        for j in range(3):
-            out[i, j] *= one
 
 
 @kernel
@@ -268,16 +261,17 @@ def lever(m: Floats, sx: float, sy: float) -> tuple[float, float, float, float, 
 
 
 @kernel
-def lever_speed(m: tuple[float, float, float, float, float, float], q: Floats) -> tuple[float, float]:
+def lever_speed(
+    m: tuple[float, float, float, float, float, float], q: Floats | tuple[float, float, float]
+) -> tuple[float, float]:
     """Velocity (m s-1) of an element that moves by ``m`` (`lever`) with its body's velocity ``q``."""
     return m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
 
 
 @kernel
-def middle_speed(m: tuple[float, float, float, float, float, float], q: Floats, change: Floats) -> tuple[float, float]:
-    """As `lever_speed`, half-way through a change of the velocity."""
-    x, y, w = q[0] + 0.5 * change[0], q[1] + 0.5 * change[1], q[2] + 0.5 * change[2]
-    return m[0] * x + m[1] * y + m[2] * w, m[3] * x + m[4] * y + m[5] * w
+def half_way(q: Floats, change: Floats) -> tuple[float, float, float]:
+    """Velocity of a body half-way through a change of it."""
+    return q[0] + 0.5 * change[0], q[1] + 0.5 * change[1], q[2] + 0.5 * change[2]
 
 
 @borrower

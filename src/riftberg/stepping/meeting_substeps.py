@@ -26,9 +26,10 @@ from riftberg.stepping.meeting_contacts import (
     MeetingRoom,
     allocate_meeting_room,
     find_contacts,
+    half_way,
     kick_bodies,
     lever,
-    middle_speed,
+    lever_speed,
 )
 from riftberg.stepping.rigid_bodies import Loading, add_forces, add_totals_and_slopes, drag_and_slope
 
@@ -212,8 +213,8 @@ def _remember(
         a, b = own[i], own[j]
         if not (bonded[a] or bonded[b]):
             continue
-        wx, wy = middle_speed(lever(motion[j], t[7], t[8]), rate[b], change[b])
-        ux, uy = middle_speed(lever(motion[i], t[5], t[6]), rate[a], change[a])
+        wx, wy = lever_speed(lever(motion[j], t[7], t[8]), half_way(rate[b], change[b]))
+        ux, uy = lever_speed(lever(motion[i], t[5], t[6]), half_way(rate[a], change[a]))
         fx = t[0] + t[2] * (wx - ux) + t[3] * (wy - uy)
         fy = t[1] + t[3] * (wx - ux) + t[4] * (wy - uy)
         push[i, 0] += fx

@@ -97,7 +97,6 @@ class QuasiStaticStepper:
         self._room: BodyRoom | None = None
         self._touched = NOBODY
         self._left: Left | None = None
-        self._unknown: NDArray[np.bool_] | None = None
         self._began: tuple[float, Bodies | None, Left | None] = math.nan, None, None  # the last step
 
     @property
@@ -137,8 +136,8 @@ class QuasiStaticStepper:
         if self._began[0] == model.time:  # the last step was taken back, after it had been taken here
             (_, self._bodies, self._left), self._now = self._began, None
         self._began = model.time, self._bodies, self._left
-        self._forget_what_changed(model)
-        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes, self._unknown)
+        unknown = self._follow_changes(model)
+        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes, unknown)
         step.room = step.room or self._room
         self._structure = self._now = None  # a step that fails leaves them half changed
         step.run()
@@ -151,22 +150,27 @@ class QuasiStaticStepper:
         self._left = left_by(model.elements)
         model.time = step.start + model.parameters.stepping.time_step
 
-    def _forget_what_changed(self, model: RunState) -> None:
-        """Find the lattice anew where ice, bonds or supports have changed, and follow what happened to the bodies."""
+    def _follow_changes(self, model: RunState) -> NDArray[np.bool_] | None:
+        """Forget the lattice where ice, bonds or supports have changed, and follow what happened to the bodies.
+
+        Returns which bodies take the velocity of their elements; None where all are as the last step has left them.
+        """
         now, count = _ice(model), model.elements.size
         rows, same = self._ice[:HANGS] == now[:HANGS], self._ice == now
         if self._ice and not same:
             self._structure = self._now = self._sizes = None
-        self._ice, self._unknown = now, None
+        self._ice = now
         if self._bodies is None:
-            return
+            return None
         if self._left is None or self._left.id.size != self._bodies.body.size:
             self._bodies = self._bodies if self._bodies.body.size == count else None
         elif not (rows and self._left.is_still(model.elements)):
             bodies, unknown = followed(model.elements, model.bonds, self._bodies, self._left, model.constants)
             self._now = None  # loads may be other ones
             if unknown.any() or not np.array_equal(bodies.body, self._bodies.body):
-                self._bodies, self._unknown, self._structure = bodies, unknown, None
+                self._bodies, self._structure = bodies, None
+                return unknown
+        return None
 
 
 def _ice(model: RunState) -> list[bytes]:

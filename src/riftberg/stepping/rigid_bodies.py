@@ -253,10 +253,8 @@ def keep_forces(
     held : array of float, shape (fragments, 3)
         Velocities at which it has acted (`BodyMotion.held`).
     """
-    one, other = (
-        acted.reshape(acted.size),
-        applied.reshape(applied.size),
-    )  # as rows of numbers, so that the loop vectorises
+    # As rows of numbers, so that the loop vectorises.
+    one, other = acted.reshape(acted.size), applied.reshape(applied.size)
     for k in range(one.size):
         other[k] += part * one[k]
     for e in range(body.size):
