@@ -181,12 +181,20 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None
     path : path
         The file.
     **options
-        Further arguments of `xarray.Dataset.to_netcdf`.
+        ``encoding`` and ``unlimited_dims``, as `xarray.Dataset.to_netcdf` takes them.
     """
+    from xarray.backends import NetCDF4DataStore
+
     _LOG.debug("writing %s", path)
+    dataset = dataset.compute()
     with replacing(Path(path)) as part:
-        # xarray takes its own lock, which is part of ours and cannot be taken twice.
-        dataset.to_netcdf(part, engine="netcdf4", **options)
+        # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
+        # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
+        store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)
+        try:
+            dataset.dump_to_store(store, **options)
+        finally:
+            store.close()
 
 
 def _is_netcdf(source: Any) -> bool:

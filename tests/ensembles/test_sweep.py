@@ -339,7 +339,7 @@ def broken_off(west: float) -> Model:
 def test_members_run_on_the_workers_of_a_scheduler(alone: xr.Dataset) -> None:
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0") as cluster:
         result = sweep(
             drifting, {"speed": SPEEDS}, days="6 h", every_hours=1, scheduler=cluster.scheduler_address, progress=True
         )

@@ -56,7 +56,11 @@ def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any
             "a worker read the script that starts the sweep, and would start another", where="sweep",
             remedy='Put the call under if __name__ == "__main__":',
         )  # fmt: skip
-    alone = {"NUMBA_NUM_THREADS": 1, "OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1}
+    alone = {
+        "NUMBA_NUM_THREADS": 1, "OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1,
+        # What a member reads in blocks of dask is computed in its own process; dask would send it round the cluster.
+        "DASK_SCHEDULER": "synchronous",
+    }  # fmt: skip
     settings = {
         "distributed.nanny.pre-spawn-environ": alone,
         "distributed.scheduler.allowed-failures": LOST_TIMES,
@@ -68,19 +72,25 @@ def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any
     with (
         dask.config.set(settings),
         distributed.LocalCluster(
-            n_workers=workers or cores(), threads_per_worker=1, processes=True, dashboard_address=None,
-            silence_logs=50, memory_limit=0,
+            n_workers=workers or cores(), threads_per_worker=1, processes=True, silence_logs=50, memory_limit=0,
+            # Without a dashboard dask still asks for the port of one, and warns where another cluster has it.
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
         ) as cluster,
-        distributed.Client(cluster) as client,
+        distributed.Client(cluster, set_as_default=False) as client,
     ):  # fmt: skip
-        client.run(_ignore_interrupts)
+        client.register_plugin(_deaf_worker(distributed))
         yield client
 
 
 @contextmanager
 def _reached(distributed: Any, address: str) -> Iterator[Any]:
+    """Give a client of the scheduler at an address.
+
+    It never becomes the default of dask: one that reaches nothing would stay it for as long as its error is kept, as
+    notebooks do, and all that dask and xarray do afterwards would be sent to it.
+    """
     try:
-        client = distributed.Client(address, timeout="10s")
+        client = distributed.Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InputError(
             "no scheduler of dask answers there", where=f"--scheduler {address}",
@@ -90,10 +100,20 @@ def _reached(distributed: Any, address: str) -> Iterator[Any]:
         yield client
 
 
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that started the sweep; it asks the members to stop."""
-    with suppress(ValueError):  # not the main thread
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _deaf_worker(distributed: Any) -> Any:
+    """Return what makes workers leave Ctrl-C to the process that started the sweep, which asks the members to stop.
+
+    A plugin and no call, because a worker that takes the place of a lost one must be deaf too.
+    """
+
+    class Deaf(distributed.WorkerPlugin):
+        """Ignores interrupts."""
+
+        def setup(self, worker: Any) -> None:
+            with suppress(ValueError):  # not the main thread
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return Deaf()
 
 
 def computed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
@@ -124,7 +144,7 @@ def _distributed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outco
     futures = {
         client.submit(run_member, job, pure=False, key=f"member-{job.number:05d}-{id(jobs)}"): job for job in jobs
     }
-    coming = as_completed(list(futures))
+    coming = as_completed(list(futures), loop=client.loop)
     while coming.count() or coming.has_ready():
         for future in coming.next_batch(block=False) if coming.has_ready() else ():
             job = futures.pop(future)
@@ -143,7 +163,7 @@ def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
     running = {key for keys in client.processing().values() for key in keys}
     begun = [future for future in futures if future.key in running]
     client.cancel([future for future in futures if future.key not in running])
-    with suppress(TimeoutError):
+    with suppress(TimeoutError), client.as_current():
         wait(begun, timeout=60)
     for future in begun:
         if future.done() and not future.cancelled():
