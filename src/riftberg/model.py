@@ -304,8 +304,8 @@ class BareModel(RunState):
 
     def _check_finite(self) -> None:
         place = self.elements.place
-        # A sum is finite where all are, and takes one pass.
-        if math.isfinite(place.lon.sum() + place.lat.sum()):
+        # The product is finite where all are (infinity times nothing is no number), and takes one pass.
+        if math.isfinite(place.lon @ place.lat):
             return
         if not np.isfinite(place.lon).all() or not np.isfinite(place.lat).all():
             bad = int(np.flatnonzero(~np.isfinite(self.elements.lon + self.elements.lat))[0])

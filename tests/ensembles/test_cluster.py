@@ -18,7 +18,6 @@ from riftberg.ensembles.cluster import connected
 from riftberg.errors import InputError
 from riftberg.netcdf_lock import open_lazily, write_dataset
 
-
 ALONE = {"threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
 """Settings of a cluster within this process."""
 
@@ -82,7 +81,7 @@ def test_the_default_client_of_a_program_stays_its_default(how: str) -> None:
 
 
 def test_a_file_is_written_where_the_scheduler_is_gone(tmp_path: Path) -> None:
-    """xarray takes a lock that the scheduler gives; with a lost one, hours of a run ended in an error at the last file."""
+    """Xarray takes a lock that the scheduler gives; with a lost one, hours of a run ended in an error at the last file."""
     with (
         LocalCluster(n_workers=0, **ALONE) as cluster,
         Client(cluster, timeout="1s") as client,

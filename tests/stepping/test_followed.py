@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from riftberg import A68A_2022, Forcing, Iceberg, Model
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters
 
 SCHEMES = pytest.mark.parametrize("scheme", ["quasi_static", "mts"])
 
@@ -159,3 +159,25 @@ def test_a_restart_knows_what_was_changed_before_it(tmp_path: Path) -> None:
         run.advance(steps=3)
     np.testing.assert_array_equal(other.elements.lon, straight.elements.lon)
     np.testing.assert_array_equal(other.bonds.normal_stress, straight.bonds.normal_stress)
+
+
+def lone(*numbers: int) -> Model:
+    """Return a model of some of four bergs far apart: one is held by a seamount, one stands, one drifts, one is swept along."""
+    bergs = [Iceberg.rectangle("9 km", "6 km", thickness="250 m", placement=(-38.0 + 4.0 * k, -56.0)) for k in numbers]
+    sea = Forcing.seamount((-38.0, -56.0), height="2830 m", width="60 km", depth="3000 m")
+    for east, speed in ((-38.0, 0.1), (-30.0, 0.02), (-26.0, 0.9)):
+        sea = sea + Forcing.eddy((east + 0.1, -56.2), radius="30 km", speed=speed)
+    return Model(Iceberg.join(bergs), sea, Parameters(), start="2020-12-09")
+
+
+def test_the_path_of_a_berg_is_to_the_last_digit_the_one_that_it_has_alone() -> None:
+    """All bergs went through Newton's method until the last had settled, by the speed of the fastest among them."""
+    together = lone(0, 1, 2, 3)
+    together.advance(days=2)
+    for k in range(4):
+        alone = lone(k)
+        alone.advance(days=2)
+        count = alone.elements.size
+        rows = slice(k * count, (k + 1) * count)
+        for name in ("lon", "lat", "u", "v", "spin"):
+            np.testing.assert_array_equal(getattr(together.elements, name)[rows], getattr(alone.elements, name))

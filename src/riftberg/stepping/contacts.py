@@ -84,7 +84,7 @@ class ContactLog:
 
     def saved(self) -> ContactLog:
         """Return a copy to go back to; made before each long step, so that nothing is looked for anew."""
-        copy = ContactLog()
+        copy = object.__new__(ContactLog)  # what `__init__` finds out is known
         copy._rows, copy._of_row, copy._last = self._rows.copy(), self._of_row.copy(), self._last.copy()
         copy._quiet, copy._latest, copy._touching = self._quiet.copy(), self._latest.copy(), self._touching
         copy._count = self._count

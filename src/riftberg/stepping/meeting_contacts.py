@@ -42,7 +42,7 @@ class MeetingRoom(NamedTuple):
     For each body: sums of the stiffness of its contacts, accelerations, cosine and sine of its turn, arm from its centre to
     its farthest element, forces, matrices, answers to a force, places of its contacts in a list, and that list: the other
     body, and how its change of velocity makes one of its own; loads. For each pair: which touch, their numbers
-    (`find_contacts`), and whether it has touched before. For each element: the push of contact.
+    (`find_contacts`), and whether it has touched before. For each element: the push of contact. ``everybody`` marks all bodies.
     """
 
     stiff: Floats
@@ -61,6 +61,7 @@ class MeetingRoom(NamedTuple):
     pairs: Floats
     was: NDArray[np.bool_]
     push: Floats
+    everybody: NDArray[np.bool_]
     small: Floats
 
 
@@ -71,7 +72,8 @@ def allocate_meeting_room(bodies: int, pairs: int, elements: int) -> MeetingRoom
         np.empty(bodies), np.empty((bodies, 3)), np.empty((bodies, 2)), np.zeros(bodies), np.empty((bodies, 3)),
         np.empty((bodies, 3, 3)), np.empty((bodies, 3, 3)), np.empty(bodies + 1, np.int64), np.empty(bodies, np.int64),
         np.empty(2 * pairs, np.int64), np.empty((2 * pairs, 3, 3)), np.empty(bodies), np.empty(pairs, np.int64),
-        np.empty((pairs, 15)), np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.empty((4, 3, 3)),
+        np.empty((pairs, 15)), np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.ones(bodies, np.bool_),
+        np.empty((4, 3, 3)),
     )  # fmt: skip
 
 

@@ -125,7 +125,7 @@ def _take_substeps(
             for b in range(rate.shape[0]):
                 for i in range(3):
                     known[b, i] = rate[b, i]
-            add_totals_and_slopes(own, motion, rate, load, given, slope)
+            add_totals_and_slopes(own, motion, rate, load, room.everybody, given, slope)
             total[:, :] = 0.0
             add_forces(own, motion, rate, load, acted, force, total)
         _linear(given, slope, floor, rate, known, total)

@@ -18,7 +18,7 @@ from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.interactions import pair_law
 from riftberg.stepping.media import FORCES
 from riftberg.stepping.meeting_substeps import cross_islands
-from riftberg.stepping.rigid_bodies import BodyMotion, add_forces, add_totals_and_slopes
+from riftberg.stepping.rigid_bodies import BodyMotion, Loading, add_forces, add_totals_and_slopes
 from riftberg.stepping.sizes import Sizes
 
 
@@ -144,12 +144,10 @@ def meet(
     i = find_islands(motion.body, count, first, second)
     one, other = first[i.order], second[i.order]
     members, rows = i.members, i.rows
-    of_elements = {name: part[rows] for name, part in motion.load._asdict().items() if not isinstance(part, bool)}
-    load = motion.load._replace(**of_elements)
     bonded = np.bincount(motion.body, minlength=count)[members] > 1
     shown = el.shown
     touched, moved, after, applied, force, turn, spin, shortest = cross_islands(
-        i.start, i.row_start, i.own, i.first, i.second, i.pair_start, motion.elements[rows], load,
+        i.start, i.row_start, i.own, i.first, i.second, i.pair_start, motion.elements[rows], _on(rows, motion.load),
         motion.inertia[members], motion.mobility[members], motion.floor[members], rate[members], bonded,
         shown.lon_pair[one], shown.lat_pair[one], shown.lon_pair[other], shown.lat_pair[other],
         sizes.radius[one] + sizes.radius[other], np.minimum(sizes.mass[one], sizes.mass[other]), span,
@@ -196,25 +194,42 @@ def caught_up(
     meeting : Meeting
         With these velocities, and the changes that media made.
     """
-    some, half = meeting.bodies, 0.5 * span
-    rate[some] = meeting.rate
-    (old, was), (acted, now) = _forces(before, rate), _forces(after, rate)
+    some, rows, half = meeting.bodies, meeting.rows, 0.5 * span
+    place = np.empty(rate.shape[0], np.int64)
+    place[some] = np.arange(some.size)
+    own, everybody = place[after.body[rows]], np.ones(some.size, np.bool_)
+    start, end = (_OfSome(own, m.elements[rows], _on(rows, m.load)) for m in (before, after))
+    new, mobility = meeting.rate.copy(), after.mobility[some]
+    (old, was), (acted, now) = _forces(start, new), _forces(end, new)
     for _ in range(2):  # Newton's method, from what is nearly right
-        unused, slope = np.zeros(rate.shape), np.zeros((*rate.shape, 3))
-        add_totals_and_slopes(after.body, after.elements, rate, after.load, unused, slope)
-        matrix = np.eye(3) + half * after.mobility[some] @ slope[some]
-        pushed = half * after.mobility[some] @ (now - was)[some][:, :, None]
-        rate[some] += np.linalg.solve(matrix, pushed + (meeting.rate - rate[some])[:, :, None])[:, :, 0]
-        acted, now = _forces(after, rate)
-    applied = meeting.applied + half * (acted - old)[meeting.rows]
-    return rate, meeting._replace(rate=rate[some], applied=applied)
+        unused, slope = np.zeros(new.shape), np.zeros((*new.shape, 3))
+        add_totals_and_slopes(own, end.elements, new, end.load, everybody, unused, slope)
+        matrix = np.eye(3) + half * mobility @ slope
+        pushed = half * mobility @ (now - was)[:, :, None]
+        new += np.linalg.solve(matrix, pushed + (meeting.rate - new)[:, :, None])[:, :, 0]
+        acted, now = _forces(end, new)
+    rate[some] = new
+    return rate, meeting._replace(rate=new, applied=meeting.applied + half * (acted - old))
 
 
-def _forces(motion: BodyMotion, rate: Floats) -> tuple[Floats, Floats]:
+class _OfSome(NamedTuple):
+    """What moves some bodies at one moment, as in `BodyMotion`: their elements' bodies and motion, and what acts on these."""
+
+    own: Ints
+    elements: Floats
+    load: Loading
+
+
+def _on(rows: Ints, load: Loading) -> Loading:
+    """Return what acts on some elements."""
+    return load._replace(**{name: part[rows] for name, part in load._asdict().items() if not isinstance(part, bool)})
+
+
+def _forces(moment: _OfSome, rate: Floats) -> tuple[Floats, Floats]:
     """Accelerations of the elements by each medium, and the forces on the bodies, at these velocities."""
-    count = motion.body.size
+    count = moment.own.size
     acted, force, total = np.zeros((count, len(FORCES), 2)), np.empty((count, 3)), np.zeros(rate.shape)
-    add_forces(motion.body, motion.elements, rate, motion.load, acted, force, total)
+    add_forces(moment.own, moment.elements, rate, moment.load, acted, force, total)
     return acted, total
 
 

@@ -160,7 +160,8 @@ def arrive(
     force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((rate.shape[0], 7))
     passes = _arrive(
         bodies.body, motion.elements, motion.load, motion.touching, motion.inertia, motion.mobility, motion.floor, flat,
-        opened, rate, half, closes, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, sums, room,
+        opened, rate, half, closes, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, sums, NOBODY[0],
+        room,
     )  # fmt: skip
     check_passes(passes)
     return Standing(time, bodies._replace(rate=rate), motion, Acting(acted, total), force, load)
@@ -170,12 +171,12 @@ def arrive(
 def _arrive(
     body: Ints, elements: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
     flat: Floats, opened: Floats, rate: Floats, half: float, closes: bool, acted: Floats, total: Floats, force: Floats,
-    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, sums: Floats, room: BodyRoom,
+    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, sums: Floats, met: Ints, room: BodyRoom,
 ) -> int:  # fmt: skip
     """See `arrive`; returns passes of Newton's method, -1 where velocities do not settle."""
     passes = 0
     if closes:
-        passes = close_step(body, elements, load, inertia, mobility, floor, opened, rate, half, room)
+        passes = close_step(body, elements, load, inertia, mobility, floor, opened, rate, half, met, room)
     add_forces(body, elements, rate, load, acted, force, total)
     if touching.first.size > 0:
         add_contact(body, elements, rate, touching, force, total)
@@ -194,8 +195,8 @@ def _arrive(
     return passes
 
 
-def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float, room: BodyRoom) -> Floats:
-    """Find the velocities at the end of a step as if no fragment touched another, as `arrive` does.
+def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float, met: Ints, room: BodyRoom) -> Floats:
+    """Find the velocities at the end of a step of the fragments that touched no other, as `arrive` does.
 
     Parameters
     ----------
@@ -204,6 +205,8 @@ def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float,
         Velocities in the middle and at the start of the step.
     half : float
         Half the step, s.
+    met : array of int
+        Fragments that are left out.
 
     Raises
     ------
@@ -211,7 +214,7 @@ def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float,
         If the velocities do not settle.
     """
     rate, m = 2.0 * opened - before, motion
-    check_passes(close_step(m.body, m.elements, m.load, m.inertia, m.mobility, m.floor, opened, rate, half, room))
+    check_passes(close_step(m.body, m.elements, m.load, m.inertia, m.mobility, m.floor, opened, rate, half, met, room))
     return rate
 
 

@@ -340,7 +340,7 @@ class LongStep:
         if met is None:
             self.now = self._loaded(bodies, motion, now.time + h, now.bodies.rate, 0.5 * h)
         else:
-            rate = close_alone(motion, bodies.rate, now.bodies.rate, 0.5 * h, self._room_for(bodies))
+            rate = close_alone(motion, bodies.rate, now.bodies.rate, 0.5 * h, met.bodies, self._room_for(bodies))
             rate, self.meeting = caught_up(met, now.motion, motion, rate, h)
             self.now = self._loaded(bodies._replace(rate=rate), motion, now.time + h)
         before = now.bodies.bend

@@ -62,6 +62,9 @@ CLOSE_ENOUGH = 1e-8
 NOTHING_LEFT = 1e-11
 """Relative change that the next pass would bring, by how the last two went, at which Newton's method ends without it."""
 
+CREEPING = 1e-6
+"""Speed (m s-1) below which changes count as parts of this one: they would be parts of round-off."""
+
 
 class Loading(NamedTuple):
     """What acts on the elements at one place and time, before velocities are known.
@@ -324,7 +327,7 @@ def take_velocities(
 
 @kernel
 def add_totals_and_slopes(
-    body: Ints, motion: Floats, rate: Floats, load: Loading, total: Floats, slope: Floats
+    body: Ints, motion: Floats, rate: Floats, load: Loading, sought: Booleans, total: Floats, slope: Floats
 ) -> None:
     """Add up the forces of `add_forces` for each fragment, and minus their derivatives by the velocities.
 
@@ -333,6 +336,8 @@ def add_totals_and_slopes(
 
     Parameters
     ----------
+    sought : array of bool, shape (fragments,)
+        The others are left out.
     total : array of float, shape (fragments, 3)
         Force on the centre east and north, and the moment.
     slope : array of float, shape (fragments, 3, 3)
@@ -340,6 +345,8 @@ def add_totals_and_slopes(
     media, mass = load.media, load.mass
     for e in range(body.size):
         b, m, q = body[e], motion[e], rate[body[e]]
+        if not sought[b]:
+            continue
         m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
         u, v = m0 * q[0] + m1 * q[1] + m2 * q[2], m3 * q[0] + m4 * q[1] + m5 * q[2]
         ax = ay = jxx = jxy = jyy = f = 0.0
@@ -392,7 +399,10 @@ def add_contact(body: Ints, motion: Floats, rate: Floats, touching: Touching, fo
 
 
 class BodyRoom(NamedTuple):
-    """Room for Newton's method: matrices (fragments, 3, 3), vectors (fragments, 3), and four matrices of 3 by 3."""
+    """Room for Newton's method: matrices (fragments, 3, 3), vectors (fragments, 3), and four matrices of 3 by 3.
+
+    ``change`` is the last relative change of the velocities of each fragment, ``sought`` whether they are still to be found.
+    """
 
     w: Floats
     p: Floats
@@ -400,6 +410,8 @@ class BodyRoom(NamedTuple):
     total: Floats
     miss: Floats
     step: Floats
+    change: Floats
+    sought: Booleans
     small: Floats
 
 
@@ -407,7 +419,7 @@ def allocate_body_room(count: int) -> BodyRoom:
     """Return room for ``count`` fragments."""
     w, p, slope = np.empty((3, count, 3, 3))
     total, miss, step = np.empty((3, count, 3))
-    return BodyRoom(w, p, slope, total, miss, step, np.empty((4, 3, 3)))
+    return BodyRoom(w, p, slope, total, miss, step, np.empty(count), np.empty(count, np.bool_), np.empty((4, 3, 3)))
 
 
 @kernel
@@ -498,13 +510,15 @@ def newton_step(
 ) -> None:
     """Find the step of Newton's method for each fragment by itself, from the velocities ``new`` at the end of a step.
 
-    ``room.w`` and ``room.p`` are those of `floor_factors`.
+    ``room.w`` and ``room.p`` are those of `floor_factors`; fragments that are not ``room.sought`` are left out.
     """
     room.total[:, :] = 0.0
     room.slope[:, :, :] = 0.0
-    add_totals_and_slopes(body, motion, new, load, room.total, room.slope)
+    add_totals_and_slopes(body, motion, new, load, room.sought, room.total, room.slope)
     matrix, right = room.small[0], room.small[1, 0]
     for b in range(new.shape[0]):
+        if not room.sought[b]:
+            continue
         pushed, gone = _times(room.p[b], room.total[b]), _times(room.w[b], new[b])
         for i in range(3):
             room.miss[b, i] = right[i] = rate[b, i] + half * pushed[i] - gone[i]
@@ -517,28 +531,25 @@ def newton_step(
 
 @kernel
 def _change(step: Floats, new: Floats, inertia: Floats) -> float:
-    """How much a step of Newton's method changes the velocities at the rims of the fragments, as a part of the largest.
+    """How much a step of Newton's method changes the velocities at the rim of a fragment, as a part of them.
 
-    A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
+    A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off. A
+    fragment that all but stands counts as one that creeps at `CREEPING`.
     """
-    change = speed = 0.0
-    for b in range(step.shape[0]):
-        arm = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
-        change = max(change, abs(step[b, 0]), abs(step[b, 1]), arm * abs(step[b, 2]))
-        speed = max(speed, abs(new[b, 0]), abs(new[b, 1]), arm * abs(new[b, 2]))
-    if change == 0.0:
-        return 0.0
-    return change / speed if speed > 0.0 else np.inf
+    arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
+    change = max(abs(step[0]), abs(step[1]), arm * abs(step[2]))
+    return change / max(abs(new[0]), abs(new[1]), arm * abs(new[2]), CREEPING)
 
 
 @kernel
 def close_step(
     body: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, rate: Floats,
-    new: Floats, half: float, room: BodyRoom,
+    new: Floats, half: float, met: Ints, room: BodyRoom,
 ) -> int:  # fmt: skip
     """Find the velocities ``new`` at the end of the step from those in its middle, ``rate``: Newton's method from a guess.
 
-    No fragment touches another (`riftberg.stepping.meetings`).
+    The fragments ``met``, which touch others, are left out (`riftberg.stepping.meetings`). Each of the others goes its own
+    number of passes: where it gets to does not depend, to the last digit, on which others there are.
 
     Returns
     -------
@@ -546,17 +557,31 @@ def close_step(
         Passes of Newton's method, -1 where they do not settle.
     """
     floor_factors(mobility, floor, half, room)
-    before = 0.0
+    room.sought[:] = True
+    for k in range(met.size):
+        room.sought[met[k]] = False
+    room.change[:] = np.inf
     for n in range(MOST_PASSES):
         newton_step(body, motion, load, rate, new, half, room)
-        for b in range(new.shape[0]):
-            for i in range(3):
-                new[b, i] += room.step[b, i]
-        change = _change(room.step, new, inertia)
-        if change <= CLOSE_ENOUGH or (n > 0 and change * (change / before) ** 2 <= NOTHING_LEFT):
+        if not _take_steps(new, inertia, n > 0, room):
             return n + 1
-        before = change
     return -1
+
+
+@kernel
+def _take_steps(new: Floats, inertia: Floats, again: bool, room: BodyRoom) -> bool:
+    """Take the step of Newton's method with each fragment whose velocities are sought; returns whether any still are."""
+    more = False
+    for b in range(new.shape[0]):
+        if not room.sought[b]:
+            continue
+        for i in range(3):
+            new[b, i] += room.step[b, i]
+        before, change = room.change[b], _change(room.step[b], new[b], inertia[b])
+        room.change[b] = change
+        room.sought[b] = not (change <= CLOSE_ENOUGH or (again and change * (change / before) ** 2 <= NOTHING_LEFT))
+        more = more or room.sought[b]
+    return more
 
 
 @kernel
