@@ -251,7 +251,7 @@ class Failing(Steady):
 @pytest.mark.parametrize(("scheme", "good"), [("mts", 3), ("quasi_static", 2)])
 def test_a_failure_in_a_run_saves_the_state_and_says_how_to_go_on(tmp_path: Path, scheme: str, good: int) -> None:
     """The quasi-static scheme needs the water at the end of its step already."""
-    model = Model(berg(), Failing(5400.0), Parameters(stepping={"scheme": scheme}))
+    model = Model(berg(), Failing(5400.0), Parameters(stepping={"scheme": scheme, "time_step": 1800.0}))
     with pytest.raises(
         RunError, match=r"the run failed at .*no finite (position|load).*Go on with Model.resume\('.*run.failed"
     ):
@@ -266,7 +266,7 @@ def test_a_failure_in_a_run_saves_the_state_and_says_how_to_go_on(tmp_path: Path
 
 def test_a_failure_without_a_file_leaves_the_model_at_its_last_good_state() -> None:
     for scheme, good in (("mts", 3), ("quasi_static", 2)):
-        model = Model(berg(), Failing(5400.0), Parameters(stepping={"scheme": scheme}))
+        model = Model(berg(), Failing(5400.0), Parameters(stepping={"scheme": scheme, "time_step": 1800.0}))
         with pytest.raises(RunError, match="left at its last good state"):
             model.run(days=0.25)
         assert np.isfinite(model.elements.lon).all()

@@ -32,7 +32,7 @@ from riftberg.stepping.births import by_identifier, changed_rows, complete_state
 from riftberg.stepping.conglomerates import connected_parts
 from riftberg.stepping.contacts import ContactLog
 from riftberg.stepping.fragments import Fragment, FragmentTree
-from riftberg.stepping.ringing import ringing
+from riftberg.stepping.ringing import ringing, with_steady_step
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
@@ -114,9 +114,9 @@ class BareModel(RunState):
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
-        self._begin(
-            Population(elements, bonds), forcing, _with_constant_size(packed, elements, bonds), began, bergs=berg.bergs
-        )
+        sized = _with_constant_size(packed, elements, bonds)
+        stepped = with_steady_step(elements, int((bonds.status == 0).sum()), sized)
+        self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs)
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
@@ -463,7 +463,7 @@ class BareModel(RunState):
     @property
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
-        text = ringing(self.elements, self.bonds.first.size, self.parameters)
+        text = ringing(self.elements, int((self.bonds.status == 0).sum()), self.parameters)
         return (text,) if text else ()
 
     def __repr__(self) -> str:

@@ -190,7 +190,7 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None
     with replacing(Path(path)) as part:
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
-        store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)
+        store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)  # type: ignore[no-untyped-call]
         try:
             dataset.dump_to_store(store, **options)
         finally:

@@ -282,7 +282,13 @@ class Stepping(Group):
         "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are asked for and no scheme is named",
         "equations 6; quasi_static: Riftberg",
     )
-    time_step: float = quantity(1800.0, "s", "long step", "equations 10.5", gt=0)
+    time_step: float = quantity(
+        1800.0,
+        "s",
+        "long step; with mts, bonds, and neither it nor substeps named: one with which stress does not ring",
+        "equations 10.5",
+        gt=0,
+    )
     substeps: int | None = quantity(
         None,
         "1",

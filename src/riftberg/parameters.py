@@ -277,6 +277,8 @@ class Parameters(Group):
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
+        # Which numbers of steps were named must stay known: others are chosen by the berg.
+        values["stepping"] = self.stepping.model_dump(exclude_unset=True)
         for group, changes in groups.items():
             merges = isinstance(changes, Mapping) and group in values
             values[group] = {**values[group], **changes} if merges else changes

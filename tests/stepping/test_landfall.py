@@ -55,7 +55,8 @@ def parameters(scheme: str, spring: float | None, **groups: Any) -> Parameters:
     """Contact as soft as published, or as stiff as the ice."""
     if scheme in ("verlet", "runge_kutta"):
         groups = {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}, **groups}
-    return Parameters(**{"earth": PLANE, **groups}, stepping={"scheme": scheme}, contact={"spring": spring})
+    stepping = {"scheme": scheme, "time_step": 1800.0}
+    return Parameters(**{"earth": PLANE, **groups}, stepping=stepping, contact={"spring": spring})
 
 
 @pytest.mark.parametrize("bend", [0.0, 300.0], ids=["square cells", "curvilinear"])

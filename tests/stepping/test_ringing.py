@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.state import Floats
-from riftberg.stepping.ringing import ringing, swing
+from riftberg.stepping.ringing import CALM, LONG_STEPS, ringing, swing, with_steady_step
 
 EXPLICIT = Parameters().changed(stepping={"scheme": "mts", "time_step": 1800.0})
 CASES: dict[str, tuple[dict[str, Any], int, bool]] = {
@@ -21,7 +21,10 @@ CASES: dict[str, tuple[dict[str, Any], int, bool]] = {
     "quasi-static": ({"stepping": {"scheme": "quasi_static"}}, 10, False),
     "short steps": ({"stepping": {"time_step": 300.0}}, 10, False),
     "stiff ice with short steps": ({"stepping": {"time_step": 300.0}, "bonds": {"youngs_modulus": 9e9}}, 10, True),
-    "nothing breaks": ({"fracture": {"enabled": False}}, 10, False),
+    "nothing breaks": ({"fracture": {"enabled": False}}, 10, True),
+    "nothing pushes": ({"stepping": {"only_interactions": True}}, 10, False),
+    "nothing moves": ({"stepping": {"frozen": True}}, 10, False),
+    "all go at a given speed": ({"stepping": {"fixed_velocity": (0.1, 0.0)}}, 10, False),
     "spring bonds": ({"bonds": {"law": "spring"}, "fracture": {"enabled": False}}, 10, False),
 }
 
@@ -34,8 +37,10 @@ def berg(length: str = "60 km", width: str = "12 km", **where: Any) -> Iceberg:
 @pytest.mark.parametrize("case", CASES)
 def test_what_rings_is_told(case: str) -> None:
     changes, bonds, told = CASES[case]
-    text = ringing(berg().elements, bonds, EXPLICIT.changed(**changes))
+    asked = EXPLICIT.changed(**changes)
+    text = ringing(berg().elements, bonds, asked)
     assert ("stepping.scheme=quasi_static" in text) is told
+    assert ("may break" in text) is (told and asked.fracture.enabled)
 
 
 def test_a_swing_is_that_of_a_free_beam() -> None:
@@ -72,12 +77,82 @@ def test_the_command_line_tells_it_before_the_run(tmp_path: Any) -> None:
     assert "rings" not in CliRunner().invoke(app, asked).output
 
 
-def _largest(scheme: str, step: float) -> Floats:
-    """Largest tensile stress (Pa) at each of ten hours of a berg of 60 km by 30 km at the rim of an eddy."""
+MTS = Parameters(stepping={"scheme": "mts"})
+SHAPES = [("60 km", "12 km", 5e6), ("60 km", "30 km", 5e6), ("30 km", "12 km", 5e6), ("60 km", "12 km", 50e6)]
+
+
+@pytest.mark.parametrize(("length", "width", "modulus"), SHAPES)
+def test_a_long_step_that_nobody_named_does_not_ring(length: str, width: str, modulus: float) -> None:
+    """It was 1800 s for all: up to 17 kPa that were not there beside a strength of 18."""
+    model = Model(berg(length, width), Forcing.uniform((0.1, 0.0)), MTS.changed(bonds={"youngs_modulus": modulus}))
+    step, period = model.parameters.stepping.time_step, swing(model.elements, model.parameters)
+    assert model.notices == ()
+    assert step * CALM <= period or step == LONG_STEPS[-1]
+    longer = [one for one in LONG_STEPS if one > step]
+    assert not longer or min(longer) * CALM > period
+    assert 3600.0 % step == 0.0
+
+
+def test_the_shortest_long_step_is_taken_and_told_where_none_is_short_enough() -> None:
+    model = Model(berg("9 km", "6 km"), Forcing.uniform((0.1, 0.0)), MTS)
+    assert model.parameters.stepping.time_step == 60.0
+    assert "rings" in model.notices[0]
+
+
+@pytest.mark.parametrize(
+    ("asked", "step"),
+    [
+        (MTS.changed(stepping={"time_step": 900.0}), 900.0),
+        (MTS.changed(stepping={"time_step": 1800.0}), 1800.0),
+        (Parameters(stepping={"substeps": 90}), 1800.0),
+        (MTS.changed(fracture={"enabled": False}), 150.0),
+        (MTS.changed(stepping={"only_interactions": True}), 1800.0),
+        (MTS.changed(bonds={"law": "spring"}, fracture={"enabled": False}), 1800.0),
+        (Parameters(), 1800.0),
+        (A68A_2022.changed(stepping={"scheme": "mts"}), 1800.0),
+        (A68A_2022_KID, 1800.0),
+    ],
+)
+def test_a_long_step_that_is_named_or_need_not_be_short_stays(asked: Parameters, step: float) -> None:
+    ice = berg()
+    assert with_steady_step(ice.elements, ice.bonds.first.size, asked).stepping.time_step == step
+    assert with_steady_step(ice.elements, 0, MTS).stepping.time_step == 1800.0
+
+
+def test_pieces_without_a_bond_that_holds_keep_the_long_step() -> None:
+    pieces = berg()
+    pieces.bonds.status[:] = 2
+    pieces.elements.bond_count[:] = 0
+    pieces.elements.berg[:] = np.arange(pieces.elements.size)
+    model = Model(pieces, Forcing.uniform((0.1, 0.0)), MTS)
+    assert model.parameters.stepping.time_step == 1800.0
+    assert model.notices == ()
+
+
+def test_a_change_of_other_values_does_not_name_the_long_step() -> None:
+    """Nor does a step that a berg has been given stay with the parameters that were asked for."""
+    asked = MTS.changed(fracture={"normal_strength": 2e4}).changed(
+        bonds={"packing": "square"}, stepping={"safety": 0.7}
+    )
+    for length, step in (("60 km", 150.0), ("120 km", 600.0)):
+        assert Model(berg(length), Forcing.uniform((0.1, 0.0)), asked).parameters.stepping.time_step == step
+    assert "time_step" not in asked.stepping.model_fields_set
+
+
+def test_a_run_goes_on_with_the_long_step_that_it_was_given(tmp_path: Any) -> None:
+    model = Model(berg("60 km", "30 km"), Forcing.uniform((0.1, 0.0)), MTS)
+    model.advance(steps=2)
+    model.save(tmp_path / "state.nc")
+    back = Model.resume(tmp_path / "state.nc", model.forcing)
+    assert back.parameters.stepping.time_step == model.parameters.stepping.time_step == 60.0
+
+
+def _largest(scheme: str, step: float, size: tuple[str, str] = ("60 km", "30 km"), modulus: float = 5e6) -> Floats:
+    """Largest tensile stress (Pa) at each of ten hours of a berg at the rim of an eddy."""
     sea = Forcing.uniform((0.15, 0.0)) + Forcing.eddy((-37.6, -56.15), 25e3, 0.5)
-    ice = berg("60 km", "30 km", velocity=(0.15, 0.0))
-    stepping = {"scheme": scheme, "time_step": step}
-    model = Model(ice, sea, Parameters().changed(stepping=stepping, fracture={"enabled": False}))
+    ice = berg(*size, velocity=(0.15, 0.0))
+    changes = {"stepping": {"scheme": scheme, "time_step": step}, "bonds": {"youngs_modulus": modulus}}
+    model = Model(ice, sea, Parameters().changed(**changes, fracture={"enabled": False}))
     model.advance(steps=round(6 * 3600 / step))
     hours = []
     for _ in range(10):
@@ -92,3 +167,16 @@ def test_a_compact_berg_rings_far_above_its_load_and_less_with_shorter_steps() -
     assert _largest("quasi_static", 450.0).max() == pytest.approx(held, rel=0.01)
     assert _largest("mts", 1800.0).max() > 10.0 * held
     assert _largest("mts", 150.0).max() - held < 1e3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("length", "width", "modulus"), SHAPES)
+def test_the_stress_with_the_long_step_that_is_chosen_is_that_of_equilibrium_to_half_a_kpa(
+    length: str, width: str, modulus: float
+) -> None:
+    ice, asked = berg(length, width), MTS.changed(bonds={"youngs_modulus": modulus})
+    step = with_steady_step(ice.elements, ice.bonds.first.size, asked).stepping.time_step
+    held, own = (
+        _largest(scheme, dt, (length, width), modulus) for scheme, dt in (("quasi_static", 1800.0), ("mts", step))
+    )
+    assert abs(own.max() - held.max()) < 500.0

@@ -106,7 +106,7 @@ def _deaf_worker(distributed: Any) -> Any:
     A plugin and no call, because a worker that takes the place of a lost one must be deaf too.
     """
 
-    class Deaf(distributed.WorkerPlugin):
+    class Deaf(distributed.WorkerPlugin):  # type: ignore[misc]
         """Ignores interrupts."""
 
         def setup(self, worker: Any) -> None:

@@ -538,7 +538,7 @@ def _change(step: Floats, new: Floats, inertia: Floats) -> float:
     """
     arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
     change = max(abs(step[0]), abs(step[1]), arm * abs(step[2]))
-    return change / max(abs(new[0]), abs(new[1]), arm * abs(new[2]), CREEPING)
+    return float(change / max(abs(new[0]), abs(new[1]), arm * abs(new[2]), CREEPING))
 
 
 @kernel
@@ -579,7 +579,9 @@ def _take_steps(new: Floats, inertia: Floats, again: bool, room: BodyRoom) -> bo
             new[b, i] += room.step[b, i]
         before, change = room.change[b], _change(room.step[b], new[b], inertia[b])
         room.change[b] = change
-        room.sought[b] = not (change <= CLOSE_ENOUGH or (again and change * (change / before) ** 2 <= NOTHING_LEFT))
+        settled = change <= CLOSE_ENOUGH or (again and change * (change / before) ** 2 <= NOTHING_LEFT)
+        # What is no number stays none: the search ends, and who looks at loads and places says where it came from.
+        room.sought[b] = not settled and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
         more = more or room.sought[b]
     return more
 

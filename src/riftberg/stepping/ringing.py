@@ -16,6 +16,12 @@ from riftberg.state import Elements, Floats
 STEADY: Final = 12.0
 """Long steps in a swing of the berg from which on the stress is within 1 kPa of that in equilibrium (numerics page)."""
 
+CALM: Final = 24.0
+"""Long steps in a swing that are chosen where none is named: what rings goes with the square of the step."""
+
+LONG_STEPS: Final = tuple(1800.0 / n for n in (1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 18, 20, 24, 25, 30))
+"""Long steps (s) to choose from, longest first: parts of half an hour, so that records every hour fall on them."""
+
 FIRST_MODE: Final = 22.373
 """Square of the first eigenvalue of a free beam, ``cos(k) cosh(k) = 1``."""
 
@@ -62,20 +68,49 @@ def ringing(elements: Elements, bonds: int, parameters: Parameters) -> str:
     elements : Elements
         The berg.
     bonds : int
-        How many bonds it has.
+        How many bonds hold in it.
     parameters : Parameters
         Of the run.
     """
     p = parameters
-    breaks = bonds > 0 and p.bonds.law == "dem" and p.fracture.enabled
-    # The reference's numerics are asked for as they are.
-    if p.stepping.scheme != "mts" or not breaks or p.compatibility.zero_start:
+    if not _may_ring(bonds, p):
         return ""
     period = swing(elements, p)
     if p.stepping.time_step * STEADY <= period:
         return ""
+    breaks = ", so bonds may break that would hold" if p.fracture.enabled else ""
     return (
         f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.stepping.time_step:g} s, "
-        f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg, so bonds may break "
-        "that would hold. stepping.scheme=quasi_static gives the stress that the ice has to bear"
+        f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg{breaks}. "
+        "stepping.scheme=quasi_static gives the stress that the ice has to bear"
     )
+
+
+def with_steady_step(elements: Elements, bonds: int, parameters: Parameters) -> Parameters:
+    """Return the parameters with a long step with which the stress in the bonds does not ring, where they name none.
+
+    It is the longest of `LONG_STEPS` that has `CALM` of its kind in a swing of the largest berg, and the shortest of them
+    where none has. A long step that is named, or a number of sub-steps in it, stays as it is.
+
+    Parameters
+    ----------
+    elements : Elements
+        The berg.
+    bonds : int
+        How many bonds hold in it.
+    parameters : Parameters
+        As they are asked for.
+    """
+    p = parameters
+    if not _may_ring(bonds, p) or p.stepping.model_fields_set & {"time_step", "substeps"}:
+        return p
+    period = swing(elements, p)
+    step = next((step for step in LONG_STEPS if step * CALM <= period), LONG_STEPS[-1])
+    return p.changed(stepping={"time_step": step})
+
+
+def _may_ring(bonds: int, p: Parameters) -> bool:
+    """Whether long kicks act on bonds that bend; the reference's numerics are asked for as they are."""
+    s = p.stepping
+    pushed = not (s.only_interactions or s.frozen or s.fixed_velocity)
+    return s.scheme == "mts" and bonds > 0 and p.bonds.law == "dem" and pushed and not p.compatibility.zero_start
