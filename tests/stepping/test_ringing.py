@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 
 from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
+from riftberg.experiments import Options, build
 from riftberg.state import Floats
 from riftberg.stepping.ringing import CALM, LONG_STEPS, ringing, swing, with_steady_step
 
@@ -106,6 +108,7 @@ def test_the_shortest_long_step_is_taken_and_told_where_none_is_short_enough() -
         (MTS.changed(stepping={"time_step": 1800.0}), 1800.0),
         (Parameters(stepping={"substeps": 90}), 1800.0),
         (MTS.changed(fracture={"enabled": False}), 150.0),
+        (MTS.changed(stepping={"substeps": None}), 150.0),
         (MTS.changed(stepping={"only_interactions": True}), 1800.0),
         (MTS.changed(bonds={"law": "spring"}, fracture={"enabled": False}), 1800.0),
         (Parameters(), 1800.0),
@@ -127,6 +130,19 @@ def test_pieces_without_a_bond_that_holds_keep_the_long_step() -> None:
     model = Model(pieces, Forcing.uniform((0.1, 0.0)), MTS)
     assert model.parameters.stepping.time_step == 1800.0
     assert model.notices == ()
+
+
+@pytest.mark.parametrize(("asked", "step"), [("", 150.0), ("time_step: 30 min", 1800.0), ("substeps: 90", 1800.0)])
+def test_an_experiment_in_a_file_gets_it_too(asked: str, step: float, tmp_path: Path) -> None:
+    """Its number of sub-steps is left open in so many words, which is no number named."""
+    path = tmp_path / "long.yaml"
+    path.write_text(
+        "title: a long berg\nstart: 2020-12-09\ndays: 1\n"
+        "berg:\n  rectangle: {length: 60 km, width: 12 km}\n  thickness: 200 m\n  placement: [-38, -56]\n"
+        "forcing:\n  kind: constant\n  current: [0.2, 0.0]\n"
+        f"parameters:\n  stepping:\n    scheme: mts\n    {asked}\n"
+    )
+    assert build(str(path), Options())[0].parameters.stepping.time_step == step
 
 
 def test_a_change_of_other_values_does_not_name_the_long_step() -> None:

@@ -102,7 +102,8 @@ def with_steady_step(elements: Elements, bonds: int, parameters: Parameters) -> 
         As they are asked for.
     """
     p = parameters
-    if not _may_ring(bonds, p) or p.stepping.model_fields_set & {"time_step", "substeps"}:
+    named = "time_step" in p.stepping.model_fields_set or p.stepping.substeps is not None
+    if named or not _may_ring(bonds, p):
         return p
     period = swing(elements, p)
     step = next((step for step in LONG_STEPS if step * CALM <= period), LONG_STEPS[-1])
