@@ -2,6 +2,7 @@
 
 python benchmarks/ringing.py             print the table
 python benchmarks/ringing.py --write     also put it into docs/explanation/numerics.md
+python benchmarks/ringing.py --cost      print what a day costs with the long step that is chosen, beside one of 1800 s
 
 A day at the rim of an eddy, default parameters, nothing breaks; the first six hours are left out.
 """
@@ -9,6 +10,8 @@ A day at the rim of an eddy, default parameters, nothing breaks; the first six h
 from __future__ import annotations
 
 import argparse
+import statistics
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -36,18 +39,22 @@ def ice_of(berg: tuple[str, str, float]) -> Iceberg:
 
 
 def chosen(berg: tuple[str, str, float]) -> float:
-    """Long step (s) that the berg gets where none is named and its bonds may break."""
+    """Long step (s) that the berg gets where none is named."""
     ice, asked = ice_of(berg), Parameters(stepping={"scheme": "mts"}, bonds={"youngs_modulus": berg[2]})
-    return with_steady_step(ice.elements, ice.bonds.first.size, asked).stepping.time_step
+    return with_steady_step(ice.elements, ice.bonds, asked).stepping.time_step
+
+
+def model_of(berg: tuple[str, str, float], scheme: str, step: float) -> Model:
+    """The berg at the rim of an eddy."""
+    changes = {"stepping": {"scheme": scheme, "time_step": step}, "fracture": {"enabled": False}}
+    parameters = Parameters().changed(**changes, bonds={"youngs_modulus": berg[2]})
+    sea = Forcing.uniform((0.15, 0.0)) + Forcing.eddy((-37.6, -56.15), 25e3, 0.5)
+    return Model(ice_of(berg), sea, parameters)
 
 
 def stresses(berg: tuple[str, str, float], scheme: str, step: float) -> Floats:
     """Tensile stress (Pa) by hour and bond."""
-    changes = {"stepping": {"scheme": scheme, "time_step": step}, "fracture": {"enabled": False}}
-    parameters = Parameters().changed(**changes, bonds={"youngs_modulus": berg[2]})
-    ice = ice_of(berg)
-    sea = Forcing.uniform((0.15, 0.0)) + Forcing.eddy((-37.6, -56.15), 25e3, 0.5)
-    model, rows = Model(ice, sea, parameters), []
+    model, rows = model_of(berg, scheme, step), []
     for hour in HOURS:
         model.advance(steps=round((hour * 3600.0 - model.time) / step))
         rows.append(model.bonds.normal_stress.copy())
@@ -65,11 +72,34 @@ def rows() -> Iterator[list[str]]:
         yield [name, *(f"{1e-3 * value:.2f}" for value in (short, held, *rung)), f"{1e-3 * own:.2f} ({step:g} s)"]
 
 
+def costs() -> Iterator[list[str]]:
+    """Processor time of a day with the chosen step, and over that with 1800 s: medians of seven turns of half a day each."""
+    for berg in BERGS:
+        step = chosen(berg)
+        models, turns = [model_of(berg, "mts", one) for one in (1800.0, step)], []
+        for model in models:
+            model.advance(days=0.1)
+        for _ in range(7):
+            took = []
+            for model in models:
+                began = time.process_time()
+                model.advance(days=0.5)
+                took.append(2.0 * (time.process_time() - began))
+            turns.append(took)
+        day, ratio = (statistics.median(values) for values in ([b for _, b in turns], [b / a for a, b in turns]))
+        name = f"{berg[0]} by {berg[1]}, {1e-6 * berg[2]:g} MPa"
+        yield [name, str(models[0].elements.size), f"{step:g} s", f"{day:.2f}", f"{ratio:.1f}"]
+
+
 def main() -> None:
-    """Print the table, write it where that is asked for."""
+    """Print the table, write it where that is asked for; or the costs."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    parser.add_argument("--cost", action="store_true", help="print costs, and nothing else")
     asked = parser.parse_args()
+    if asked.cost:
+        print(table(["berg", "elements", "long step", "s a day", "times that of 1800 s"], list(costs())))
+        return
     head = ["berg", "`quasi_static`, 450 s", "1800 s", *(f"`mts`, {step:.0f} s" for step in STEPS), "`mts`, none named"]
     text = table(head, list(rows()))
     print(text)

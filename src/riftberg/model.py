@@ -115,7 +115,7 @@ class BareModel(RunState):
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
-        stepped = with_steady_step(elements, int((bonds.status == 0).sum()), sized)
+        stepped = with_steady_step(elements, bonds, sized)
         self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs)
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
@@ -463,7 +463,7 @@ class BareModel(RunState):
     @property
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
-        text = ringing(self.elements, int((self.bonds.status == 0).sum()), self.parameters)
+        text = ringing(self.elements, self.bonds, self.parameters)
         return (text,) if text else ()
 
     def __repr__(self) -> str:

@@ -291,7 +291,8 @@ def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> No
     m, opened, room = now.motion, now.bodies.rate, allocate_body_room(1)
     rate = opened + guess * np.array([[0.1, -0.3, 1e-6]])
     known = m.body, m.elements, m.load
-    passes = close_step(*known, m.inertia, m.mobility, m.floor, opened, rate, 900.0, np.zeros(0, np.int64), room)
+    room.sought[:] = True
+    passes = close_step(*known, m.inertia, m.mobility, m.floor, opened, rate, 900.0, room)
     assert 1 < passes < 8
     room.sought[:] = True
     newton_step(*known, opened, rate, 900.0, room)

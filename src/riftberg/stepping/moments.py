@@ -160,8 +160,7 @@ def arrive(
     force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((rate.shape[0], 7))
     passes = _arrive(
         bodies.body, motion.elements, motion.load, motion.touching, motion.inertia, motion.mobility, motion.floor, flat,
-        opened, rate, half, closes, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, sums, NOBODY[0],
-        room,
+        opened, rate, half, closes, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, sums, room,
     )  # fmt: skip
     check_passes(passes)
     return Standing(time, bodies._replace(rate=rate), motion, Acting(acted, total), force, load)
@@ -171,12 +170,13 @@ def arrive(
 def _arrive(
     body: Ints, elements: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
     flat: Floats, opened: Floats, rate: Floats, half: float, closes: bool, acted: Floats, total: Floats, force: Floats,
-    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, sums: Floats, met: Ints, room: BodyRoom,
+    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, sums: Floats, room: BodyRoom,
 ) -> int:  # fmt: skip
     """See `arrive`; returns passes of Newton's method, -1 where velocities do not settle."""
     passes = 0
     if closes:
-        passes = close_step(body, elements, load, inertia, mobility, floor, opened, rate, half, met, room)
+        room.sought[:] = True
+        passes = close_step(body, elements, load, inertia, mobility, floor, opened, rate, half, room)
     add_forces(body, elements, rate, load, acted, force, total)
     if touching.first.size > 0:
         add_contact(body, elements, rate, touching, force, total)
@@ -214,7 +214,9 @@ def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float,
         If the velocities do not settle.
     """
     rate, m = 2.0 * opened - before, motion
-    check_passes(close_step(m.body, m.elements, m.load, m.inertia, m.mobility, m.floor, opened, rate, half, met, room))
+    room.sought[:] = True
+    room.sought[met] = False
+    check_passes(close_step(m.body, m.elements, m.load, m.inertia, m.mobility, m.floor, opened, rate, half, room))
     return rate
 
 

@@ -544,12 +544,12 @@ def _change(step: Floats, new: Floats, inertia: Floats) -> float:
 @kernel
 def close_step(
     body: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, rate: Floats,
-    new: Floats, half: float, met: Ints, room: BodyRoom,
+    new: Floats, half: float, room: BodyRoom,
 ) -> int:  # fmt: skip
     """Find the velocities ``new`` at the end of the step from those in its middle, ``rate``: Newton's method from a guess.
 
-    The fragments ``met``, which touch others, are left out (`riftberg.stepping.meetings`). Each of the others goes its own
-    number of passes: where it gets to does not depend, to the last digit, on which others there are.
+    Fragments that are not ``room.sought``, because they touch others, are left out (`riftberg.stepping.meetings`). Each goes
+    its own number of passes: where it gets to does not depend, to the last digit, on which others there are.
 
     Returns
     -------
@@ -557,19 +557,16 @@ def close_step(
         Passes of Newton's method, -1 where they do not settle.
     """
     floor_factors(mobility, floor, half, room)
-    room.sought[:] = True
-    for k in range(met.size):
-        room.sought[met[k]] = False
-    room.change[:] = np.inf
+    room.change[:] = 0.0
     for n in range(MOST_PASSES):
         newton_step(body, motion, load, rate, new, half, room)
-        if not _take_steps(new, inertia, n > 0, room):
+        if not _take_steps(new, inertia, room):
             return n + 1
     return -1
 
 
 @kernel
-def _take_steps(new: Floats, inertia: Floats, again: bool, room: BodyRoom) -> bool:
+def _take_steps(new: Floats, inertia: Floats, room: BodyRoom) -> bool:
     """Take the step of Newton's method with each fragment whose velocities are sought; returns whether any still are."""
     more = False
     for b in range(new.shape[0]):
@@ -579,7 +576,8 @@ def _take_steps(new: Floats, inertia: Floats, again: bool, room: BodyRoom) -> bo
             new[b, i] += room.step[b, i]
         before, change = room.change[b], _change(room.step[b], new[b], inertia[b])
         room.change[b] = change
-        settled = change <= CLOSE_ENOUGH or (again and change * (change / before) ** 2 <= NOTHING_LEFT)
+        # As ``change (change / before)^2``, and false in the first pass, which has nothing before it.
+        settled = change <= CLOSE_ENOUGH or change**3 <= NOTHING_LEFT * before**2
         # What is no number stays none: the search ends, and who looks at loads and places says where it came from.
         room.sought[b] = not settled and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
         more = more or room.sought[b]

@@ -11,7 +11,7 @@ from riftberg.bergs.bonding import Metric, separations
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.parameters import Parameters
 from riftberg.places import duration_text
-from riftberg.state import Elements, Floats
+from riftberg.state import Bonds, Elements, Floats
 
 STEADY: Final = 12.0
 """Long steps in a swing of the berg from which on the stress is within 1 kPa of that in equilibrium (numerics page)."""
@@ -57,7 +57,7 @@ def _spread(x: Floats, y: Floats, area: Floats) -> tuple[float, float]:
     return float(small), float(large)
 
 
-def ringing(elements: Elements, bonds: int, parameters: Parameters) -> str:
+def ringing(elements: Elements, bonds: Bonds, parameters: Parameters) -> str:
     """Return what to know of the stress in the bonds of a run, empty where there is nothing.
 
     Between two kicks no drag and no slope act on a lattice that was bent under them, so it swings by as much, and by
@@ -65,17 +65,13 @@ def ringing(elements: Elements, bonds: int, parameters: Parameters) -> str:
 
     Parameters
     ----------
-    elements : Elements
-        The berg.
-    bonds : int
-        How many bonds hold in it.
+    elements, bonds : Elements, Bonds
+        The bergs.
     parameters : Parameters
         Of the run.
     """
     p = parameters
-    if not _may_ring(bonds, p):
-        return ""
-    period = swing(elements, p)
+    period = swing(elements, p) if _may_ring(bonds, p) else math.inf
     if p.stepping.time_step * STEADY <= period:
         return ""
     breaks = ", so bonds may break that would hold" if p.fracture.enabled else ""
@@ -86,7 +82,7 @@ def ringing(elements: Elements, bonds: int, parameters: Parameters) -> str:
     )
 
 
-def with_steady_step(elements: Elements, bonds: int, parameters: Parameters) -> Parameters:
+def with_steady_step(elements: Elements, bonds: Bonds, parameters: Parameters) -> Parameters:
     """Return the parameters with a long step with which the stress in the bonds does not ring, where they name none.
 
     It is the longest of `LONG_STEPS` that has `CALM` of its kind in a swing of the largest berg, and the shortest of them
@@ -94,10 +90,8 @@ def with_steady_step(elements: Elements, bonds: int, parameters: Parameters) -> 
 
     Parameters
     ----------
-    elements : Elements
-        The berg.
-    bonds : int
-        How many bonds hold in it.
+    elements, bonds : Elements, Bonds
+        The bergs.
     parameters : Parameters
         As they are asked for.
     """
@@ -110,8 +104,9 @@ def with_steady_step(elements: Elements, bonds: int, parameters: Parameters) -> 
     return p.changed(stepping={"time_step": step})
 
 
-def _may_ring(bonds: int, p: Parameters) -> bool:
-    """Whether long kicks act on bonds that bend; the reference's numerics are asked for as they are."""
+def _may_ring(bonds: Bonds, p: Parameters) -> bool:
+    """Whether long kicks act on bonds that hold; the reference's numerics are asked for as they are."""
     s = p.stepping
     pushed = not (s.only_interactions or s.frozen or s.fixed_velocity)
-    return s.scheme == "mts" and bonds > 0 and p.bonds.law == "dem" and pushed and not p.compatibility.zero_start
+    explicit = s.scheme == "mts" and p.bonds.law == "dem" and not p.compatibility.zero_start
+    return explicit and pushed and bool((bonds.status == 0).any())
