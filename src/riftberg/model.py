@@ -229,6 +229,7 @@ class BareModel(RunState):
         new = slice(rows, None)
         now = self.elements
         now.body.berg[new] = parent
+        now.place.entered[new] = now.place.entered[:rows].max(initial=-1) + 1
         for shown, own in (("lon_pair", "lon"), ("lat_pair", "lat"), ("u_pair", "u"), ("v_pair", "v")):
             getattr(now, shown)[new] = getattr(now, own)[new]
         now.motion.u_sync[new], now.motion.v_sync[new] = now.motion.u[new], now.motion.v[new]
@@ -288,6 +289,7 @@ class BareModel(RunState):
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
                 )
+                self._drop_lost()
             else:
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1
@@ -301,6 +303,16 @@ class BareModel(RunState):
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
             raise
+
+    def _drop_lost(self) -> None:
+        """Take elements out that have left the grid over a closed edge, where the reference's rules hold (equations 13)."""
+        grid = self.forcing.grid
+        if grid is None or not self.parameters.compatibility.lost_over_edge:
+            return
+        inside = grid.has_in_domain(self.elements)
+        if not inside.all():
+            self.remove(self.elements.body.id[~inside])
+            self._follow_changes()
 
     def _check_finite(self) -> None:
         place = self.elements.place

@@ -626,6 +626,28 @@ class Compatibility(Group):
         "land stops each element for itself, which tears bonded bergs apart and pushes bergs into each other",
         "equations 8.1",
     )
+    stages_from_start: bool = quantity(
+        False,
+        "",
+        "a Runge-Kutta stage starts the iteration of its damping, and with predictor_corrector of its drag, from the velocity "
+        "of the start of the step",
+        "equations 13",
+    )
+    contact_by_cells: bool = quantity(
+        False,
+        "",
+        "partners of contact are looked for in the cells around an element's own, so that bergs wider than a cell meet late",
+        "equations 13",
+    )
+    lost_over_edge: bool = quantity(
+        False, "", "an element that leaves the grid over a closed edge is gone, without melt water", "equations 13"
+    )
+    imposed_velocity_late: bool = quantity(
+        False,
+        "",
+        "an imposed velocity comes into force at the end of the first step with runge_kutta, and never with mts",
+        "equations 13",
+    )
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
     )
@@ -660,5 +682,9 @@ class Compatibility(Group):
             "births_at_centre": True,
             "hemisphere_by_corner": True,
             "elements_stopped_alone": True,
+            "stages_from_start": True,
+            "contact_by_cells": True,
+            "lost_over_edge": True,
+            "imposed_velocity_late": True,
         }
         return cls(**{**on, **overrides})

@@ -141,6 +141,7 @@ class KernelParameters(NamedTuple):
     frozen_sea_ice_drag: bool
     rest_length_from_sizes: bool
     plain_kid_branch: bool
+    stages_from_start: bool
 
 
 class Parameters(Group):
@@ -363,6 +364,7 @@ class Parameters(Group):
             frozen_sea_ice_drag=c.frozen_sea_ice_drag,
             rest_length_from_sizes=c.rest_length_from_sizes,
             plain_kid_branch=c.plain_kid_branch,
+            stages_from_start=c.stages_from_start,
         )
 
 

@@ -221,6 +221,7 @@ def _set_up(folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> _Par
         tidal_drift=group.number("tidal_drift"),
         mirrored=group.flag("old_bug_bilin"),
         even_parity=group.flag("rev_mind"),
+        listed_draws=True,
     )
     forcing = OceanForcing(grid, first, rules=rules, source="KID's driver with an ocean")
     for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):

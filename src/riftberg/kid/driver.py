@@ -194,6 +194,7 @@ def _field_rules(icebergs: NamelistGroup) -> FieldRules:
         tidal_drift=icebergs.number("tidal_drift"),
         mirrored=icebergs.flag("old_bug_bilin"),
         even_parity=icebergs.flag("rev_mind"),
+        listed_draws=True,
     )
 
 

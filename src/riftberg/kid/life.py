@@ -82,7 +82,7 @@ def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path
     life.draws = ReferenceDraws(seed, group.flag("fl_init_child_xy_by_pe"))
     life.ranks = ranks
     life.names = IdentifierCounter.beside(restarts, grid, model.elements.id).take
-    single, dem = model.parameters.stepping.scheme != "mts", group.flag("dem")
+    single = model.parameters.stepping.scheme != "mts"
 
     def born(m: LifeModel) -> tuple[int, float]:
         date = clock.date((m.step_number - 1) * clock.dt)
@@ -90,6 +90,6 @@ def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path
 
     def look(m: LifeModel) -> None:
         if single:
-            look_around(m, (m.step_number - 1) * clock.dt, dem)
+            look_around(m, (m.step_number - 1) * clock.dt, group)
 
     life.born, life.look_around = born, look

@@ -224,7 +224,11 @@ def _check_unique(elements: Elements, path: Path) -> None:
 
 
 def _columns(elements: Elements, grid: Grid) -> dict[str, NDArray[Any]]:
-    """Return all variables by KID's names."""
+    """Return all variables by KID's names.
+
+    In the order in which the elements have come into their cells: that in which a reader puts them there again.
+    """
+    elements = elements.taken(np.lexsort((np.arange(elements.size), elements.place.entered)))
     columns: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
     columns.update({name: getattr(elements.life, name) for name in LIFE})
     columns["ine"], columns["jne"] = cell_indices(elements, grid)

@@ -21,6 +21,7 @@ from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import Column
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
+from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
 from riftberg.stepping.births import by_identifier
@@ -241,7 +242,7 @@ class TrajectoryRecorder(_Sampler):
 
     def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         if model.parameters.stepping.scheme != "mts":
-            look_around(model, (model.step_number - 1) * self.clock.dt, self.group.flag("dem"))
+            look_around(model, (model.step_number - 1) * self.clock.dt, self.group)
         e = model.elements
         rows = np.flatnonzero(recorded(e, self.group, model.parameters.ice.density, date.year))
         columns: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
@@ -251,14 +252,17 @@ class TrajectoryRecorder(_Sampler):
         return columns
 
 
-def look_around(model: LifeModel, time: float, dem: bool) -> None:
+def look_around(model: LifeModel, time: float, group: NamelistGroup) -> None:
     """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
 
-    KID does so in its thermodynamics, but leaves the depth as the step found it. The next step looks again.
+    KID does so in its thermodynamics, without the random tide, and leaves the depth as the step found it. With ``dem`` or
+    ``footloose`` it does so after the move, with the tide and the depth. The next step looks again.
     """
+    after_move = group.flag("dem") or group.flag("footloose")
     depth = model.elements.depth.copy()
-    model.forcing.sample(model.elements, time)
-    if not dem:
+    assert isinstance(model.forcing, GriddedForcing)
+    model.forcing.sample(model.elements, time, tide=after_move)
+    if not after_move:
         model.elements.depth[:] = depth
 
 

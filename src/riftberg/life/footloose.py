@@ -27,8 +27,9 @@ from riftberg.physics.geometry import move, separation
 from riftberg.physics.rolling import roll
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
+from riftberg.state.order import listed
 from riftberg.stepping.fragments import FragmentTree
-from riftberg.stepping.partners import NEWBORN_CHILD
+from riftberg.stepping.partners import NEWBORN_CHILD, contact_cells, within_cells
 from riftberg.stepping.sizes import radius_of
 
 LARGEST_CUT: Final = 0.5
@@ -178,12 +179,9 @@ class _Calving:
 
     def _order(self, rows: Ints) -> Ints:
         """Put elements in the order in which the reference visits them, process by process (files, 0.3)."""
-        el, life = self.el, self.el.life
-        keys = (
-            -rows, life.start_lat[rows], life.start_lon[rows], life.start_mass[rows], life.start_day[rows],
-            life.start_year[rows], el.place.cell_i[rows], el.place.cell_j[rows], self._rank_of(rows),
-        )  # fmt: skip
-        return rows[np.lexsort(keys)]
+        place = np.empty(self.el.size, np.int64)
+        place[listed(self.el)] = np.arange(self.el.size)
+        return rows[np.lexsort((place[rows], self._rank_of(rows)))]
 
     def _rank_of(self, rows: Ints) -> Ints:
         """Process of the reference that owns the cells of elements."""
@@ -411,7 +409,7 @@ def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circ
     return _Calving(model, p, values, when).run()
 
 
-def let_children_go(elements: Elements, p: Parameters) -> None:
+def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> None:
     """Let children collide from now on that no other element is near enough to touch (files, 2.7)."""
     foot = elements.life.fl_k
     if not p.stepping.interactions or not (foot == CHILD).any():
@@ -421,6 +419,11 @@ def let_children_go(elements: Elements, p: Parameters) -> None:
     radius = np.array([radius_of(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
     reach = max(2.0 * float(radius.max()), p.contact.distance)
     near = find_pairs(place.lon, place.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period)
+    cells = contact_cells(p, grid)
+    if cells is not None:
+        near = within_cells(near, elements, cells)
+        if cells.columns > 1 or cells.rows > 1:
+            radius[:] = 0.0  # then the reference asks for the distance alone
     for e in np.flatnonzero(foot == CHILD):
         others = near.partner[near.start[e] : near.start[e + 1]]
         if not any(_touch(elements, int(e), int(k), radius, p) for k in others):

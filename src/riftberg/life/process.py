@@ -135,7 +135,7 @@ class LifeProcess:
         when = Circumstances(*born, model.step_number, model.forcing.grid, self.draws, self.ranks, self.names)
         calved = calve_footloose(model, self.parameters, self.values, when)
         now = stocks(model.elements)
-        let_children_go(model.elements, self.parameters)
+        let_children_go(model.elements, self.parameters, model.forcing.grid)
         if calved.density_mass != 0.0:
             ledger.gain("density_reset", calved.density_mass, now[1] - before[1])
         return calved

@@ -258,6 +258,11 @@ class Grid:
             e.lon[:] -= turns * g.period
             e.lon_pair[:] -= turns * g.period
 
+    def has_in_domain(self, elements: Elements) -> NDArray[np.bool_]:
+        """Return which elements lie in a cell of the domain, not in the halo."""
+        g, i, j = self.arrays, elements.place.cell_i, elements.place.cell_j
+        return np.asarray((i >= g.halo) & (i < g.halo + g.ni) & (j >= g.halo) & (j < g.halo + g.nj))
+
     def _extent(self) -> str:
         (west, east), (south, north) = self.bounds()
         return f"The grid covers {west:g} to {east:g} and {south:g} to {north:g} {self._unit()}"

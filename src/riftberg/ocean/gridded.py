@@ -30,6 +30,7 @@ from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
+from riftberg.state.order import listed
 from riftberg.values import moment, number, required
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
@@ -66,6 +67,8 @@ class FieldRules:
         Drift away from land and random current near land, m s-1.
     mirrored, even_parity : bool
         Quirks Q22 and Q20.
+    listed_draws : bool
+        Elements of a cell draw their random current in the order of the reference's lists; else the last row first.
     sea_level_gaps : bool
         Let gaps (NaN) in the sea level over water through: a slope that would need such a value is 0, as in the
         reference (equations 3.2). Only with ``depth_rule="zone"``, where the depth does not ask for the sea level.
@@ -84,6 +87,7 @@ class FieldRules:
     tidal_drift: float = 0.0
     mirrored: bool = False
     even_parity: bool = False
+    listed_draws: bool = False
     sea_level_gaps: bool = False
 
     def __post_init__(self) -> None:
@@ -214,7 +218,7 @@ class GriddedForcing(ShownForcing):
         blend_around(i, j, MARGIN, before, after, np.where(same, -1.0, weight), blended)
         return blended
 
-    def sample(self, elements: Elements, time: float) -> None:
+    def sample(self, elements: Elements, time: float, *, tide: bool = True) -> None:
         """Fill the environment of the elements (``uo`` ... ``vorticity``) at their positions and cells.
 
         Parameters
@@ -223,6 +227,8 @@ class GriddedForcing(ShownForcing):
             Their ``lon``, ``lat``, ``cell_i``, ``cell_j``, ``xi`` and ``eta`` are read.
         time : float
             Seconds since the start of the run.
+        tide : bool, optional
+            With the random current near land.
         """
         if elements.lon.size == 0:
             return
@@ -232,8 +238,9 @@ class GriddedForcing(ShownForcing):
             elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
             rules.coastal_drift, bool(rules.mirrored), bool(rules.even_parity),
         )  # fmt: skip
-        if rules.tidal_drift > 0.0:
-            add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored))
+        if tide and rules.tidal_drift > 0.0:
+            order = listed(elements) if rules.listed_draws else None
+            add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored), order)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).
@@ -250,7 +257,7 @@ class GriddedForcing(ShownForcing):
 
     def _check_elements(self, elements: Elements) -> None:
         g, i, j = self._grid.arrays, elements.cell_i, elements.cell_j
-        inside = (i >= g.halo) & (i < g.halo + g.ni) & (j >= g.halo) & (j < g.halo + g.nj)
+        inside = self._grid.has_in_domain(elements)
         wet = inside & (g.mask[np.where(inside, j, 0), np.where(inside, i, 0)] >= 0.5)
         if not wet.all():
             row = int(np.flatnonzero(~wet)[0])

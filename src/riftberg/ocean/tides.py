@@ -25,11 +25,11 @@ def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
     return (i - halo + 1) + 10_000 * (j - halo + 1) + int(16384.0 * abs(math.sin(262144.0 * ssh)))
 
 
-def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int) -> tuple[Floats, Floats]:
-    """Two numbers in [-1, 1) per element; in a cell the element in the last row draws first (equations 1.6)."""
+def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | None = None) -> tuple[Floats, Floats]:
+    """Two numbers in [-1, 1) per element; those of a cell draw as ``order`` says, or the last row first (equations 1.6)."""
     east, north = np.empty(cell_i.size), np.empty(cell_i.size)
     members: dict[tuple[int, int], list[int]] = {}
-    for row in range(cell_i.size - 1, -1, -1):
+    for row in range(cell_i.size - 1, -1, -1) if order is None else order.tolist():
         members.setdefault((int(cell_j[row]), int(cell_i[row])), []).append(row)
     for (j, i), rows in members.items():
         stream = np.random.RandomState(cell_seed(i, j, float(ssh[j, i]), halo) % 2**32)
@@ -56,7 +56,12 @@ def _at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
 
 
 def add_tidal_drift(
-    elements: Elements, grid: GridArrays, ssh: Floats, amplitude: float, mirrored: bool = False
+    elements: Elements,
+    grid: GridArrays,
+    ssh: Floats,
+    amplitude: float,
+    mirrored: bool = False,
+    order: Ints | None = None,
 ) -> None:
     """Add the random current near land to sampled currents ``uo vo ui vi`` (equations 3.2 tidal drift).
 
@@ -72,9 +77,11 @@ def add_tidal_drift(
         Largest current added, m s-1.
     mirrored : bool
         As in `riftberg.ocean.interpolation.sample_gridded`.
+    order : array of int, optional
+        Rows of the elements in the order in which those of a cell draw their numbers; the last row first if left out.
     """
     e = elements
-    east, north = _draws(e.cell_i, e.cell_j, ssh, grid.halo)
+    east, north = _draws(e.cell_i, e.cell_j, ssh, grid.halo, order)
     along, across = (amplitude * q for q in tidal_increment(grid.mask, e.cell_i, e.cell_j, east, north))
     c, s = _at_elements(grid.cos_angle, e, mirrored), _at_elements(grid.sin_angle, e, mirrored)
     du, dv = c * along + s * across, c * across - s * along

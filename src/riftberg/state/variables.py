@@ -78,6 +78,7 @@ class Place(NamedTuple):
     cell_j: Annotated[Ints, _is("1", "array row of the grid cell")]
     xi: Annotated[Floats, _is("1", "position in the cell, west to east")]
     eta: Annotated[Floats, _is("1", "position in the cell, south to north")]
+    entered: Annotated[Ints, _is("1", "how late the element came into its cell, among all elements")]
 
 
 class Shown(NamedTuple):

@@ -31,7 +31,8 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, 0.5, 0.5, True, False,
-            INTERACTIONS_ONLY, dt, body.mass[e], is_lone(e, bonded, same, other), partners, False, p.constant_size, view, law,
+            False, INTERACTIONS_ONLY, dt, body.mass[e], is_lone(e, bonded, same, other), partners, False, p.constant_size,
+            view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.parameters import KernelParameters
+from riftberg.ocean.grid import Grid
+from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
 from riftberg.stepping.sizes import Sizes
@@ -18,6 +23,38 @@ NEAR, MISSED = 1.5, 0.3
 
 MARGIN = 1.001
 """Times the distance within which pairs may meet, in which they are looked for: round-off must not hide one."""
+
+
+class CellSearch(NamedTuple):
+    """How far the reference looks for partners in the cells of the ocean's grid: columns and rows to each side (equations 13).
+
+    ``around`` is the number of columns of a cyclic grid, else 0.
+    """
+
+    columns: int
+    rows: int
+    around: int
+
+    def within(self, cells: int) -> CellSearch:
+        """Return a search over so many cells to each side."""
+        return CellSearch(cells, cells, self.around)
+
+
+def contact_cells(p: Parameters, grid: Grid | None) -> CellSearch | None:
+    """Return the cells in which bergs that touch are looked for (equations 5.1); None where it is done by distance.
+
+    As many columns as bring any corner of the grid ``contact.distance`` farther east, as many rows as it has in the south.
+    """
+    if grid is None or not p.compatibility.contact_by_cells:
+        return None
+    g, distance = grid.arrays, p.contact.distance
+    degree = math.radians(p.earth.radius) if g.latlon else 1.0
+    parallel = degree * (np.cos(np.radians(g.lat)) if g.latlon else np.ones_like(g.lat))
+    columns = 1
+    while columns < g.ni and ((g.lon[:, columns:] - g.lon[:, :-columns]) * parallel[:, :-columns] < distance).any():
+        columns += 1
+    rows = math.ceil(distance / (degree * float(g.lat[1, 0] - g.lat[0, 0])))
+    return CellSearch(columns, max(rows, 1), g.ni if g.cyclic else 0)
 
 
 class Neighbourhood:
@@ -36,21 +73,25 @@ class Neighbourhood:
             self._standing = standing
         return self._bonded
 
-    def find(self, el: Elements, reach: float, rule: int, c: KernelParameters) -> PairList:
-        """Partners within ``reach`` metres by the positions that others see."""
+    def find(
+        self, el: Elements, reach: float, rule: int, c: KernelParameters, cells: CellSearch | None = None
+    ) -> PairList:
+        """Partners within ``reach`` metres by the positions that others see, and within some cells."""
         if el.size < 2 or reach <= 0.0:
             return no_pairs(el.size)
         pairs = find_pairs(el.lon_pair, el.lat_pair, el.berg, reach, rule, c.latlon, c.earth_radius, c.period)
+        if cells is not None:
+            pairs = within_cells(pairs, el, cells)
         # A child of footloose calving lies on the rim of its parent until it has drifted off.
         newborn = el.life.fl_k == NEWBORN_CHILD
         return among(pairs, ~newborn) if newborn.any() else pairs
 
-    def collisions(self, el: Elements, sizes: Sizes, c: KernelParameters) -> PairList:
+    def collisions(self, el: Elements, sizes: Sizes, c: KernelParameters, cells: CellSearch | None = None) -> PairList:
         """Partners of other bergs within reach of contact."""
         if not c.interactions or not (el.berg != el.berg[0]).any():
             return no_pairs(el.size)
         # The largest distance at which two elements can be in contact.
-        return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c)
+        return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c, cells)
 
     def meetings(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
         """Pairs of elements of different bergs, each once, that may come into contact during a long step of ``dt`` s.
@@ -59,9 +100,11 @@ class Neighbourhood:
         """
         return pairs_that_may_meet(el, el.berg, sizes, dt, c)
 
-    def same_berg(self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters) -> PairList:
+    def same_berg(
+        self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters, cells: CellSearch | None = None
+    ) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
-        return without(self.find(el, reach, SAME_BERG, c), self.bonded(el, bonds)[0])
+        return without(self.find(el, reach, SAME_BERG, c, cells), self.bonded(el, bonds)[0])
 
 
 def pairs_that_may_meet(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
@@ -108,30 +151,39 @@ def will_touch(
 
 def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
     """Return ``pairs`` with only those partners that are allowed (Q21: partners with fewer than ``max_bonds`` bonds)."""
-    count = pairs.start.size - 1
-    owner = np.repeat(np.arange(count), np.diff(pairs.start))
-    keep = allowed[pairs.partner]
-    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
-    return PairList(start, pairs.partner[keep])
+    return _kept(pairs, allowed[pairs.partner])
 
 
 def among(pairs: PairList, allowed: np.ndarray) -> PairList:
     """Return ``pairs`` with only those of which both are allowed."""
-    count = pairs.start.size - 1
-    owner = np.repeat(np.arange(count), np.diff(pairs.start))
-    keep = allowed[pairs.partner] & allowed[owner]
-    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
-    return PairList(start, pairs.partner[keep])
+    return _kept(pairs, allowed[pairs.partner] & allowed[_owners(pairs)])
+
+
+def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
+    """Return ``pairs`` with only those whose cells are so near to each other."""
+    i, j, owner = el.place.cell_i, el.place.cell_j, _owners(pairs)
+    across, up = np.abs(i[owner] - i[pairs.partner]), np.abs(j[owner] - j[pairs.partner])
+    if cells.around:
+        across = np.minimum(across, cells.around - across)
+    return _kept(pairs, (across <= cells.columns) & (up <= cells.rows))
 
 
 def without(pairs: PairList, excluded: PairList) -> PairList:
     """Return ``pairs`` less those that stand in ``excluded``."""
     count = pairs.start.size - 1
-    owner = np.repeat(np.arange(count), np.diff(pairs.start))
-    taken = np.repeat(np.arange(count), np.diff(excluded.start)) * count + excluded.partner
-    keep = ~np.isin(owner * count + pairs.partner, taken)
-    start = np.concatenate([[0], np.cumsum(np.bincount(owner[keep], minlength=count))])
-    return PairList(start, pairs.partner[keep])
+    taken = _owners(excluded) * count + excluded.partner
+    return _kept(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, taken))
+
+
+def _owners(pairs: PairList) -> Ints:
+    """Return the element to whose list each entry belongs."""
+    return np.repeat(np.arange(pairs.start.size - 1), np.diff(pairs.start))
+
+
+def _kept(pairs: PairList, keep: NDArray[np.bool_]) -> PairList:
+    """Return ``pairs`` with some of their entries."""
+    number = np.bincount(_owners(pairs)[keep], minlength=pairs.start.size - 1)
+    return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[keep])
 
 
 def rest_lengths(bonds: Bonds, bond: Ints, p: KernelParameters) -> Floats:

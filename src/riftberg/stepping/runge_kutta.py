@@ -82,13 +82,19 @@ def evaluate(
         half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
         s = solve_velocity(
             e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, media, rates, acts, coriolis,
-            applied, 1.0, 1.0, mean_speeds, False, mode, span, body.mass[e], is_lone(e, bonded, same, other), partners,
-            p.plain_kid_branch, False, view, law,
+            applied, 1.0, 1.0, mean_speeds, p.stages_from_start, False, mode, span, body.mass[e],
+            is_lone(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y
         mx, my = metres_per_unit(place.lat[e], p.latlon, p.earth_radius)
         stages.rate_x[stage, e], stages.rate_y[stage, e] = us / mx, vs / my
+
+
+def keep_velocity(stages: Stages, stage: int) -> None:
+    """Let nothing accelerate the elements in a stage."""
+    for values in (stages.total_x, stages.total_y, stages.a_x, stages.a_y):
+        values[stage] = 0.0
 
 
 @borrower

@@ -12,6 +12,7 @@ from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, SAME_BERG, no_pairs
+from riftberg.state.order import enter_cells, listed
 from riftberg.stepping import runge_kutta, verlet
 from riftberg.stepping.batches import Batch
 from riftberg.stepping.breaking import allocate_pairs
@@ -22,7 +23,7 @@ from riftberg.stepping.landfall import settle_bergs
 from riftberg.stepping.lone_bergs import collide, find_islands
 from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings
 from riftberg.stepping.multiple import StepReport, take_long_step
-from riftberg.stepping.partners import Neighbourhood, rest_lengths, with_partners
+from riftberg.stepping.partners import Neighbourhood, contact_cells, rest_lengths, with_partners
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 from riftberg.stepping.step_plan import StepPlan
@@ -72,6 +73,8 @@ def make_stepper(run: RunState) -> Stepper:
     scheme = run.parameters.stepping.scheme
     if run.parameters.stepping.frozen:
         return FrozenStepper()
+    if run.parameters.stepping.fixed_velocity is not None and scheme in ("mts", "quasi_static"):
+        return ImposedStepper()
     if scheme == "mts":
         return MultipleStepper(run)
     if scheme == "quasi_static":
@@ -90,9 +93,13 @@ class FrozenStepper(Forgetful):
 
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
+        self._move(run)
         run.time += run.parameters.stepping.time_step
         self._applied = np.zeros((run.elements.size, len(FORCES), 2))
         self.surround(run)
+
+    def _move(self, run: RunState) -> None:
+        """Leave everything where it is."""
 
     def surround(self, run: RunState) -> None:
         """Sample where the elements stand."""
@@ -115,6 +122,27 @@ class FrozenStepper(Forgetful):
         return NOBODY
 
 
+class ImposedStepper(FrozenStepper):
+    """Bergs go at an imposed velocity whatever acts on them, in the schemes that have sub-steps (equations 13)."""
+
+    def _move(self, run: RunState) -> None:
+        el, p, imposed = run.elements, run.parameters, run.parameters.stepping.fixed_velocity
+        show_places(el)
+        moving, kicks = el.static < 0.5, el.kicks
+        for kick in kicks:
+            kick[moving] = 0.0
+        if imposed is not None and not p.compatibility.imposed_velocity_late:
+            el.u[moving], el.v[moving] = imposed
+        count = int(el.substeps.max(initial=1))
+        for _ in range(count):
+            verlet.update_positions(el, p.stepping.time_step / count, run.constants)
+        el.rotation[moving] += p.stepping.time_step * el.spin[moving]
+        for mine, shown in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
+            for other in shown:
+                other[moving] = mine[moving]
+        settle(run)
+
+
 def show_places(el: Elements) -> None:
     """Let moving elements see each other where they are, also those that a user, or a process after a step, has moved."""
     moving = el.static < 0.5
@@ -122,12 +150,14 @@ def show_places(el: Elements) -> None:
     np.copyto(el.lat_pair, el.lat, where=moving)
 
 
-def settle(run: RunState) -> None:
-    """Find the cells after a move, stop bergs at land, wrap longitudes (equations 8)."""
+def settle(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
+    """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
         if run.parameters.compatibility.elements_stopped_alone:
+            columns, rows = (el.cell_i.copy(), el.cell_j.copy()) if cells is None else cells
             settle_elements(el, grid.arrays, run.constants)
+            enter_cells(el, columns, rows)
         else:
             settle_bergs(el, run.bonds, grid.arrays, run.constants)
         if run.constants.grid_position_round_trip:
@@ -137,10 +167,9 @@ def settle(run: RunState) -> None:
 
 
 def _processing_rank(run: RunState) -> Ints:
-    """Rank of the elements in the reference's order: by row, then column of their cell, newest first (equations 1.6)."""
-    el = run.elements
-    rank = np.empty(el.mass.size, np.int64)
-    rank[np.lexsort((-np.arange(rank.size), el.cell_i, el.cell_j))] = np.arange(rank.size)
+    """Rank of the elements in the reference's order."""
+    rank = np.empty(run.elements.size, np.int64)
+    rank[listed(run.elements)] = np.arange(rank.size)
     return rank
 
 
@@ -165,6 +194,7 @@ class MultipleStepper(Forgetful):
     def __init__(self, run: RunState) -> None:
         c = run.constants
         self._near = Neighbourhood()
+        self._cells = contact_cells(run.parameters, run.forcing.grid)
         self._around = allocate_surroundings(run.elements.size)
         self._touched = NOBODY
         self._kept: list[Batch] = []
@@ -290,7 +320,7 @@ class MultipleStepper(Forgetful):
         if c.contact_on_substeps:
             none = no_pairs(run.elements.size)
             return Partners(none, none, none, np.zeros(0), np.zeros(0, np.int64))
-        near_by = near.collisions(run.elements, sizes, c)
+        near_by = near.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.compatibility.bergs_coupled
         group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
         none = no_pairs(run.elements.size)
@@ -343,7 +373,8 @@ class MultipleStepper(Forgetful):
             return Partners(none, none, none, np.zeros(0), group)
         bonded, bond = near.bonded(el, batch.bonds)
         reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.stepping.time_step)
-        touching = near.same_berg(el, batch.bonds, reach, c)
+        cells = None if self._cells is None else self._cells.within(1 if c.explicit_substeps else 2)
+        touching = near.same_berg(el, batch.bonds, reach, c, cells)
         if c.explicit_substeps:
             touching = with_partners(touching, el.bond_count < c.max_bonds)
         return Partners(bonded, touching, none, rest_lengths(batch.bonds, bond, c), group)
@@ -361,7 +392,8 @@ class MultipleStepper(Forgetful):
             pairs.bond[: waiting.size] = -1
             pairs.count[0] = waiting.size
             return
-        candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c)
+        cells = None if self._cells is None else self._cells.within(1)
+        candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c, cells)
         if candidates.partner.size > pairs.first.size:
             pairs = allocate_pairs(2 * candidates.partner.size)
             batch.room = batch.room._replace(pairs=pairs)
@@ -395,6 +427,7 @@ class SingleStepper(Forgetful):
 
     def __init__(self, run: RunState) -> None:
         self._near = Neighbourhood()
+        self._cells = contact_cells(run.parameters, run.forcing.grid)
         self._version = -1
         self._around = allocate_surroundings(run.elements.size)
         self._touched = NOBODY
@@ -424,11 +457,13 @@ class SingleStepper(Forgetful):
         if c.bonds_on:
             bonded, bond = near.bonded(el, bonds)
             rest = rest_lengths(bonds, bond, c)
-        reach = 2.0 * float(sizes.radius.max())
+        reach, cells = 2.0 * float(sizes.radius.max()), self._cells
         if c.plain_kid_branch:
-            return Partners(bonded, none, near.find(el, reach, ANY, c), rest, group)
-        touching = near.same_berg(el, bonds, reach, c) if c.bonds_on else none
-        collisions = near.collisions(el, sizes, c)
+            around = None if cells is None else cells.within(1)
+            return Partners(bonded, none, near.find(el, reach, ANY, c, around), rest, group)
+        inside = None if cells is None else cells.within(2)
+        touching = near.same_berg(el, bonds, reach, c, inside) if c.bonds_on else none
+        collisions = near.collisions(el, sizes, c, cells)
         self._touched = touching_rows(el, collisions, sizes, c)
         return Partners(bonded, touching, collisions, rest, group)
 
@@ -497,6 +532,9 @@ class RungeKuttaStepper(SingleStepper):
         shown = el.lon_pair.copy(), el.lat_pair.copy()
         if self._stages.x0.size != el.size:
             self._make_room(el.size)
+        imposed = run.parameters.stepping.fixed_velocity
+        if imposed is not None and not run.parameters.compatibility.imposed_velocity_late:
+            verlet.impose_velocity(el, *imposed)
         runge_kutta.begin(el, self._stages)
         self._applied[:] = 0.0
         for stage in range(4):
@@ -508,13 +546,18 @@ class RungeKuttaStepper(SingleStepper):
             runge_kutta.evaluate(
                 el, self._stages, stage, runge_kutta.FRACTION[stage], partners, sizes, self._around, dt, mean_speeds, c
             )
-            self._applied += runge_kutta.WEIGHT[stage] * self._around.applied
+            if imposed is None:
+                self._applied += runge_kutta.WEIGHT[stage] * self._around.applied
+            else:
+                runge_kutta.keep_velocity(self._stages, stage)
         runge_kutta.finish(el, self._stages, dt, c)
+        if imposed is not None:
+            verlet.impose_velocity(el, *imposed)
         if run.parameters.compatibility.elements_stopped_alone:
             self._settle_stage(run, cells, shown)
         else:
             el.cell_i[:], el.cell_j[:], el.xi[:], el.eta[:] = cells
-        settle(run)
+        settle(run, cells[:2])
         el.u_pair[:], el.v_pair[:] = el.u, el.v
         run.time += dt
 

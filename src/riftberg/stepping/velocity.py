@@ -124,7 +124,7 @@ def apply_at_velocities(el: Elements, around: Surroundings) -> None:
 @stage
 def solve_velocity(
     e, x, y, u_star, v_star, u0, v0, us, vs, media, rates, acts, coriolis, applied, share, explicit_part, mean_speeds,
-    centred, mode, dt, mass, alone, partners, plain, bond_size, view, law,
+    from_start, centred, mode, dt, mass, alone, partners, plain, bond_size, view, law,
 ):  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
 
@@ -149,6 +149,9 @@ def solve_velocity(
         take the Coriolis force fully explicit.
     mean_speeds : bool
         Drag by the mean of the speeds at start and iterate; else by the speed of the mean velocity.
+    from_start : bool
+        In Runge-Kutta stages the first pass has damping by partners, and with ``mean_speeds`` drag, at the velocity of the
+        start of the step, as the reference has them; else at that of the stage.
     centred : bool
         Coriolis force and drag at the new velocity only. The half kick that follows repeats the same acceleration, so
         that both together are centred: second order, and the Coriolis force does no work.
@@ -169,7 +172,8 @@ def solve_velocity(
     """
     t = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if not alone:
-        t = interaction_terms(e, x, y, u0, v0, us, vs, partners, plain, bond_size, view, law)
+        ud, vd = (u0, v0) if from_start else (us, vs)
+        t = interaction_terms(e, x, y, u0, v0, ud, vd, partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
     cu, cv = (u_star, v_star) if explicit_part < 1.0 else (us, vs)
     f = coriolis[e]
@@ -178,14 +182,16 @@ def solve_velocity(
     push_y = media_y + t.iy - f * cu
     # The matrix adds what the change of velocity adds to the Coriolis force: all, half, or nothing in Runge-Kutta stages.
     turn_part = 1.0 if centred else (0.5 if explicit_part < 1.0 else 0.0)
+    ud, vd = (u0, v0) if from_start and mean_speeds else (us, vs)
     ax, ay = solve_once(
-        e, u_star, v_star, u0, v0, us, vs, us, vs, push_x, push_y, f, media, rates, acts, t, share, explicit_part,
+        e, u_star, v_star, u0, v0, us, vs, ud, vd, push_x, push_y, f, media, rates, acts, t, share, explicit_part,
         mean_speeds, turn_part, mode, dt,
     )  # fmt: skip
     if not alone:
-        t = interaction_terms(
-            e, x, y, u0, v0, u_star + dt * ax, v_star + dt * ay, partners, plain, bond_size, view, law
-        )
+        ud, vd = u_star + dt * ax, v_star + dt * ay
+        if from_start and not mean_speeds:
+            ud, vd = 0.5 * (ud + us), 0.5 * (vd + vs)
+        t = interaction_terms(e, x, y, u0, v0, ud, vd, partners, plain, bond_size, view, law)
     return _corrected(
         e, t, ax, ay, u_star, v_star, u0, v0, us, vs, cu, cv, media_x, media_y, push_x, push_y, f, media, rates, acts,
         applied, share, explicit_part, mean_speeds, centred, turn_part, mode, dt, mass,

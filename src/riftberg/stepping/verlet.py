@@ -34,7 +34,8 @@ def update_velocities(
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u, v, u, v, media, rates, acts, coriolis, applied, 1.0, 0.5, True,
-            False, mode, dt, body.mass[e], is_lone(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
+            False, False, mode, dt, body.mass[e], is_lone(e, bonded, same, other), partners, p.plain_kid_branch, False,
+            view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
