@@ -230,8 +230,8 @@ def test_random_words_are_those_of_the_published_generator():
         assert cell_seed(i, j, ssh[j, i], 4) == start
         words = twin.mersenne_words(start, 2 * len(rows))
         for k, row in enumerate(rows):
-            assert east[row] == 2.0 * (words[2 * k] / 2.0**32) - 1.0
-            assert north[row] == 2.0 * (words[2 * k + 1] / 2.0**32) - 1.0
+            assert east[row] == 2.0 * (words[2 * k] / (2.0**32 - 1.0)) - 1.0
+            assert north[row] == 2.0 * (words[2 * k + 1] / (2.0**32 - 1.0)) - 1.0
 
 
 @pytest.mark.parametrize("make", ALL)

@@ -102,3 +102,18 @@ MELTING: Final = {
 
 MASS_AND_SHAPE: Final = 1e-9
 """Largest difference of mass, sizes and bits of an element in these, relative."""
+
+MIXED: Final = {
+    "contact_big": (1, 1),
+    "drv_ice_land": (1, 1),
+    "fl_inter_bits": (2, 2),
+    "leave_north": (1, 1),
+    "melt_rk4_wide": (1, 1),
+    "override_rk": (1, 1),
+    "rk_bonded_pc": (1, 1),
+    "vt_T": (1, 1),
+}
+"""Cases of ``reference/more``, with options mixed, and the processes of the reference; each shows a rule of equations 13."""
+
+POSITION_MIXED: Final = 1e-6
+"""Largest difference of position (m) in these, to the end of the run."""

@@ -9,4 +9,4 @@ from .cases import CASES, MELTING
 
 def test_no_case_is_forgotten(shared: Path) -> None:
     folders = {path.name for path in (shared / "reference").iterdir() if path.is_dir()}
-    assert folders == {*CASES, *MELTING, "coupling"}
+    assert folders == {*CASES, *MELTING, "coupling", "more"}

@@ -8,13 +8,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import CALVING_FILE, split_id
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import opened_dataset, unpacked
-from riftberg.parameters import Packing
-from riftberg.state import Elements
+from riftberg.parameters import Packing, Parameters
+from riftberg.state import Bonds, Elements
 
 
 def check_calving_store(folder: Path, group: NamelistGroup) -> None:
@@ -51,6 +53,27 @@ def check_distances(elements: Elements, packing: Packing, metric: Metric) -> Non
             f"{elements.lon[near.first[0]]:g}, {elements.lat[near.first[0]]:g}",
             where=f"elements {names}",
             remedy="Remove one of them from the iceberg restart",
+        )
+
+
+def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: Parameters) -> None:
+    """Refuse bonds whose two sides KID would compute with unequal thickness: it then pulls at both with unequal forces.
+
+    So it is with equal sizes, where the side that is not its own gives the thickness (quirk Q11).
+    """
+    if p.bonds.law != "dem" or p.compatibility.shared_shear_lever:
+        return
+    body, i, j = elements.body, bonds.first, bonds.second
+    alike = p.bonds.constant_size | (body.length[i] * body.width[i] == body.length[j] * body.width[j])
+    unequal = alike & ((body.thickness[i] != body.thickness[j]) | p.melt.enabled)
+    if unequal.any():
+        k = int(np.argmax(unequal))
+        (one, other), thickness = (split_id(elements.id[[i[k], j[k]]])), body.thickness
+        raise group.error(
+            f"save_bond_forces = .false. with bonded elements of {thickness[i[k]]:g} and {thickness[j[k]]:g} m (id_cnt = "
+            f"{one[0]} and {one[1]}, id_ij = {other[0]} and {other[1]}){' that melt' if p.melt.enabled else ''}: each "
+            "side of the bond then has a force of its own, and the berg drives itself",
+            "Set save_bond_forces = .true.",
         )
 
 

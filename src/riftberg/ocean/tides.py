@@ -26,7 +26,7 @@ def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
 
 
 def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | None = None) -> tuple[Floats, Floats]:
-    """Two numbers in [-1, 1) per element; those of a cell draw as ``order`` says, or the last row first (equations 1.6)."""
+    """Two numbers in [-1, 1] per element; those of a cell draw as ``order`` says, or the last row first (equations 1.6)."""
     east, north = np.empty(cell_i.size), np.empty(cell_i.size)
     members: dict[tuple[int, int], list[int]] = {}
     for row in range(cell_i.size - 1, -1, -1) if order is None else order.tolist():
@@ -35,13 +35,13 @@ def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | Non
         stream = np.random.RandomState(cell_seed(i, j, float(ssh[j, i]), halo) % 2**32)
         # The reference makes each number of one 32-bit word; RandomState.random_sample would use two.
         words = stream.randint(0, 2**32, size=2 * len(rows), dtype=np.uint32)
-        numbers = 2.0 * (words.astype(np.float64) / 2.0**32) - 1.0
+        numbers = 2.0 * (words.astype(np.float64) / (2.0**32 - 1.0)) - 1.0
         east[rows], north[rows] = numbers[0::2], numbers[1::2]
     return east, north
 
 
 def tidal_increment(mask: Floats, i: Ints, j: Ints, east: Floats, north: Floats) -> tuple[Floats, Floats]:
-    """Return the current in cells (i, j) per unit of amplitude, for draws in [-1, 1); 0 away from land (equations 3.2)."""
+    """Return the current in cells (i, j) per unit of amplitude, for draws in [-1, 1]; 0 away from land (equations 3.2)."""
     to_west, to_east, to_south, to_north = mask[j, i - 1], mask[j, i + 1], mask[j - 1, i], mask[j + 1, i]
     along = np.minimum(0.0, east) * to_west + np.maximum(0.0, east) * to_east
     across = np.minimum(0.0, north) * to_south + np.maximum(0.0, north) * to_north
