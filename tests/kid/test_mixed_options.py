@@ -16,7 +16,7 @@ from riftberg.kid.run import KidReport, run_kid
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 
-from .conftest import namelist_text, restart_variables, write_nc
+from .conftest import fortran, namelist_text, restart_variables, write_nc
 
 RHO_ICE, RHO_WATER, RHO_AIR = 850.0, 1025.0, 1.1
 
@@ -246,7 +246,8 @@ def test_unequal_sizes_share_the_lever_of_the_first(tmp_path: Path) -> None:
         lever = radius[first] + 0.5 * (now["lon"][1] - now["lon"][0] - 450.0)
         inertia = 0.5 * now["mass"] * radius**2
         torque = inertia * now["ang_accel"]
-        shear = now["mass"][0] * now["ayn_fast"][0]
+        east, north = np.diff(now["lon"])[0], np.diff(now["lat"])[0]
+        shear = now["mass"][0] * (east * now["ayn_fast"][0] - north * now["axn_fast"][0]) / np.hypot(east, north)
         np.testing.assert_allclose(torque, lever * shear, rtol=1e-3)
 
 
@@ -357,3 +358,133 @@ def test_own_runs_meet_by_distance() -> None:
     for _ in range(2):
         model.step()
     assert model.elements.u[0] < 0.0 < model.elements.u[1]
+
+
+# -------------------------------------------------------------------------------------------- footloose children
+
+FOOTLOOSE = {
+    **SINGLE, "iceberg_bonds_on": True, "max_bonds": 4, "footloose": True, "fl_style": "fl_bits", "fl_youngs": 1e8,
+    "use_operator_splitting": True, "set_melt_rates_to_zero": True, "save_fl_traj": True, "displace_fl_bergs": False,
+    "length_for_manually_initialize_bonds": -1000.0, "manually_initialize_bonds_from_radii": False,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("x", "width", "distance", "flag"),
+    [
+        (7950.0, 5000.0, 0.0, -2.0),
+        (6950.0, 5000.0, 0.0, -1.0),
+        (6950.0, 1000.0, 0.0, -2.0),
+        (7600.0, 5000.0, 1500.0, -2.0),
+        (6950.0, 1000.0, 1500.0, -1.0),
+        (6950.0, 1000.0, 990.0, -1.0),
+    ],
+    ids=["two cells away", "next cell", "out of reach", "radii do not count over more cells", "distance does",
+         "in one cell too"],
+)  # fmt: skip
+def test_a_child_may_collide_once_nobody_stands_in_the_cells_around(
+    tmp_path: Path, x: float, width: float, distance: float, flag: float
+) -> None:
+    elements = {
+        "lon": [5990.0, x], "lat": [5500.0, 5500.0], "length": [width, 300.0], "width": [width, 100.0],
+        "fl_k": [0.0, -1.0], "start_mass": [1.0, 2.0],
+    }  # fmt: skip
+    entries = {**FOOTLOOSE, "contact_distance": distance, "contact_spring_coef": 1e-8}
+    report = run(tmp_path / "case", {"nmax": 1, "ibdt": 60.0, "ibuo": 0.0}, entries, **elements)
+    assert read(next(p for p in report.files if p.name == "out_restart.nc"))["fl_k"][1] == flag
+
+
+# ------------------------------------------------------------------------------------------------- closed edges
+
+EDGES = {"north": (0.0, 1.0), "south": (0.0, -1.0), "east": (1.0, 0.0), "west": (-1.0, 0.0)}
+
+
+@pytest.mark.parametrize("scheme", ["verlet", "runge_kutta", "mts with springs", "mts with DEM", "footloose"])
+@pytest.mark.parametrize("edge", EDGES)
+def test_what_leaves_over_a_closed_edge_is_gone(tmp_path: Path, edge: str, scheme: str) -> None:
+    """From the step in which it leaves, alone or out of a bonded berg; with melt, the ledger has it as gone otherwise."""
+    east, north = EDGES[edge]
+    at = np.array([10_000.0 + 9800.0 * east, 10_000.0 + 9800.0 * north])
+    behind = at - 410.0 * np.array([east, north])
+    elements = {
+        "lon": [at[0], behind[0]], "lat": [at[1], behind[1]], "uvel": [0.5 * east] * 2, "vvel": [0.5 * north] * 2,
+    }  # fmt: skip
+    driver = {"ibdt": 600.0, "nmax": 3, "ibuo": 0.5 * east, "ibvo": 0.5 * north, "sst": 1.0}
+    entries = FOOTLOOSE if scheme == "footloose" else SCHEMES[scheme]
+    entries = {**entries, "dem_spring_coef": 1.0, "spring_coef": 1e-9, "set_melt_rates_to_zero": False}
+    report = run(tmp_path / "case", driver, entries, **elements)
+    assert [now["lon"].size for now in records(report)] == [1, 1]
+    model = report.case.model
+    assert model.elements.size == model.bonds.first.size == 0
+    assert model.life is not None
+    balance = model.life.balance(model)
+    assert abs(balance.error) <= 1e-9
+    assert read(next(p for p in report.files if p.name == "out_restart.nc"))["lon"].size == 0
+
+
+def test_a_cyclic_edge_is_none(tmp_path: Path) -> None:
+    """What leaves in the east comes back in the west."""
+    start = {"lon": [19_900.0, 5000.5], "lat": [9500.0, 9500.0], "uvel": [0.5, 0.5]}
+    report = run(tmp_path / "case", {"ibdt": 600.0, "nmax": 2, "ibuo": 0.5}, {**SINGLE, "Lx": 20_000.0}, **start)
+    assert [now["lon"].size for now in records(report)] == [2, 2]
+    assert 0.0 < report.case.model.elements.lon.min() < 1000.0
+
+
+# ------------------------------------------------------------------------------------------- melt and random tide
+
+COUPLED = {
+    "grid_is_latlon": False, "ignore_ij_restart": True, "Lx": -1.0, "old_bug_bilin": False, "Runge_not_Verlet": False,
+    "save_short_traj": False, "tau_is_velocity": True, "traj_sample_hrs": -1.0, "tidal_drift": 0.15,
+    "override_iceberg_velocities": True, "use_operator_splitting": True,
+}  # fmt: skip
+ISLAND = {"calv0": 0.0, "cn0": 0.1, "dt": 1800.0, "gridres": 5000.0, "land": 1.0, "ni": 12, "nj": 10, "nsteps": 2,
+          "sst0": 2.0, "uo0": 0.3, "ua0": 3.0}  # fmt: skip
+BESIDE_LAND = {"lon": [28_000.0, 28_800.0], "lat": [22_600.0, 23_700.0], "length": [300.0, 250.0], "width": [200.0, 200.0],
+               "thickness": [150.0, 150.0]}  # fmt: skip
+"""Two bergs in the cell west of the land, (6, 5)."""
+
+
+def coupled(folder: Path, entries: dict[str, Any], **elements: Any) -> list[dict[str, np.ndarray]]:
+    """Run a case with the small driver of an ocean; return its records."""
+    folder.mkdir()
+    groups = {"drv_nml": ISLAND, "icebergs_nml": {**COUPLED, **entries}}
+    lines = [
+        f"&{name}\n" + "\n".join(f" {k} = {fortran(v)}" for k, v in e.items()) + "\n/" for name, e in groups.items()
+    ]
+    (folder / "input.nml").write_text("\n".join(lines) + "\n")
+    values = {**restart_variables(2), **{name: np.asarray(v) for name, v in {**BESIDE_LAND, **elements}.items()}}
+    values["mass"] = RHO_ICE * values["thickness"] * values["length"] * values["width"]
+    write_nc(folder / "INPUT" / "icebergs.res.nc", values)
+    return records(run_kid(folder, folder / "out.nc"))
+
+
+@pytest.mark.parametrize(
+    ("entries", "in_melt"),
+    [({}, False), ({"Runge_not_Verlet": True}, False), ({"mts": True, "mts_sub_steps": 2}, True),
+     ({"footloose": True, "fl_youngs": 1e8}, True)],
+    ids=["verlet", "runge_kutta", "mts", "footloose"],
+)  # fmt: skip
+def test_the_random_tide_in_melt(tmp_path: Path, entries: dict[str, Any], in_melt: bool) -> None:
+    """Bergs that are made to stand: only through melt can the tide do anything. Coastal drift stays in melt everywhere."""
+    with_tide = coupled(tmp_path / "tide", entries)[-1]
+    without = coupled(tmp_path / "none", {**entries, "tidal_drift": 0.0})[-1]
+    drifted = coupled(tmp_path / "drift", {**entries, "tidal_drift": 0.0, "coastal_drift": 0.15})[-1]
+    assert bool((with_tide["mass"] != without["mass"]).all()) is in_melt
+    assert in_melt or not (with_tide["mass"] != without["mass"]).any()
+    assert (drifted["mass"] != without["mass"]).all()
+
+
+@pytest.mark.parametrize(
+    ("keys", "first"), [({}, 1), ({"start_mass": [1.0, 2.0]}, 0), ({"start_mass": [2.0, 1.0]}, 1)],
+    ids=["equals: newest", "lighter", "lighter in the other row"],
+)  # fmt: skip
+def test_who_draws_the_first_number_of_a_cell(tmp_path: Path, keys: dict[str, Any], first: int) -> None:
+    """The random current by hand: numbers of a stream of the cell, drawn in the order of its list (equations 3.2)."""
+    now = coupled(tmp_path / "case", {"mts": True, "mts_sub_steps": 2}, **keys)[-1]
+    seed = 6 + 10_000 * 5 + int(16384.0 * abs(np.sin(262144.0 * 0.06)))
+    words = np.random.RandomState(seed).randint(0, 2**32, size=4, dtype=np.uint32)
+    east, north = (2.0 * words / (2.0**32 - 1.0) - 1.0).reshape(2, 2)[[0, 1] if first == 0 else [1, 0]].T
+    # Land in the east alone: from there nothing comes, and along the coast nothing goes.
+    np.testing.assert_allclose(now["uo"], 0.3, rtol=0.0, atol=0.15)
+    np.testing.assert_allclose(now["vo"], 0.15 * (np.minimum(0, north) + np.maximum(0, north)), rtol=0.0, atol=1e-12)
+    assert (east != north).all()
