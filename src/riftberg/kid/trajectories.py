@@ -260,8 +260,10 @@ def look_around(model: LifeModel, time: float, group: NamelistGroup) -> None:
     """
     after_move = group.flag("dem") or group.flag("footloose")
     depth = model.elements.depth.copy()
-    assert isinstance(model.forcing, GriddedForcing)
-    model.forcing.sample(model.elements, time, tide=after_move)
+    if isinstance(model.forcing, GriddedForcing):  # no other has a tide
+        model.forcing.sample(model.elements, time, tide=after_move)
+    else:
+        model.forcing.sample(model.elements, time)
     if not after_move:
         model.elements.depth[:] = depth
 
