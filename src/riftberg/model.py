@@ -305,7 +305,7 @@ class BareModel(RunState):
             raise
 
     def _drop_lost(self) -> None:
-        """Take elements out that have left the grid over a closed edge, where the reference's rules hold (equations 13)."""
+        """Take elements out that have left the grid over a closed edge, where the reference's rules hold (equations 8.1)."""
         grid = self.forcing.grid
         if grid is None or not self.parameters.compatibility.lost_over_edge:
             return

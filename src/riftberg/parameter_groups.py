@@ -631,22 +631,22 @@ class Compatibility(Group):
         "",
         "a Runge-Kutta stage starts the iteration of its damping, and with predictor_corrector of its drag, from the velocity "
         "of the start of the step",
-        "equations 13",
+        "equations 4.2",
     )
     contact_by_cells: bool = quantity(
         False,
         "",
         "partners of contact are looked for in the cells around an element's own, so that bergs wider than a cell meet late",
-        "equations 13",
+        "equations 5.1",
     )
     lost_over_edge: bool = quantity(
-        False, "", "an element that leaves the grid over a closed edge is gone, without melt water", "equations 13"
+        False, "", "an element that leaves the grid over a closed edge is gone, without melt water", "equations 8.1"
     )
     imposed_velocity_late: bool = quantity(
         False,
         "",
         "an imposed velocity comes into force at the end of the first step with runge_kutta, and never with mts",
-        "equations 13",
+        "equations 4.2",
     )
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"

@@ -1,4 +1,4 @@
-"""Options of KID in combinations, as equations 13 have them: by hand for a first step, and by what a user sees."""
+"""Options of KID in combinations, as KID has them: by hand for a first step, and by what a user sees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cases with options mixed (equations 13) against the reference's output: records, positions, all variables, restart."""
+"""Cases with options mixed against the reference's output: records, positions, all variables, restart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order in which the reference goes through its elements: a sorted list in each cell of the grid (equations 1.6, 13)."""
+"""The order in which the reference goes through its elements: a sorted list in each cell of the grid (equations 1.6)."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ MARGIN = 1.001
 
 
 class CellSearch(NamedTuple):
-    """How far the reference looks for partners in the cells of the ocean's grid: columns and rows to each side (equations 13).
+    """How far the reference looks for partners in the cells of the ocean's grid: columns and rows to each side (equations 5.1).
 
     ``around`` is the number of columns of a cyclic grid, else 0.
     """

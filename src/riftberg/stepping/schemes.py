@@ -123,7 +123,7 @@ class FrozenStepper(Forgetful):
 
 
 class ImposedStepper(FrozenStepper):
-    """Bergs go at an imposed velocity whatever acts on them, in the schemes that have sub-steps (equations 13)."""
+    """Bergs go at an imposed velocity whatever acts on them, in the schemes that have sub-steps (equations 4.2)."""
 
     def _move(self, run: RunState) -> None:
         el, p, imposed = run.elements, run.parameters, run.parameters.stepping.fixed_velocity
