@@ -113,7 +113,7 @@ MIXED: Final = {
     "rk_bonded_pc": (1, 1),
     "vt_T": (1, 1),
 }
-"""Cases of ``reference/more``, with options mixed, and the processes of the reference; each shows a rule that no other case shows."""
+"""Cases of ``reference/more``, with options mixed, and the processes of the reference; each shows a rule of its own."""
 
 POSITION_MIXED: Final = 1e-6
 """Largest difference of position (m) in these, to the end of the run."""
