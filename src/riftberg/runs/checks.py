@@ -547,8 +547,8 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
     }  # fmt: skip
     for name, (least, most) in WHOLE_NUMBERS.items():
         table, _, variable = name.partition("_")
-        values = getattr(state.elements if table == "element" else state.bonds, variable)
-        _refuse_outside(values, least, _resolved(most, sizes), path, f"variable {name}", remedy)
+        whole = getattr(state.elements if table == "element" else state.bonds, variable)
+        _refuse_outside(whole, least, _resolved(most, sizes), path, f"variable {name}", remedy)
     tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
     for table, variables, arrays in tables:
         for name in (v.name for v in variables if v.restart and v.dtype == "f8" and v.name != "break_time"):
