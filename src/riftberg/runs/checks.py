@@ -503,8 +503,10 @@ def _resolved(limit: int | str | None, sizes: Mapping[str, int]) -> int:
     """Return a limit as a number: itself, a size, or a size less one."""
     if not isinstance(limit, str):
         return int(limit or 0)
-    name, less, one = limit.partition(" - ")
-    return sizes[name] - int(one) if less else sizes[name]
+    name, _, less = limit.partition(" - ")
+    return sizes.get(name, LARGEST_WHOLE) - int(
+        less or 0
+    )  # an array that says the size is missing: nothing is taken up
 
 
 def _refuse_outside(values: Any, least: int, most: int, path: Path, place: str, remedy: str) -> None:
