@@ -160,6 +160,8 @@ class BareModel(RunState):
         self._stepper: Stepper = make_stepper(self)
         self._stepped = self.elements.body.id.copy()
         if self._visited:
+            if forcing.grid is not None:
+                forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault.
             self._stepper.surround(self)
 

@@ -301,6 +301,50 @@ def test_large_file_behind_a_pointer_is_continued_by_the_next_run(shelf: Shelf, 
     assert shelf.requests == [("/large/data/field.nc", "bytes=1000000-")]
 
 
+def pointer_to(content: bytes) -> bytes:
+    digest = hashlib.sha256(content).hexdigest()
+    return f"version https://git-lfs.github.com/spec/v1\noid sha256:{digest}\nsize {len(content)}\n".encode()
+
+
+def large(url: str) -> str:
+    return url.replace("/data/", "/large/data/")
+
+
+def test_a_large_file_must_have_the_checksum_that_its_pointer_names(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    """The hourly fields of the paper were fetched without any: one changed byte of 150 MB went unnoticed."""
+    shelf.files["/data/field.nc"] = pointer_to(CONTENT)
+    shelf.files["/large/data/field.nc"] = CONTENT[:-1] + b"?"
+    with pytest.raises(ForcingError, match=r"its checksum is wrong: the pointer at .*/data/field\.nc names sha256"):
+        fetch_field(tmp_path, base, digest=None, large_files=large)
+    assert list(tmp_path.iterdir()) == []
+    shelf.files["/large/data/field.nc"] = CONTENT
+    assert fetch_field(tmp_path, base, digest=None, large_files=large).read_bytes() == CONTENT
+
+
+def test_a_large_file_whose_first_part_was_damaged_on_the_disk_is_found_out(
+    shelf: Shelf, base: str, tmp_path: Path
+) -> None:
+    """The checksum of the pointer is kept with the part, for the run that continues it."""
+    shelf.files["/data/field.nc"] = pointer_to(CONTENT)
+    shelf.files["/large/data/field.nc"] = CONTENT
+    shelf.etag = {"/large/data/field.nc": '"large"'}
+    part = PartFile(tmp_path / "field.nc.part", f"{base}large/data/field.nc", hashlib.sha256(CONTENT).hexdigest())
+    part.begin(Version(part.url, '"large"', "", len(CONTENT)))
+    part.path.write_bytes(b"?" + CONTENT[1:1_000_000])
+    with pytest.raises(ForcingError, match="its checksum is wrong"):
+        fetch_field(tmp_path, base, digest=None, large_files=large)
+    assert shelf.requests == [("/large/data/field.nc", "bytes=1000000-")]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_large_file_cut_on_its_way_is_continued_and_has_its_checksum(shelf: Shelf, base: str, tmp_path: Path) -> None:
+    shelf.files["/data/field.nc"] = pointer_to(CONTENT)
+    shelf.files["/large/data/field.nc"] = CONTENT
+    shelf.etag = {"/large/data/field.nc": '"large"'}
+    shelf.cut_after, shelf.cuts = 900_000, 1
+    assert fetch_field(tmp_path, base, digest=None, large_files=large).read_bytes() == CONTENT
+
+
 def test_progress_is_told(base: str, tmp_path: Path) -> None:
     seen: list[tuple[str, int, int]] = []
     fetch_field(tmp_path, base, progress=lambda *told: seen.append(told))

@@ -143,6 +143,7 @@ class Exchange:
         self.steps = _whole_steps(self.ocean_step, p.stepping.time_step)
         self.staggering: Staggering = staggering
         self.wind_staggering: Staggering = wind_staggering
+        _check_kept(model, self.grid)
         self.calving = FluxCalving(p, self.grid, _kept_stores(model)) if calving else None
         self._settling = Settling(number(settling_time, "s", where="settling_time"), self.grid)
         self._settling.take_up(model.remembered.get(STORES + "settling"))
@@ -449,6 +450,23 @@ class Exchange:
             kept[STORES + "counter"] = s.counter.astype(float)
             if s.mean_flux is not None and s.mean_heat is not None:
                 kept[STORES + "mean_flux"], kept[STORES + "mean_heat"] = s.mean_flux.copy(), s.mean_heat.copy()
+
+
+def _check_kept(model: BareModel, grid: Grid) -> None:
+    """Refuse stores of a restart that lie on another grid, or are not whole."""
+    shape, kept = (grid.arrays.nj, grid.arrays.ni), model.remembered
+    names = [STORES + name for name in ("settling", "ice", "heat", "counter", "mean_flux", "mean_heat")]
+    for name in names:
+        if name in kept and kept[name].shape[-2:] != shape:
+            raise InputError(
+                f"{name} lies on a grid of {kept[name].shape[-2:]} cells, the exchange on one of {shape}",
+                where=f"restart file, extra/{name}", remedy="Go on with the grid of the run that wrote the restart",
+            )  # fmt: skip
+    if names[1] in kept and not {names[2], names[3]} <= kept.keys():
+        raise InputError(
+            "stores of ice without their heat or counters", where="restart file, group extra",
+            remedy="The file is damaged: resume from another restart",
+        )  # fmt: skip
 
 
 def _kept_stores(model: BareModel) -> Stores | None:

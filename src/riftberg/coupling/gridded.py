@@ -192,6 +192,14 @@ class GridRecorder:
         now, month, passed = kept.get(self._times, np.full(3, np.nan)).tolist()
         if now != model.time:
             return
+        cells = self.grid.arrays.area.size
+        for name in (f"{self._sums}_{part}" for part in ("month", "passed")):
+            touched, rows = kept.get(f"{name}_cells"), kept.get(f"{name}_rows")
+            if touched is None or rows is None or rows.shape != (ROWS, touched.size) or (touched >= cells).any():
+                raise InputError(
+                    f"sums that do not fit the {cells} cells of the output", where=f"restart file, extra/{name}_cells",
+                    remedy="The file is damaged: resume from another restart",
+                )  # fmt: skip
         self._month_began, self._passed_began = (model.start + timedelta(seconds=s) for s in (month, passed))
         self._month, self._passed = (
             _Sums(kept[f"{self._sums}_{name}_cells"].astype(np.int64), kept[f"{self._sums}_{name}_rows"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import shutil
 import sys
 import time
@@ -94,13 +95,21 @@ class Resuming:
         path = part_of(target.parent, url)
         large = self.large_files(url) if self.large_files is not None else url
         part = PartFile(path, large)
-        if part.version is None:  # else an earlier run has followed the pointer already
+        if part.version is None:
             part = PartFile(path, url)
+        else:  # an earlier run has followed the pointer already, and noted its checksum
+            part.sha256 = part.version.sha256
         self.fetch(part)
         if part.url != large and is_pointer(path):
+            part = PartFile(path, large, _checksum_in(path))
             part.drop()
-            part = PartFile(path, large)
             self.fetch(part)
+        if not part.is_whole():
+            part.drop()
+            raise ForcingError(
+                f"its checksum is wrong: the pointer at {url} names sha256 {part.sha256[:12]}...", where=part.url,
+                remedy="The file has changed at its source or on the way: run again; if it stays wrong, do not use it",
+            )  # fmt: skip
         part.finish(target)
 
     def fetch(self, part: PartFile) -> None:
@@ -235,6 +244,14 @@ def is_pointer(path: Path) -> bool:
     """Tell whether a file is a Git LFS pointer instead of the data."""
     with path.open("rb") as stream:
         return stream.read(len(_POINTER)) == _POINTER
+
+
+def _checksum_in(pointer: Path) -> str:
+    """Return the sha256 that a pointer of Git LFS names; empty where it names none."""
+    match = re.search(
+        r"^oid sha256:([0-9a-f]{64})$", pointer.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
+    )
+    return match[1] if match else ""
 
 
 def _check_status(answer: requests.Response, url: str) -> None:

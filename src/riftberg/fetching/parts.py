@@ -6,6 +6,7 @@ date, sent back as ``If-Range``, and by the size of the whole file. Anything els
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -33,12 +34,15 @@ class Version:
         Its date of change, as told; empty = not told.
     total : int
         Size of the whole file (bytes); 0 = not told.
+    sha256 : str
+        Of the whole file, where a pointer of Git LFS names it; empty = not told.
     """
 
     url: str
     etag: str = ""
     modified: str = ""
     total: int = 0
+    sha256: str = ""
 
     @classmethod
     def told(cls, url: str, headers: Mapping[str, str], total: int) -> Version:
@@ -68,10 +72,12 @@ class PartFile:
         The unfinished file.
     url : str
         Where the file comes from.
+    sha256 : str, optional
+        Checksum of the whole file, where one is told.
     """
 
-    def __init__(self, path: Path, url: str) -> None:
-        self.path, self.url = path, url
+    def __init__(self, path: Path, url: str, sha256: str = "") -> None:
+        self.path, self.url, self.sha256 = path, url, sha256
         self.record = path.with_name(f"{path.name}.json")
 
     @property
@@ -91,7 +97,14 @@ class PartFile:
     def begin(self, version: Version) -> None:
         """Throw away what is there and note the version that is to come."""
         self.drop()
-        self.record.write_text(json.dumps(asdict(version)))
+        self.record.write_text(json.dumps({**asdict(version), "sha256": self.sha256}))
+
+    def is_whole(self) -> bool:
+        """Whether the bytes have the checksum that was told for them, if one was."""
+        if not self.sha256:
+            return True
+        with self.path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest() == self.sha256
 
     def drop(self) -> None:
         """Throw away what is there; the bytes first, so that no record is left beside bytes of another version."""

@@ -263,6 +263,24 @@ class Grid:
         g, i, j = self.arrays, elements.place.cell_i, elements.place.cell_j
         return np.asarray((i >= g.halo) & (i < g.halo + g.ni) & (j >= g.halo) & (j < g.halo + g.nj))
 
+    def check_cells(self, elements: Elements) -> None:
+        """Refuse cells of elements that are not on the grid; those of a restart index memory from its first step on.
+
+        Raises
+        ------
+        BergError
+            Naming the first such element, and its cell.
+        """
+        g, i, j = self.arrays, elements.cell_i, elements.cell_j
+        rows, columns = g.mask.shape
+        outside = np.flatnonzero((i < 0) | (i >= columns) | (j < 0) | (j >= rows))
+        if outside.size:
+            e = int(outside[0])
+            raise _misplaced(
+                elements, e, f"said to be in cell ({i[e]}, {j[e]}) of a grid of {columns} by {rows}",
+                "Go on with the forcing of the run that wrote the restart; if it is that, the restart is damaged.",
+            )  # fmt: skip
+
     def _extent(self) -> str:
         (west, east), (south, north) = self.bounds()
         return f"The grid covers {west:g} to {east:g} and {south:g} to {north:g} {self._unit()}"

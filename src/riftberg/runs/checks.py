@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import ValidationError
 
 from riftberg.errors import InputError
 from riftberg.input_files import check_file, reading, shown, value_shown
+from riftberg.life.ledger import PROCESSES, SOURCES
+from riftberg.life.motion import GIVERS
 from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
 from riftberg.netcdf_lock import NETCDF, open_lazily
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
+from riftberg.stepping.media import FORCES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -342,6 +346,14 @@ class State(Protocol):
     step_number: int
     extra: dict[str, Any]
     forcing: str
+    fragments: list[dict[str, Any]]
+    bergs: list[tuple[str, int]]
+
+    def fragment_rows(self) -> list[Any]:
+        """Rows of the family tree."""
+
+    def contact_log(self) -> Any:
+        """Meetings of bergs."""
 
 
 def check_restart(state: State, path: Path) -> None:
@@ -370,6 +382,10 @@ def check_restart(state: State, path: Path) -> None:
     # A run whose elements have all gone knows the next identifier.
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
         raise _error("no elements", path, remedy=remedy)
+    check_fragment_rows(state.fragment_rows(), path, "attribute fragments_json", remedy)
+    check_fragment_rows(state.contact_log().rows, path, "attribute contacts_json", remedy)
+    if any(count < 0 for _, count in state.bergs):
+        raise _error("a berg with less than no elements", path, "attribute bergs_json", remedy)
     bonds, count = state.bonds, state.elements.mass.size
     check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
     check_status(bonds.status, path, "variable bond_status")
@@ -377,23 +393,171 @@ def check_restart(state: State, path: Path) -> None:
     ids = state.elements.id
     if len(np.unique(ids)) < len(ids):
         raise _error("two elements have the same identifier", path, "variable element_id", remedy)
-    if (state.elements.berg < 0).any():
-        raise _error("a fragment with a negative number", path, "variable element_berg", remedy)
-    broken_at = bonds.break_time[np.isfinite(bonds.break_time)]
+    broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
         raise _error("a bond that broke before the start, or later than now", path, "variable bond_break_time", remedy)
     _check_substeps(state, path, remedy)
+    check_extra(state, path, remedy)
+
+
+class Bound(NamedTuple):
+    """Shape and values of one array of a restart file.
+
+    Attributes
+    ----------
+    shape : tuple of int, str or None
+        Length of each dimension: a number, a name (equal names are equal lengths, see `check_extra`), or None for any.
+    least, most : int, str or None
+        Whole numbers between these; None for real numbers, which must be finite.
+    """
+
+    shape: tuple[int | str | None, ...]
+    least: int | str | None = None
+    most: int | str | None = None
+
+
+LARGEST_WHOLE: Final = 2**62
+"""Identifiers and counters stay below it, so that no sum of two of them wraps."""
+
+WHOLE_NUMBERS: Final[Mapping[str, tuple[int, int | str]]] = {
+    "element_id": (0, LARGEST_WHOLE), "element_cell_i": (-1, MOST_VALUES), "element_cell_j": (-1, MOST_VALUES),
+    "element_berg": (0, "fragments"), "element_bond_count": (0, "bonds"), "element_sides": (0, 6),
+    "element_substeps": (0, MOST_SUBSTEPS), "element_start_year": (-10**6, 10**6),
+    "bond_first": (0, "elements - 1"), "bond_second": (0, "elements - 1"), "bond_status": (0, 2),
+    "bond_break_grounded": (0, 1), "bond_id": (0, LARGEST_WHOLE),
+}  # fmt: skip
+"""Least and largest value of every whole number of an element and a bond: many of them index other arrays.
+
+Cells are held against the grid of the forcing when the run goes on (`riftberg.ocean.grid.Grid.check_cells`)."""
+
+EXTRAS: Final[Mapping[str, Bound]] = {
+    "substeps": Bound((), 1, MOST_SUBSTEPS),
+    "next_element": Bound((), "beyond element_id", LARGEST_WHOLE),
+    "next_bond": Bound((), "beyond bond_id", LARGEST_WHOLE),
+    # The rigid bodies of the quasi-static scheme, as the last step left them; elements may have come or gone since.
+    "rigid_body": Bound(("left",), 0, "bodies - 1"),
+    "rigid_(shape|bend)": Bound(("left", 3)),
+    "rigid_pose": Bound(("bodies", 3, 3)),
+    "rigid_rate": Bound(("bodies", 3)),
+    "rigid_left_id": Bound(("left",), 0, LARGEST_WHOLE),
+    "rigid_left_.+": Bound(("left",)),
+    "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
+    "motion_ledger": Bound((len(GIVERS) + 3, 3)),
+    "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
+    "record_peak_stress_.+": Bound((None,)),
+    "record_impulse_.+": Bound((None, len(FORCES), 2)),
+    "record_seconds_.+": Bound(()),
+    "record_times_.+": Bound((2,)),
+    "sweep_track": Bound((None, 5)),
+    "exchange_totals": Bound((4,)),
+    "exchange_(start|held)": Bound((2,)),
+    # Rows and columns are those of the grid of the exchange, which refuses others.
+    "exchange_counter": Bound((None, None), 0, LARGEST_WHOLE),
+    "exchange_(settling|heat|mean_flux|mean_heat)": Bound((None, None)),
+    "exchange_ice": Bound((None, None, None)),
+    "gridded_.+_s_times": Bound((3,)),
+    "gridded_.+_cells": Bound((None,), 0, MOST_VALUES),
+    "gridded_.+_rows": Bound((None, None)),
+}
+"""What a restart file may hold in its group ``extra``, by a pattern of the name. Arrays of a user's own processes, with
+other names, may have any shape; they must be numbers."""
+
+
+def check_extra(state: State, path: Path, remedy: str) -> None:
+    """Refuse arrays of the group ``extra`` of the wrong shape, kind or size: compiled code indexes memory by some of them."""
+    for name, array in state.extra.items():
+        values = np.asarray(array)
+        place = f"variable extra/{name}"
+        if values.dtype.kind not in "iuf":
+            raise _error(f"numbers are needed, not values of type {values.dtype}", path, place, remedy)
+    sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
+    ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0
+            for table, ids in (("element", state.elements.id), ("bond", state.bonds.id))}  # fmt: skip
+    for name, bound in _bounds_of(state.extra):
+        values, place = np.asarray(state.extra[name]), f"variable extra/{name}"
+        fits = values.ndim == len(bound.shape) and all(
+            wanted is None or size == (sizes.setdefault(wanted, size) if isinstance(wanted, str) else wanted)
+            for wanted, size in zip(bound.shape, values.shape, strict=True)
+        )
+        if not fits:
+            wanted = tuple(
+                sizes.get(size, size) if isinstance(size, str) else "any" if size is None else size
+                for size in bound.shape
+            )
+            raise _error(f"shape {values.shape} instead of {wanted}", path, place, remedy)
+        if bound.least is None:
+            _refuse(values, ~(np.abs(values.astype(np.float64)) < _LARGEST), "a finite number", path, place, remedy)
+        else:
+            least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
+            _refuse_outside(values, least, most, path, place, remedy)
+
+
+def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
+    """Return names and bounds of the arrays that are known, those first that say how long the others are."""
+    found = [(name, bound) for pattern, bound in EXTRAS.items() for name in extra if re.fullmatch(pattern, name)]
+    first = {name: bound for name, bound in reversed(found)}  # the first pattern that fits holds
+    return sorted(first.items(), key=lambda item: item[1].least is not None)
+
+
+def _resolved(limit: int | str | None, sizes: Mapping[str, int]) -> int:
+    """Return a limit as a number: itself, a size, or a size less one."""
+    if not isinstance(limit, str):
+        return int(limit or 0)
+    name, _, less = limit.partition(" - ")
+    return sizes.get(name, LARGEST_WHOLE) - int(
+        less or 0
+    )  # an array that says the size is missing: nothing is taken up
+
+
+def _refuse_outside(values: Any, least: int, most: int, path: Path, place: str, remedy: str) -> None:
+    """Refuse what is no whole number from ``least`` to ``most``."""
+    with np.errstate(invalid="ignore"):
+        bad = ~((values >= least) & (values <= most))
+        if values.dtype.kind == "f":
+            bad |= values != np.floor(values)
+    _refuse(values, bad, f"a whole number from {least} to {most}", path, place, remedy)
+
+
+def _refuse(values: Any, bad: Any, demand: str, path: Path, place: str, remedy: str) -> None:
+    if bad.any():
+        index = tuple(int(k) for k in np.argwhere(np.atleast_1d(bad))[0])
+        value = np.atleast_1d(values)[index]
+        raise _error(f"entry {', '.join(str(k + 1) for k in index)} is {value:g}, not {demand}", path, place, remedy)
+
+
+def check_fragment_rows(rows: Sequence[Any], path: Path, place: str, remedy: str) -> None:
+    """Refuse rows of fragments or meetings with texts where numbers belong, numbers that are none, or unknown fragments."""
+    for k, row in enumerate(rows):
+        for name, value in vars(row).items():
+            kind = type(row).__dataclass_fields__[name].type
+            good = (
+                isinstance(value, str) if kind == "str"
+                else isinstance(value, bool) if kind == "bool"
+                else isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**31 if kind == "int"
+                else _is_number(value)
+            )  # fmt: skip
+            if not good:
+                raise _error(f"{name} of row {k + 1} is {value_shown(value)}", path, place, remedy)
 
 
 def _check_tables(state: State, path: Path, remedy: str) -> None:
     """Refuse numbers that are none, except the times of bonds that hold."""
+    sizes = {
+        "elements": state.elements.size, "bonds": 2 * len(state.bonds.first),
+        # Numbers of fragments rise by one from 1; runs of the reference's numerics keep no tree.
+        "fragments": max((row["number"] for row in state.fragments), default=LARGEST_WHOLE),
+    }  # fmt: skip
+    for name, (least, most) in WHOLE_NUMBERS.items():
+        table, _, variable = name.partition("_")
+        whole = getattr(state.elements if table == "element" else state.bonds, variable)
+        _refuse_outside(whole, least, _resolved(most, sizes), path, f"variable {name}", remedy)
     tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
     for table, variables, arrays in tables:
         for name in (v.name for v in variables if v.restart and v.dtype == "f8" and v.name != "break_time"):
             values: Floats = getattr(arrays, name)
-            # Values around an element may be missing where its forcing failed: they are looked up anew.
-            bad = np.abs(values) >= _LARGEST if name in _SURROUNDINGS else ~(np.abs(values) < _LARGEST)
-            bad &= ~(np.isnan(values) & (name == "rest_length"))  # not yet known
+            bad = ~(np.abs(values) < _LARGEST)
+            # A missing value at the keel means that the one at the surface holds there too.
+            bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
             bad |= (values <= 0.0) if name in _POSITIVE or name == "bond_length" else False
             if bad.any():
                 k = int(np.argmax(bad))
@@ -401,12 +565,6 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
     lat = state.elements.lat
     if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
         raise _error(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat", remedy)
-
-
-_SURROUNDINGS: Final = frozenset(
-    ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "sst", "sss", "ice_fraction", "ice_thickness",
-     "vorticity", "keel_temperature", "keel_salinity")
-)  # fmt: skip
 
 
 def _check_substeps(state: State, path: Path, remedy: str) -> None:

@@ -249,8 +249,9 @@ class RunWriter:
         goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
         if goes_on:
             self._peak, self._next = np.array(peak), float(due)
-            if self._applied is not None and self._key("impulse") in kept:
-                self._applied.go_on(kept[self._key("impulse")], kept[self._key("seconds")])
+            impulse = kept.get(self._key("impulse"), np.zeros(0))
+            if self._applied is not None and len(impulse) == model.elements.size and self._key("seconds") in kept:
+                self._applied.go_on(impulse, kept[self._key("seconds")])
         else:
             self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
         self._peak_ids = model.bonds.id.copy()
