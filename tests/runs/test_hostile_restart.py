@@ -14,14 +14,16 @@ from riftberg import Iceberg, Model, Parameters
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.errors import InputError, RiftbergError
+from riftberg.runs.checks import WHOLE_NUMBERS
 from riftberg.runs.restart import load_state
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
 WHOLE = (-5, 2**31, 2**63 - 1)
 REAL = (np.nan, np.inf, -1e300)
 HARMLESS = {
     # Identifiers may have gaps of any size below 2**62.
     ("element_id", 2**31), ("bond_id", 2**31), ("extra/next_element", 2**31), ("extra/next_bond", 2**31),
-    ("extra/rigid_left_id", 2**31), ("extra/exchange_counter", 2**31),
+    ("extra/rigid_left_id", 2**31), ("element_entered", 2**31), ("extra/exchange_counter", 2**31),
     # A value at the keel that is missing, and a bond that holds.
     ("element_start_year", -5),
     *(((f"element_keel_{name}"), "nan") for name in ("temperature", "salinity")), ("bond_break_time", "nan"),
@@ -74,6 +76,12 @@ def spoil(path: Path, name: str, value: float) -> None:
         values = np.array(variable[...])
         values.flat[values.size // 2] = value
         variable[...] = values
+
+
+def test_every_whole_number_of_the_state_has_its_bounds() -> None:
+    whole = {f"element_{v.name}" for v in ELEMENT_VARIABLES if v.restart and v.dtype == "i8"}
+    whole |= {f"bond_{v.name}" for v in BOND_VARIABLES if v.restart and v.dtype == "i8"}
+    assert whole == set(WHOLE_NUMBERS)
 
 
 def test_the_sound_file_goes_on(sound: Path) -> None:

@@ -421,6 +421,7 @@ LARGEST_WHOLE: Final = 2**62
 
 WHOLE_NUMBERS: Final[Mapping[str, tuple[int, int | str]]] = {
     "element_id": (0, LARGEST_WHOLE), "element_cell_i": (-1, MOST_VALUES), "element_cell_j": (-1, MOST_VALUES),
+    "element_entered": (-1, LARGEST_WHOLE),
     "element_berg": (0, "fragments"), "element_bond_count": (0, "bonds"), "element_sides": (0, 6),
     "element_substeps": (0, MOST_SUBSTEPS), "element_start_year": (-10**6, 10**6),
     "bond_first": (0, "elements - 1"), "bond_second": (0, "elements - 1"), "bond_status": (0, 2),
