@@ -15,6 +15,7 @@ from functools import cache
 from typing import Annotated, Any, Final, Union, get_args, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -409,6 +410,37 @@ def moment(value: Any, *, where: str) -> datetime:
     if not isinstance(plain, datetime):
         return datetime(plain.year, plain.month, plain.day)
     return plain if plain.tzinfo is None else plain.astimezone(UTC).replace(tzinfo=None)
+
+
+FIRST_YEAR: Final = 1678
+LAST_YEAR: Final = 2261
+"""Whole years that dates to the nanosecond, as xarray keeps them, can hold; numpy turns others into years of these."""
+
+
+def nanoseconds(
+    dates: Any, *, where: str, kind: type[InputError] = InputError, remedy: str = "Give dates of these years"
+) -> NDArray[np.datetime64]:
+    """Return dates as ``datetime64[ns]``; refuse years that would come back as others.
+
+    Examples
+    --------
+    >>> nanoseconds(["2020-12-09T13"], where="time")
+    array(['2020-12-09T13:00:00.000000000'], dtype='datetime64[ns]')
+    """
+    given = np.asarray(dates)
+    given = given if given.dtype.kind == "M" else given.astype("datetime64[us]")
+    years = given.astype("datetime64[Y]").astype(np.int64) + 1970
+    beyond = ~np.isnat(given) & ((years < FIRST_YEAR) | (years > LAST_YEAR))
+    if beyond.any():
+        wrong = given[beyond].ravel()
+        several = (
+            f"{wrong.size} of {given.size} dates, the first {wrong[0]}, lie" if given.size > 1 else f"{wrong[0]} lies"
+        )
+        raise kind(
+            f"{several} outside the years {FIRST_YEAR} to {LAST_YEAR} that dates can be kept in", where=where,
+            remedy=remedy,
+        )  # fmt: skip
+    return given.astype("datetime64[ns]")
 
 
 def check_degrees(place: tuple[float, float], *, where: str, kind: type[InputError] = InputError) -> None:

@@ -319,14 +319,15 @@ class GridRecorder:
         dataset = xr.Dataset(data, self._coordinates(spans, box, how), self._attributes())
         began = spans[0].since if spans else datetime(2000, 1, 1)
         for name in ("time", "time_bnds"):
-            dataset[name].encoding = {"units": f"seconds since {began:%Y-%m-%d %H:%M:%S}", "dtype": "float64"}
+            since = began.isoformat(sep=" ", timespec="seconds")
+            dataset[name].encoding = {"units": f"seconds since {since}", "dtype": "float64"}
         for name in data:
             dataset[name].encoding = {"zlib": True}
         return dataset
 
     def _coordinates(self, spans: list[_Span], box: tuple[slice, slice], how: str) -> dict[str, Any]:
         g = self.grid.arrays
-        bounds = np.array([[s.since, s.end] for s in spans], dtype="datetime64[ns]").reshape(-1, 2)
+        bounds = np.array([[s.since, s.end] for s in spans], dtype="datetime64[us]").reshape(-1, 2)
         time = bounds[:, 1] if how == "point" else bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) // 2
         units = ("degrees_east", "degrees_north") if g.latlon else ("m", "m")
         names = ("longitude", "latitude") if g.latlon else ("projection_x_coordinate", "projection_y_coordinate")

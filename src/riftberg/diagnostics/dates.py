@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from riftberg.bergs.feature import DATE_KEYS
 from riftberg.errors import InputError
+from riftberg.values import nanoseconds
 
 NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")
 """Attributes in whose text a date may stand, such as ``A68A 2020-12-17``."""
@@ -40,9 +41,9 @@ def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
     """
     try:
         if text.isdigit() and len(text) == 7:
-            return datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1), True
+            return _kept(datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1), where), True
         if text.isdigit() and len(text) == 8:
-            return datetime.strptime(text, "%Y%m%d"), True
+            return _kept(datetime.strptime(text, "%Y%m%d"), where), True
         if re.match(r"\d{4}/\d\d/\d\d", text):
             text = text.replace("/", "-")
         when = datetime.fromisoformat(text.replace("Z", "+00:00"))
@@ -51,7 +52,13 @@ def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
     if when.tzinfo is not None:
         offset = when.utcoffset() or timedelta(0)
         when = when.replace(tzinfo=None) - offset
-    return when, len(text) <= 10
+    return _kept(when, where), len(text) <= 10
+
+
+def _kept(when: datetime, where: str) -> datetime:
+    """Return a date that can be compared with those of a run, which are kept to the nanosecond."""
+    nanoseconds(when, where=where)
+    return when
 
 
 def date_in_text(text: str) -> tuple[datetime, bool] | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -226,11 +227,8 @@ def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Out
 
 def _date_of_text(text: str, column: str, where: str) -> tuple[datetime, bool]:
     """Read a date; only in a column of the US National Ice Center is ``12/10/2020`` known to be the tenth of December."""
-    if column in _UPDATED:
-        try:
-            return datetime.strptime(text, "%m/%d/%Y"), True
-        except ValueError:
-            pass
+    if column in _UPDATED and (match := re.fullmatch(r"(\d\d?)/(\d\d?)/(\d{4})", text)):
+        text = f"{match[3]}-{match[1]:0>2}-{match[2]:0>2}"
     return parse_date(text, where=where)
 
 

@@ -26,7 +26,7 @@ from riftberg.products.interpolate import to_grid
 from riftberg.products.levels import uppermost
 from riftberg.products.packing import VALID
 from riftberg.products.registry import open_named
-from riftberg.products.window import utc, window
+from riftberg.products.window import utc, window, window_in_time
 from riftberg.state import Floats
 
 WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy"})
@@ -250,7 +250,13 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
         for number, ds in enumerate(datasets)
     ]
-    return [ds[names].assign_attrs(ds.attrs) for ds, names in zip(datasets, kept, strict=True) if names]
+    given = [ds[names].assign_attrs(ds.attrs) for ds, names in zip(datasets, kept, strict=True)]
+    for number, ds in enumerate(datasets):
+        for later in range(number + 1, len(datasets)):
+            if twice := [str(name) for name in ds.data_vars if last.get(str(name)) == later and name not in left_out]:
+                said = f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
+                given[later].attrs["told"] = "; ".join(filter(None, [str(given[later].attrs.get("told", "")), said]))
+    return [ds for ds in given if ds.data_vars]
 
 
 def _box(longitude: tuple[float, float]) -> tuple[float, float]:
@@ -275,10 +281,8 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     ds = with_rules(ds, settings)
     records.check_ends(ds, np.array([first, last]))
     # So much more that a missing record at the edge can be bridged by those beyond it.
-    spare = np.timedelta64(round(records.gap_limit(ds)), "s")
-    near = _with_area(
-        window(ds, _box(settings.longitude), settings.latitude, (first - spare, last + spare), margin=margin)
-    )
+    ds = window_in_time(ds, (first, last), records.gap_limit(ds))
+    near = _with_area(window(ds, _box(settings.longitude), settings.latitude, margin=margin))
     parts = records.without_empty(near)
     lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
     if lost:

@@ -22,9 +22,9 @@ from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Gap,
+    cover_of,
     gap_error,
     gap_limit,
-    hold_of,
     minute,
     named,
     outside_remedy,
@@ -104,7 +104,7 @@ class ProductRecords:
         self.ds, self._limits = _levels_to(ds, keel)
         self.start, self._reader = start, reader
         self.dates = np.asarray(_dates(ds) if moments is None else moments, "datetime64[ns]")
-        self.times = [float(t) for t in (self.dates - utc(start)) / np.timedelta64(1, "s")]
+        self.times = [float(t) for t in _seconds(self.dates, start)]
         self.names = _with_wind(tuple(map(str, ds.data_vars)))
         size = sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
         self._length = int(np.clip(BLOCK_BYTES / (8 * max(size, 1)), 1, MOST_RECORDS))
@@ -116,8 +116,9 @@ class ProductRecords:
         """First and last time served, s since the start; infinite for fields without time."""
         if not self.times:
             return -np.inf, np.inf
-        hold = hold_of(self.ds)
-        return self.times[0] - hold, self.times[-1] + hold
+        own = _seconds(self.ds["time"].values[[0, -1]], self.start)
+        before, after = np.abs(_seconds(np.array(cover_of(self.ds)), self.start) - own)
+        return self.times[0] - float(before), self.times[-1] + float(after)
 
     @property
     def limits(self) -> Floats:
@@ -234,6 +235,13 @@ def _with_wind(names: tuple[str, ...]) -> tuple[str, ...]:
         return names
     others = tuple(name for name in names if name not in ("taux", "tauy"))
     return others if "ua" in others else (*others, "ua", "va")
+
+
+def _seconds(dates: NDArray[np.datetime64], start: datetime) -> Floats:
+    """Return dates as seconds since a start; three centuries apart are more nanoseconds than a difference holds."""
+    whole = dates.astype("datetime64[s]")
+    since, part = whole - utc(start).astype("datetime64[us]"), dates - whole.astype(dates.dtype)
+    return np.asarray(since / np.timedelta64(1, "s") + part / np.timedelta64(1, "s"), np.float64)
 
 
 def _dates(ds: xr.Dataset) -> Any:

@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.values import nanoseconds
 
 Floats = NDArray[np.float64]
+
+_OTHER_YEARS = (
+    "Leave out the other records, or put model years on dates of the run, in Python: ds.assign_coords(time=dates)"
+)
 
 
 def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
@@ -38,15 +43,16 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     time = ds["time"]
     if time.dtype == object:
         stamps = [_by_label(date, where) for date in np.atleast_1d(time.values)]
-        values = np.array(stamps, dtype="datetime64[ns]").reshape(time.shape)
+        values = np.array(stamps, dtype="datetime64[us]").reshape(time.shape)
     elif np.issubdtype(time.dtype, np.datetime64):
-        values = time.values.astype("datetime64[ns]")
+        values = time.values
     else:
         raise ForcingError(
             f"time has no units that say since when it counts (it reads {time.attrs.get('units', '')!r})",
             where=where,
             remedy="Write units such as 'hours since 2020-12-01 00:00:00' on the time coordinate",
         )
+    values = nanoseconds(values, where=where, kind=ForcingError, remedy=_OTHER_YEARS)
     if np.isnat(values).any():
         raise ForcingError(
             f"{int(np.isnat(values).sum())} of {values.size} dates are missing",
@@ -67,7 +73,7 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
 def _by_label(date: Any, where: str) -> np.datetime64:
     """Return the date of another calendar that is written the same; refuse one that the ordinary calendar lacks."""
     try:
-        return np.datetime64(date.isoformat(), "ns")
+        return np.datetime64(date.isoformat(), "us")
     except ValueError as error:
         calendar = str(getattr(date, "calendar", "")) or "another"
         raise ForcingError(

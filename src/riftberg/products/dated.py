@@ -9,7 +9,10 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.products.records import MEAN_OF
 from riftberg.products.roles import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
+from riftberg.products.stated import iso_seconds
+from riftberg.products.text_dates import CALENDARS
 
 _NOT_VALID = re.compile(r"reference|initial|issue|creation|production|analysis")
 _COVERAGE = (
@@ -17,6 +20,9 @@ _COVERAGE = (
     ("StartTime", "StopTime"), ("RangeBeginningDate", "RangeEndingDate"), ("first_date", "last_date"),
 )  # fmt: skip
 _LONGEST = np.timedelta64(32, "D")
+_SECOND = np.timedelta64(1, "s")
+_POINT = re.compile(r"\btime\s*:\s*(\w+\s*:\s*)*point\b")
+_MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
 _PERIODS = {
     "s": 1.0,
     "second": 1.0,
@@ -62,6 +68,10 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
         )
     if dims:
         chosen = _best(ds, [c for c in stamped if ds[c].dims == (dims[0],)], dims[0])
+        bare = field.sizes[dims[0]] == 1 and (chosen is None or bool(ds[chosen].isnull().all()))
+        if bare and (covered := _covered(ds)) is not None:  # of one record the heading may say when it was
+            field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
+            return _with_dates(field, xr.DataArray([covered], dims="time"))
         if chosen is None and (text := dict(ds.encoding.get("texts", {})).get(dims[0])):
             raise ForcingError(
                 f"the dates of {name} are text that is not understood: {text}", where=where,
@@ -73,14 +83,15 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
                 where=where,
                 remedy=f"Write one, in Python: ds.assign_coords({dims[0]}=dates).to_netcdf('dated.nc')",
             )
-        values = _valid(ds, chosen)
+        values, means = _valid(ds, chosen, name)
         if dims[0] != "time":  # a single date of that name is when a forecast was issued
             field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
-        return _with_dates(field, values)
+        return _with_dates(field, values, means)
     single = _best(ds, [c for c in stamps if ds[c].ndim == 0], "")
     if single is not None:
-        value = _valid(ds, single).expand_dims("time")
-        return _with_dates(field.drop_vars("time", errors="ignore").expand_dims("time"), value)
+        value, means = _valid(ds, single, name)
+        bare = field.drop_vars("time", errors="ignore").expand_dims("time")
+        return _with_dates(bare, value.expand_dims("time"), means)
     covered = _covered(ds)
     bare = field.drop_vars("time", errors="ignore")
     return bare if covered is None else _with_dates(bare.expand_dims("time"), xr.DataArray([covered], dims="time"))
@@ -88,7 +99,8 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
 
 def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
     """Return the coordinates of a field that hold dates; numbers like 20201216 are turned into dates in place."""
-    stamps = []
+    stamps: list[str] = []
+    faults: dict[str, ForcingError] = {}
     for other, role, declared in list(coordinates_of(ds, name)):
         variable = ds[other]
         if role != "time" or variable.ndim > 1:
@@ -103,17 +115,23 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
             fault = (
                 "which begins before the year 1" if early else "which is no length of time that can be added to a date"
             )
-            raise ForcingError(
+            calendar = str(variable.attrs.get("calendar", "standard")).lower()
+            if not early and calendar not in CALENDARS:
+                fault = f"in a calendar {calendar!r} that nobody knows: CF has {', '.join(CALENDARS)}"
+            faults[other] = ForcingError(
                 f"{other} counts {units_of(variable)!r}, {fault}",
                 where=where,
                 remedy=f"Write {other} in days or hours since a date, or as dates in Python: ds.assign_coords({other}=dates)",
             )
         elif variable.ndim == 1 and declared and variable.dims == (other,):
-            raise ForcingError(
+            faults[other] = ForcingError(
                 f"time has no units that say since when it counts ({other} reads {units_of(variable)!r})",
                 where=where,
                 remedy=f"Write units such as 'hours since 2020-12-01 00:00:00' on {other}",
             )
+    for other, error in faults.items():  # another variable may date the same records (time_centered of XIOS)
+        if not any(ds[stamp].dims == (other,) for stamp in stamps):
+            raise error
     return stamps
 
 
@@ -152,11 +170,11 @@ def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:
     return min(names, key=rank, default=None)
 
 
-def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
-    """Return dates of validity: those of a forecast's issue get the length of the forecast added."""
-    dates = _middles(ds, ds[name])
+def _valid(ds: xr.Dataset, name: str, field: str) -> tuple[xr.DataArray, Any]:
+    """Return dates of validity, and the time (s) that each is a mean of; a forecast's issue gets its length added."""
+    dates, means = _middles(ds, ds[name], field)
     if not _NOT_VALID.search(f"{standard_name(dates)} {name.lower()}"):
-        return dates
+        return dates, means
     for other in ("step", "forecast_period", "leadtime", "lead_time", "forecast_hour"):
         if other in ds.variables and ds[other].ndim == 0:
             ahead: Any = ds[other].values
@@ -164,31 +182,54 @@ def _valid(ds: xr.Dataset, name: str) -> xr.DataArray:
                 unit = units_of(ds[other]).lower().strip()
                 seconds = _PERIODS.get(unit, _PERIODS.get(unit.rstrip("s"), 3600.0))
                 ahead = np.timedelta64(round(float(ahead) * seconds), "s")
-            return dates.copy(data=dates.values + ahead.astype("timedelta64[ns]"))
-    return dates
+            # In microseconds, so that a length beyond all years is met as such and does not come back as another.
+            return dates.copy(data=dates.values.astype("datetime64[us]") + ahead.astype("timedelta64[us]")), means
+    return dates, means
 
 
-def _middles(ds: xr.Dataset, dates: xr.DataArray) -> xr.DataArray:
-    """Return dates in the middle of their bounds where the file stamps all its means at their beginnings or all at their ends."""
+def _middles(ds: xr.Dataset, dates: xr.DataArray, field: str) -> tuple[xr.DataArray, Any]:
+    """Return dates in the middle of their bounds, and the length (s) of these; None where values are no means over them.
+
+    Bounds that do not hold their dates are not believed. Bounds without width (the first record of some models) stay.
+    """
     bounds = bounds_of(ds, dates)
-    if bounds is None or dates.dtype.kind != "M" or bounds.dtype.kind != "M":
-        return dates
+    kinds = {dates.dtype.kind, bounds.dtype.kind} if bounds is not None else set()
+    if bounds is None or kinds not in ({"M"}, {"O"}) or _POINT.search(str(ds[field].attrs.get("cell_methods", ""))):
+        return dates, None
     first, last = bounds.values[..., 0], bounds.values[..., 1]
-    at_an_end = bool((dates.values == first).all() or (dates.values == last).all())
-    return dates.copy(data=first + (last - first) // 2) if at_an_end and bool((last > first).all()) else dates
+    wide = np.asarray(last > first, bool)
+    inside = (first <= dates.values) & (dates.values <= last)
+    if not wide.any() or not inside[wide].all():
+        return dates, None
+    lengths = last - first
+    seconds = np.reshape(
+        [getattr(d, "total_seconds", lambda d=d: d / _SECOND)() for d in np.ravel(lengths)], wide.shape
+    )
+    return dates.copy(data=np.where(wide, first + lengths // 2, dates.values)), np.where(wide, seconds, 0.0)
 
 
-def _with_dates(field: xr.DataArray, dates: xr.DataArray) -> xr.DataArray:
+def declared_mean(variable: xr.DataArray) -> str:
+    """Return how a variable says that its records are means over time; empty if it does not."""
+    methods, step = (str(variable.attrs.get(key, "")) for key in ("cell_methods", "GRIB_stepType"))
+    if _MEAN.search(methods):
+        return f"cell_methods {methods.strip()!r}"
+    return f"GRIB_stepType {step}" if step.startswith("avg") else ""
+
+
+def _with_dates(field: xr.DataArray, dates: xr.DataArray, means: Any = None) -> xr.DataArray:
     others = [name for name, c in field.coords.items() if "time" in c.dims and name != "time"]
-    return field.drop_vars(others).assign_coords(time=("time", np.atleast_1d(dates.values), dates.attrs))
+    field = field.drop_vars(others).assign_coords(time=("time", np.atleast_1d(dates.values), dates.attrs))
+    return field if means is None else field.assign_coords({MEAN_OF: ("time", np.atleast_1d(means), {"units": "s"})})
 
 
 def _covered(ds: xr.Dataset) -> Any:
     """Return the middle of the time that the heading of the file says it covers, if that is a month at most."""
     for first, last in _COVERAGE:
         if first in ds.attrs:
-            start = _moment_of_text(ds.attrs[first])
-            end = _moment_of_text(ds.attrs.get(last, ds.attrs[first]))
+            start, end = _moment_of_text(ds.attrs[first]), _moment_of_text(ds.attrs.get(last, ""))
+            if start is not None and last not in ds.attrs:
+                length = iso_seconds(str(ds.attrs.get("time_coverage_duration", "")))
+                end = start + np.timedelta64(round(length), "s")
             if start is not None and end is not None and np.timedelta64(0) <= end - start <= _LONGEST:
                 return start + (end - start) / 2
     return None
@@ -200,6 +241,6 @@ def _moment_of_text(text: Any) -> Any:
         return None
     year, month, day, hour, minute = match.groups()
     try:
-        return np.datetime64(f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}", "ns")
+        return np.datetime64(f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}", "us")
     except ValueError:
         return None

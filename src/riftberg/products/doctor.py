@@ -20,9 +20,9 @@ from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Dates,
+    cover_of,
     empty_by_field,
     gap_limit,
-    hold_of,
     long_gaps,
     minute,
     own_interval,
@@ -225,8 +225,7 @@ def _part(
         if time is not None and "time" in ds.dims:
             window_in_time(ds, time)  # an error if none of its dates is there
             # So much more that a missing record at the edge can be bridged by those beyond it, as runs do.
-            spare = np.timedelta64(round(gap_limit(ds)), "s")
-            ds = window_in_time(ds, (utc(time[0]) - spare, utc(time[1]) + spare))
+            ds = window_in_time(ds, time, gap_limit(ds))
         if lon is not None and lat is not None:
             ds = window(ds, lon, lat)
     except ForcingError as error:
@@ -348,12 +347,12 @@ def _end_problems(
     ds: xr.Dataset, records: Dates, first: np.datetime64, last: np.datetime64, finding: DataFinding, what: str
 ) -> None:
     """Note dates of the experiment before the first and after the last record."""
-    held = np.timedelta64(int(hold_of(ds)), "s")
-    if first < records[0] - held:
+    begins, ends = cover_of(ds.sel(time=records))
+    if first.astype(begins.dtype) < begins:
         finding.problems.append(
             f"begins{what} at {minute(records[0])}, after the experiment ({minute(first)}). Add earlier files"
         )
-    if last > records[-1] + held:
+    if last.astype(ends.dtype) > ends:
         finding.problems.append(
             f"ends{what} at {minute(records[-1])}, before the experiment ({minute(last)}). Add later files"
         )

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import open_lazily
+from riftberg.products.beside import grid_of
 from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
 from riftberg.products.roles import role_of
@@ -44,12 +44,6 @@ def _matches(ds: xr.Dataset) -> bool:
     )
 
 
-def _grid_beside(path: str) -> xr.Dataset | None:
-    """Return the grid file of the experiment in the same folder, if there is one."""
-    files = sorted(Path(path).parent.glob("*_grid.nc")) if path else []
-    return open_lazily(files[0]) if files else None
-
-
 def _has_positions(ds: xr.Dataset) -> bool:
     """Tell whether other variables give the latitudes and longitudes of the dimensions ``lat`` and ``lon``."""
     roles = {role_of(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)}
@@ -65,20 +59,18 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
     if {"lon", "lat"} <= set(ds.variables) or _has_positions(ds):
         return ds
     where = str(ds.encoding.get("source", ""))
-    if not re.search("a68|hourly", Path(where).name.lower()) and _grid_beside(where) is None:
+    size = ds.sizes["lat"], ds.sizes["lon"]
+    wanted = ("longitude", "latitude")
+    grid = grid_of(ds, ("*_grid.nc",), wanted, lambda other: other["latitude"].shape == size) if where else None
+    if grid is None and not re.search("a68|hourly", Path(where).name.lower()):
         return ds  # not a file of the experiment: what it lacks is said in general words
-    grid = _grid_beside(where)
-    if grid is None or not {"longitude", "latitude"} <= set(grid.variables):
+    if grid is None:
         raise ForcingError(
             "has no positions", where=where, remedy="Put the experiment's grid file *_grid.nc in the same folder"
         )
     lon, lat = grid["longitude"].values[0], grid["latitude"].values[:, 0]
-    if (lat.size, lon.size) != (ds.sizes["lat"], ds.sizes["lon"]):
-        sizes = f"{ds.sizes['lat']} x {ds.sizes['lon']} against {lat.size} x {lon.size} in the grid file"
-        raise ForcingError(
-            f"its size differs from the grid beside it ({sizes})", where=where, remedy="Give matching files"
-        )
     shift = 0.5 * (lon[1] - lon[0]) if centred else 0.0
+    ds = ds.assign_attrs(told=grid.attrs["told"])
     return ds.assign_coords(lon=("lon", lon - shift), lat=("lat", lat - shift))
 
 

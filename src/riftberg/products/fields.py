@@ -11,16 +11,17 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.cf import by_standard_name, is_height, statistic, turned_away, unread
-from riftberg.products.dated import dated
+from riftberg.products.dated import dated, declared_mean
 from riftberg.products.levels import judged
 from riftberg.products.packing import VALID
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
+from riftberg.products.records import MEAN_OF
 from riftberg.products.roles import coordinates_of, units_of
 from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
-_KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
+_KEPT = ("time", MEAN_OF, "depth", "lat", "lon", "y", "x", "grid_angle")
 
 
 def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
@@ -35,13 +36,17 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     levels: dict[tuple[object, ...], bytes] = {}
     remarks_by_field: dict[tuple[object, ...], list[str]] = {}
     wkt: dict[tuple[object, ...], str] = {}
+    said: dict[tuple[object, ...], str] = {}
     chosen = list(_chosen(ds, product, where))
     for quantity, name, remark in chosen:
         field, remarks = _canonical(ds, product, quantity, name, where)
+        means = declared_mean(ds[name]) if "time" in field.dims and MEAN_OF not in field.coords else ""
         key = _key(field)
         depth = field["depth"].values.tobytes() if "depth" in field.dims else b""
         if depth and levels.setdefault(key, depth) != depth:
             key = (*key, depth)
+        key = (*key, MEAN_OF in field.coords, bool(means))
+        said.setdefault(key, means)
         wkt[key] = str(field.attrs.pop("crs_wkt", ""))
         groups.setdefault(key, {})[quantity] = field
         remarks_by_field.setdefault(key, []).extend(filter(None, [remark, *remarks]))
@@ -49,13 +54,16 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     for key, fields in groups.items():
         part = xr.Dataset(fields)
         away = turned_away(ds) if product.select is not None else ""
-        told = "; ".join(dict.fromkeys([*remarks_by_field[key], *([away] if away else [])]))
+        told = "; ".join(dict.fromkeys(filter(None, [str(ds.attrs.get("told", "")), *remarks_by_field[key], away])))
         attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": told}
         if not parts:  # what concerns the whole file is said once
             attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
         if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
             attributes["longest_step"] = DAY_SECONDS
+        if MEAN_OF in part.coords and part[MEAN_OF].values.any():
+            attributes["averaging_seconds"] = float(np.median(part[MEAN_OF].values))
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}
+        attributes["means"] = said[key]
         parts.append(part.assign_attrs({name: value for name, value in attributes.items() if value}))
     return parts
 

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import xarray as xr
 
+from riftberg.products.means import in_mid_month
 from riftberg.products.product import DAY, Product, Source, stamped_at_noon, text_of
 from riftberg.products.records import usual_interval
-from riftberg.products.stated import DAY_SECONDS, MONTH_SECONDS
+from riftberg.products.stated import DAY_SECONDS
 
 _NAMES = {"uo", "vo", "zos", "siconc", "sithick", "usi", "vsi", "thetao", "so"}
 
@@ -62,10 +63,7 @@ def _in_the_middle(ds: xr.Dataset) -> xr.Dataset:
         return ds.assign_attrs(averaging_seconds=0.0)
     if step < 20 * DAY_SECONDS:
         return stamped_at_noon(ds)
-    months = ds["time"].values.astype("datetime64[M]")
-    start, end = months.astype("datetime64[ns]"), (months + 1).astype("datetime64[ns]")
-    ds = ds.assign_coords(time=("time", start + (end - start) / 2, ds["time"].attrs))
-    return ds.assign_attrs(averaging_seconds=MONTH_SECONDS)
+    return in_mid_month(ds)
 
 
 PRODUCT = Product(

@@ -7,13 +7,11 @@ with the directions of the grid's own positions; levels that follow the sea floo
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import open_lazily
+from riftberg.products.beside import grid_of
 from riftberg.products.product import Product, Source, text_of
 
 _CITATION = "see the file"
@@ -30,30 +28,15 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     where = str(ds.encoding.get("source", ""))
     if {"lat_rho", "lon_rho"} <= set(ds.variables) or not where or "://" in where:
         return ds
-    grid_file = Path(str(ds.attrs.get("grd_file", ""))).name
-    folder = Path(where).parent
-    named = (
-        [folder / grid_file]
-        if grid_file and (folder / grid_file).is_file()
-        else sorted({*folder.glob("*gr*d*.nc")} - {Path(where)})
-    )
     wanted = ("lat_rho", "lon_rho", "lat_u", "lon_u", "lat_v", "lon_v", "angle", "h")
-    for path in named:
-        with open_lazily(path) as grid:
-            if not {"lat_rho", "lon_rho"} <= set(grid.variables):
-                continue
-            fits = all(
-                grid.sizes.get(dim, size) == size
-                for dim, size in ds.sizes.items()
-                if str(dim).startswith(("xi_", "eta_"))
-            )
-            if fits:
-                held = {
-                    name: grid[name].load().reset_coords(drop=True)
-                    for name in wanted
-                    if name in grid.variables and name not in ds.variables
-                }
-                return _shared_dims(ds, ds.assign(held))
+    sizes = {dim: size for dim, size in ds.sizes.items() if str(dim).startswith(("xi_", "eta_"))}
+    grid = grid_of(
+        ds, ("*[gG][rR][dD]*.nc*", "*[gG][rR][iI][dD]*.nc*"), wanted,
+        lambda other: all(other.sizes.get(dim, size) == size for dim, size in sizes.items()),
+    )  # fmt: skip
+    if grid is not None:
+        held = {name: grid[name] for name in grid.variables if name not in ds.variables}
+        return _shared_dims(ds, ds.assign(held)).assign_attrs(told=grid.attrs["told"])
     raise ForcingError(
         "has no positions (lat_rho, lon_rho): they are in the grid file of the model", where=where,
         remedy="Put the grid file (*_grd.nc) of the same size into the same folder",

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from riftberg.products.means import in_mid_month
 from riftberg.products.product import Product, Source, text_of
 
 _NAMES = {"vozocrte", "vomecrtn", "vozocrtx", "vomecrty", "sossheig", "sozotaux", "sometauy", "ileadfra", "sosstsst"}
@@ -35,15 +36,6 @@ def _named(ds: xr.Dataset) -> xr.Dataset:
     return ds.set_coords(["lat", "lon"])
 
 
-def _mid_month(ds: xr.Dataset) -> xr.Dataset:
-    """Stamp monthly means in the middle of the month."""
-    if "time" not in ds.dims:
-        return ds
-    months = ds["time"].values.astype("datetime64[M]")
-    start, end = months.astype("datetime64[ns]"), (months + 1).astype("datetime64[ns]")
-    return ds.assign_coords(time=("time", start + (end - start) / 2, ds["time"].attrs))
-
-
 PRODUCT = Product(
     name="oras5",
     title="ORAS5 global ocean reanalysis, monthly, 1/4 degree",
@@ -60,7 +52,7 @@ PRODUCT = Product(
         Source("ice_fraction", ("ileadfra",), "1"),
     ),
     reshape=_named,
-    finish=_mid_month,
+    finish=lambda ds: in_mid_month(ds) if "time" in ds.dims else ds,
     averaging=np.timedelta64(int(30.4 * 86400), "s"),
     notes=(
         "monthly means: stamps put in mid-month; they smooth the eddies that break bergs",

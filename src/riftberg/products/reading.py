@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+import zipfile
+from collections.abc import Hashable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -46,11 +48,25 @@ _OPENINGS = (
 _NETCDF = (b"CDF", b"\x89HDF")
 
 
+_MARKS = (".zgroup", ".zmetadata", "zarr.json")
+"""Files that every Zarr store has."""
+
+
 def is_zarr(path: str) -> bool:
-    """Tell whether ``path`` names a Zarr store (a folder or an address)."""
-    folder = Path(path)
-    marks = (".zgroup", ".zmetadata", "zarr.json")
-    return ".zarr" in path or (folder.is_dir() and any((folder / mark).exists() for mark in marks))
+    """Tell whether ``path`` names a Zarr store (a folder, a zip of one, or an address)."""
+    place = Path(path)
+    if "://" not in path and place.is_file():
+        return _zipped(path) is not None
+    return ".zarr" in path or (place.is_dir() and any((place / mark).exists() for mark in _MARKS))
+
+
+def _zipped(path: str) -> str | None:
+    """Return the folder inside a zip archive in which a Zarr store lies, "" for the archive itself; None if there is none."""
+    if not zipfile.is_zipfile(path):
+        return None
+    with zipfile.ZipFile(path) as archive:
+        marks = [name for name in archive.namelist() if name.rpartition("/")[2] in _MARKS]
+    return min(marks, key=lambda name: name.count("/")).rpartition("/")[0] if marks else None
 
 
 def check_readable(path: str) -> None:
@@ -130,9 +146,16 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         # A store without consolidated metadata opens more slowly, which is no fault of the reader.
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         try:
-            store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
-        except (OSError, ValueError, ImportError) as error:
+            place: Any = path
+            if "://" not in path and Path(path).is_file():
+                from zarr.storage import ZipStore
+
+                place, options = ZipStore(path, mode="r"), {"group": _zipped(path) or None, **options}
+            store: xr.Dataset = xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options})
+        except (OSError, ValueError, ImportError, KeyError, TypeError) as error:
             remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
+            if "://" not in path:
+                remedy = "Check the name; the store may be incomplete: then copy or write it again"
             raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
     return store
 
@@ -214,8 +237,28 @@ def _decoded_dataset(raw: xr.Dataset) -> xr.Dataset:
         try:
             return _decoded_by_xarray(raw)
         except (ValueError, OverflowError):
-            # Dates that cannot be decoded are reported later; the rest of the file is read.
-            return _decoded_by_xarray(raw, decode_times=False)
+            # Dates that cannot be decoded are reported where they matter; the rest of the file is read, other dates too.
+            counting = {n: v for n, v in raw.variables.items() if " since " in str(v.attrs.get("units", ""))}
+            kept = {n: v.attrs for n, v in counting.items() if not _decodes(n, v)}
+            bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
+            return _with_attributes(_decoded_by_xarray(_with_attributes(raw, bare)), kept)
+
+
+def _decodes(name: Hashable, variable: xr.Variable) -> bool:
+    try:
+        xr.decode_cf(xr.Dataset({name: variable}), decode_timedelta=False)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+def _with_attributes(ds: xr.Dataset, attributes: Mapping[Hashable, dict[str, Any]]) -> xr.Dataset:
+    """Return the dataset with other attributes of some variables; what was decoded into the encoding stays there."""
+    changed = ds.copy()
+    for name, attrs in attributes.items():
+        decoded = {key for key in attrs if key in changed.variables[name].encoding}
+        changed.variables[name].attrs = {key: value for key, value in attrs.items() if key not in decoded}
+    return changed
 
 
 def _decoded_by_xarray(raw: xr.Dataset, **options: Any) -> xr.Dataset:
@@ -245,7 +288,11 @@ def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.
         "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
         "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
     }
-    kept = {key: ds.attrs[key] for key in ("crs_wkt", "stated_seconds", "longest_step", *REMARKS) if key in ds.attrs}
+    kept = {
+        key: ds.attrs[key]
+        for key in ("crs_wkt", "stated_seconds", "longest_step", "means", *REMARKS)
+        if key in ds.attrs
+    }
     ds = ds.copy(deep=False)
     ds.attrs = {**attributes, **kept}
     return ds

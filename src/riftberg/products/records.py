@@ -32,6 +32,9 @@ LONGEST_STEP: Final = 31 * DAY_SECONDS
 REMARKS: Final = ("told", "unread", "doubt")
 """Attributes of a canonical dataset that a run and the doctor repeat: what was chosen, what nothing reads, doubts."""
 
+MEAN_OF: Final = "averaging_period"
+"""Coordinate of records that are means: the time (s) that each of them stands for."""
+
 FEW_RECORDS: Final = 3
 """Fewer records than these show little of their interval."""
 
@@ -53,14 +56,15 @@ class Gap(NamedTuple):
     @property
     def seconds(self) -> float:
         """Length, s."""
-        return float((self.after - self.before) / np.timedelta64(1, "s"))
+        return usual_interval(np.array([self.before, self.after]))
 
 
 def usual_interval(records: Dates) -> float:
     """Return the median interval between records (s), of two in the middle the shorter; 0 for one record."""
     if records.size < 2:
         return 0.0
-    steps = np.diff(records) / np.timedelta64(1, "s")
+    # In microseconds: three centuries are more nanoseconds than a difference holds.
+    steps = np.diff(records.astype("datetime64[us]")) / np.timedelta64(1, "s")
     return float(np.quantile(steps, 0.5, method="lower"))
 
 
@@ -77,6 +81,7 @@ def own_interval(ds: xr.Dataset) -> float:
     records = ds["time"].values
     few = not known and records.size < FEW_RECORDS
     longest = float(ds.attrs.get("longest_step", LONGEST_OF_FEW if few else LONGEST_STEP))
+    longest = max(longest, 1.2 * float(ds.attrs.get("averaging_seconds", 0.0)))  # means are no snapshots
     shown = usual_interval(records)
     shown = shown if shown <= longest else DAY_SECONDS
     return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
@@ -95,10 +100,15 @@ def gap_limit(ds: xr.Dataset, period: Period = None) -> float:
     return seconds_of(period, rule)
 
 
-def hold_of(ds: xr.Dataset, period: Period = None) -> float:
-    """Return how long (s) the first and last record are held: as given, as noted, or half the time a mean stands for."""
-    rule = float(ds.attrs.get("hold_seconds", 0.5 * float(ds.attrs.get("averaging_seconds", 0.0))))
-    return seconds_of(period, rule)
+def cover_of(ds: xr.Dataset, period: Period = None) -> tuple[np.datetime64, np.datetime64]:
+    """Return the dates between which records serve: the ends are held as given, as noted, or half the time of a mean."""
+    ends = [0, -1]
+    halves = 0.5 * (
+        ds[MEAN_OF].values[ends] if MEAN_OF in ds.coords else np.full(2, ds.attrs.get("averaging_seconds", 0.0))
+    )
+    before, after = (seconds_of(period, float(ds.attrs.get("hold_seconds", half))) for half in halves)
+    first, last = ds["time"].values[ends].astype("datetime64[us]")
+    return first - np.timedelta64(round(before), "s"), last + np.timedelta64(round(after), "s")
 
 
 def in_python(ds: xr.Dataset) -> bool:
@@ -125,8 +135,9 @@ def check_ends(ds: xr.Dataset, dates: Dates, hold: Period = None) -> None:
         raise ForcingError(
             "the file has no records: its time is empty", where=named(ds), remedy="Make or fetch it again"
         )
-    pause = np.timedelta64(round(hold_of(ds, hold)), "s")
-    outside = (dates < records[0] - pause) | (dates > records[-1] + pause)
+    first, last = cover_of(ds, hold)
+    moments = dates.astype(first.dtype)
+    outside = (moments < first) | (moments > last)
     if outside.any():
         wrong = dates[outside]
         raise ForcingError(

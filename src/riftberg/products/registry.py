@@ -29,9 +29,10 @@ from riftberg.products import (
     srtm15,
 )
 from riftberg.products.levels import uppermost
+from riftberg.products.means import settled
 from riftberg.products.product import Product
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
-from riftberg.products.records import own_interval
+from riftberg.products.records import MEAN_OF, minute, own_interval
 from riftberg.products.vectors import together
 
 LONGEST_NAME = 60
@@ -211,14 +212,20 @@ def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: b
     """
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     products: dict[str, Product] = {}
-    for path, product in entries:
+    order: dict[str, int] = {}
+    for number, (path, product) in enumerate(entries):
+        order[path] = number
         chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
         products[chosen.name] = chosen
         for ds in read(path, chosen):
             groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
     merged = _merged([_settled(part, product) for part, product in joined])
-    return together(merged) if turned else merged
+    return sorted(together(merged) if turned else merged, key=lambda ds: max(order.get(path, 0) for path in _files(ds)))
+
+
+def _files(ds: xr.Dataset) -> list[str]:
+    return str(ds.attrs["source"]).split(", ")
 
 
 def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -254,7 +261,11 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     """Return joined files with the interval of all their records noted, which a window would no longer show."""
     if "time" not in ds.dims:
         return ds
-    ds = product.settle(ds)
+    ds = settled(product.settle(ds), known=product.longest_step is not None)
+    _, first = np.unique(ds["time"].values, return_index=True)
+    if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
+        lost = ds.sizes["time"] - first.size
+        ds = ds.isel(time=first).assign_attrs(doubt=f"{lost} record(s) are means over the time of another: the first is taken")
     noted = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
     return ds.assign_attrs(interval_seconds=own_interval(noted))
 
@@ -267,12 +278,21 @@ def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
 
 
 def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
-    """Join files with the same variables and grid in order of time; of repeated records the first is kept.
+    """Join files with the same variables and grid in order of time.
 
-    Files without time stay by themselves: of two with the same field a run takes the one named later.
+    Of files that share dates the one named later counts, from its first to its last record: mixed, the series would jump to
+    and fro between two forecasts. Files without time stay by themselves: of two a run takes the one named later.
     """
     if len(parts) == 1 or any("time" not in part.dims for part in parts):
         return parts
+    whole = list(parts)
+    parts, told = _later_counts(parts)
+    if any(MEAN_OF in part.coords for part in parts):
+        parts = [
+            part if MEAN_OF in part.coords
+            else part.assign_coords({MEAN_OF: ("time", np.full(part.sizes["time"], part.attrs["averaging_seconds"]))})
+            for part in parts
+        ]  # fmt: skip
     parts = sorted(parts, key=lambda part: part["time"].values[0])
     joined = xr.concat(
         parts,
@@ -285,9 +305,35 @@ def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
     )
     stated = [part.attrs["stated_seconds"] for part in parts if "stated_seconds" in part.attrs]
     joined = joined.assign_attrs(stated_seconds=min(stated)) if stated else joined
-    _, first = np.unique(joined["time"].values, return_index=True)
-    whole = first.size == joined.sizes["time"] and np.all(np.diff(first) == 1)
-    return [_sourced(joined if whole else joined.isel(time=first), parts)]
+    order = np.argsort(joined["time"].values, kind="stable")
+    joined = _sourced(joined if np.all(np.diff(order) == 1) else joined.isel(time=order), whole)
+    said = "; ".join(filter(None, [str(joined.attrs.get("told", "")), told]))
+    return [joined.assign_attrs(told=said) if said else joined]
+
+
+def _later_counts(parts: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
+    """Take the records out of files that one named later has too, with what lies between them; say so."""
+    dates = [part["time"].values for part in parts]
+    kept = [np.ones(each.size, bool) for each in dates]
+    order = sorted(range(len(parts)), key=lambda k: dates[k][0])
+    over: list[tuple[int, int]] = []
+    for place, one in enumerate(order):
+        for other in order[place + 1 :]:
+            if dates[other][0] > dates[one][-1]:
+                break
+            if np.intersect1d(dates[one], dates[other]).size:
+                earlier, later = sorted((one, other))
+                kept[earlier] &= (dates[earlier] < dates[later][0]) | (dates[earlier] > dates[later][-1])
+                over.append((earlier, later))
+    if not over:
+        return parts, ""
+    names = [Path(str(part.attrs["source"])).name for part in parts]
+    earlier, later = over[0]
+    told = (
+        f"{len(over)} pair(s) of files share dates: of each the one named later counts, such as {names[later]} over "
+        f"{names[earlier]} from {minute(dates[later][0])} to {minute(dates[later][-1])}"
+    )
+    return [part.isel(time=flags) for part, flags in zip(parts, kept, strict=True) if flags.any()], told
 
 
 def _merged(parts: list[xr.Dataset]) -> list[xr.Dataset]:

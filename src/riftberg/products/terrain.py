@@ -102,7 +102,8 @@ def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: An
 
 
 def _same_points(a: xr.DataArray, b: xr.DataArray) -> bool:
-    return a["lat"].shape == b["lat"].shape and bool(
+    # Rows of u on straight axes are those of the cells: their longitudes alone tell them apart.
+    return all(a[axis].shape == b[axis].shape for axis in ("lat", "lon")) and bool(
         np.allclose(a["lat"], b["lat"], equal_nan=True) and np.allclose(a["lon"], b["lon"], equal_nan=True)
     )
 

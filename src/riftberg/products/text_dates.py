@@ -20,6 +20,12 @@ _SINCE = re.compile(r"^\s*([A-Za-z]+)\s+since\s+(.*?)\s*$", re.I)
 _UNITS = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "proleptic_gregorian"}
 _MOST = 1_000_000
 
+CALENDARS = (
+    "standard", "gregorian", "proleptic_gregorian", "julian", "noleap", "365_day", "all_leap", "366_day", "360_day",
+)  # fmt: skip
+"""Calendars of CF."""
+_CALENDARS = {"gregorianproleptic": "proleptic_gregorian"} | {name.replace("_", ""): name for name in CALENDARS}
+
 
 def with_text_dates(ds: xr.Dataset) -> xr.Dataset:
     """Return a dataset, decoded or not, with numbers since 1970 in place of texts that are the dates of its fields.
@@ -108,7 +114,7 @@ def _seconds(text: str) -> float | None:
 
 
 def with_plain_time_units(ds: xr.Dataset) -> xr.Dataset:
-    """Return a dataset whose units of time read ``hours since DATE``, however their letters were written."""
+    """Return a dataset whose units of time read ``hours since DATE`` in a calendar of CF, however they were written."""
     for variable in ds.variables.values():
         units = variable.attrs.get("units")
         match = _SINCE.match(units) if isinstance(units, str) else None
@@ -116,4 +122,7 @@ def with_plain_time_units(ds: xr.Dataset) -> xr.Dataset:
             plain = f"{match[1].lower()} since {match[2]}"
             if plain != units:
                 variable.attrs["units"] = plain
+            written = re.sub(r"[^a-z0-9]", "", str(variable.attrs.get("calendar", "")).lower()).removesuffix("s")
+            if written in _CALENDARS:
+                variable.attrs["calendar"] = _CALENDARS[written]
     return ds

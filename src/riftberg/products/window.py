@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.products.axes import goes_round, on_branch
-from riftberg.products.records import hold_of
+from riftberg.products.records import cover_of
+from riftberg.values import nanoseconds
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
@@ -23,7 +24,7 @@ def utc(value: Any) -> np.datetime64:
         value = value.astimezone(UTC).replace(tzinfo=None)
     if isinstance(value, str):
         value = value.removesuffix("Z")
-    return np.datetime64(value, "ns")
+    return np.datetime64(nanoseconds(value, where="date", kind=ForcingError)[()])
 
 
 def window(
@@ -212,12 +213,15 @@ def extent_text(ds: xr.Dataset) -> str:
     return f"{np.nanmin(lon):g}..{np.nanmax(lon):g} E, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
 
 
-def window_in_time(ds: xr.Dataset, time: tuple[Any, Any]) -> xr.Dataset:
-    """Return the records of a time and one more on each side; `ForcingError` if there is none."""
-    first, last = utc(time[0]), utc(time[1])
-    records = ds["time"].values
-    held = np.timedelta64(int(hold_of(ds)), "s")
-    if last < records[0] - held or first > records[-1] + held:
+def window_in_time(ds: xr.Dataset, time: tuple[Any, Any], margin: float = 0.0) -> xr.Dataset:
+    """Return the records of a time, widened by a margin (s), and one more on each side; `ForcingError` if there is none."""
+    spare = np.timedelta64(round(margin), "s")
+    first, last = (
+        utc(moment).astype("datetime64[us]") + way * spare for moment, way in zip(time, (-1, 1), strict=True)
+    )
+    records = ds["time"].values.astype(first.dtype)
+    begins, ends = cover_of(ds)
+    if last < begins or first > ends:
         raise ForcingError(
             f"no record lies in {first.astype('M8[m]')}..{last.astype('M8[m]')}: the data run from "
             f"{records[0].astype('M8[m]')} to {records[-1].astype('M8[m]')}",

@@ -1,0 +1,88 @@
+"""Grid files that lie beside output of a model: found by what they hold, never by their name alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.netcdf_lock import open_lazily
+
+_SAME = ("h", "mask_rho", "mask_u", "mask_v", "angle", "pm", "pn", "f")
+"""Fields of a grid that output often repeats, by which a grid is known to be its own."""
+
+
+def grid_of(
+    ds: xr.Dataset, patterns: Sequence[str], wanted: Sequence[str], fits: Callable[[xr.Dataset], bool]
+) -> xr.Dataset | None:
+    """Return what the one grid file beside a file gives; None if there is none.
+
+    Parameters
+    ----------
+    ds : xarray.Dataset
+        The file, with ``encoding["source"]``.
+    patterns : sequence of str
+        Patterns of names in its folder.
+    wanted : iterable of str
+        Variables to take; the first two are the positions that a grid file must have.
+    fits : callable
+        Whether a grid has the size of the file.
+
+    Returns
+    -------
+    xarray.Dataset or None
+        With the attribute ``told``, which names the grid file.
+
+    Raises
+    ------
+    ForcingError
+        If two different grids fit, or those that are there belong to something else.
+    """
+    where = str(ds.encoding.get("source", ""))
+    folder = Path(where).parent
+    own = Path(str(ds.attrs.get("grd_file", ""))).name
+    files = sorted({path for pattern in patterns for path in folder.glob(pattern)} - {Path(where)})
+    stated = bool(own) and (folder / own).is_file()
+    fitting: dict[str, xr.Dataset] = {}
+    others: list[str] = []
+    sure = stated
+    for path in [folder / own] if stated else files:
+        try:
+            # Times of a grid file matter to nobody, and those of a stray file may be none.
+            with open_lazily(path, decode_times=False) as opened:
+                if not set(wanted[:2]) <= set(opened.variables):
+                    continue
+                shared = [name for name in _SAME if _comparable(ds, opened, name)]
+                if not fits(opened) or not all(_close(ds[name], opened[name]) for name in shared):
+                    others.append(path.name)
+                    continue
+                held = opened[[name for name in wanted if name in opened.variables]].load().reset_coords()
+        except Exception:  # a neighbour that cannot be read is no grid of this file
+            others.append(path.name)
+            continue
+        fitting[path.name] = held
+        sure = sure or bool(shared)
+    if not fitting and not others:
+        return None
+    first = next(iter(fitting.values()), None)
+    unlike = [name for name, grid in fitting.items() if not all(_close(grid[n], first[n]) for n in wanted[:2])]
+    if first is None or unlike or (own and not sure):
+        what = (
+            f"{len(fitting)} different grids beside it fit: {', '.join(fitting)}" if unlike
+            else f"its positions are in its grid file {own}, which is not beside it; {', '.join(fitting)} may be another's" if first is not None
+            else f"the grid files beside it are those of another grid, or cannot be read: {', '.join(others)}"
+        )  # fmt: skip
+        raise ForcingError(what, where=where, remedy="Put its own grid file, and no other, into the same folder")
+    by = "of the same size" if not sure else "named in the file" if stated else "of the same sea floor or mask"
+    return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
+
+
+def _comparable(ds: xr.Dataset, grid: xr.Dataset, name: str) -> bool:
+    return name in ds.variables and name in grid.variables and 0 < ds[name].ndim == grid[name].ndim
+
+
+def _close(a: xr.DataArray, b: xr.DataArray) -> bool:
+    return a.shape == b.shape and bool(np.allclose(a.values, b.values, rtol=1e-3, atol=1e-3, equal_nan=True))
