@@ -254,7 +254,9 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
     for number, ds in enumerate(datasets):
         for later in range(number + 1, len(datasets)):
             if twice := [str(name) for name in ds.data_vars if last.get(str(name)) == later and name not in left_out]:
-                said = f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
+                said = (
+                    f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
+                )
                 given[later].attrs["told"] = "; ".join(filter(None, [str(given[later].attrs.get("told", "")), said]))
     return [ds for ds in given if ds.data_vars]
 

@@ -11,7 +11,7 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.netcdf_lock import open_lazily
 
-_SAME = ("h", "mask_rho", "mask_u", "mask_v", "angle", "pm", "pn", "f")
+_SAME = ("h", "mask_rho", "mask_u", "mask_v")
 """Fields of a grid that output often repeats, by which a grid is known to be its own."""
 
 
@@ -44,11 +44,11 @@ def grid_of(
     where = str(ds.encoding.get("source", ""))
     folder = Path(where).parent
     own = Path(str(ds.attrs.get("grd_file", ""))).name
-    files = sorted({path for pattern in patterns for path in folder.glob(pattern)} - {Path(where)})
     stated = bool(own) and (folder / own).is_file()
-    fitting: dict[str, xr.Dataset] = {}
+    files = sorted({path for pattern in patterns for path in folder.glob(pattern)} - {Path(where)})
+    alike: dict[str, xr.Dataset] = {}
+    proven: dict[str, xr.Dataset] = {}
     others: list[str] = []
-    sure = stated
     for path in [folder / own] if stated else files:
         try:
             # Times of a grid file matter to nobody, and those of a stray file may be none.
@@ -63,20 +63,21 @@ def grid_of(
         except Exception:  # a neighbour that cannot be read is no grid of this file
             others.append(path.name)
             continue
-        fitting[path.name] = held
-        sure = sure or bool(shared)
+        (proven if shared or stated else alike)[path.name] = held
+    fitting = proven or alike
+    names, remedy = ", ".join(fitting or others), "Put its own grid file, and no other, into the same folder"
     if not fitting and not others:
         return None
-    first = next(iter(fitting.values()), None)
-    unlike = [name for name, grid in fitting.items() if not all(_close(grid[n], first[n]) for n in wanted[:2])]
-    if first is None or unlike or (own and not sure):
-        what = (
-            f"{len(fitting)} different grids beside it fit: {', '.join(fitting)}" if unlike
-            else f"its positions are in its grid file {own}, which is not beside it; {', '.join(fitting)} may be another's" if first is not None
-            else f"the grid files beside it are those of another grid, or cannot be read: {', '.join(others)}"
-        )  # fmt: skip
-        raise ForcingError(what, where=where, remedy="Put its own grid file, and no other, into the same folder")
-    by = "of the same size" if not sure else "named in the file" if stated else "of the same sea floor or mask"
+    if not fitting:
+        what = f"the grid files beside it are those of another grid, or cannot be read: {names}"
+        raise ForcingError(what, where=where, remedy=remedy)
+    if own and not proven:
+        what = f"its positions are in its grid file {own}, which is not beside it; {names} may be that of another"
+        raise ForcingError(what, where=where, remedy=remedy)
+    first = next(iter(fitting.values()))
+    if not all(_close(grid[name], first[name]) for grid in fitting.values() for name in wanted[:2]):
+        raise ForcingError(f"{len(fitting)} different grids beside it fit: {names}", where=where, remedy=remedy)
+    by = "named in the file" if stated else "of the same sea floor or mask" if proven else "of the same size"
     return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
 
 

@@ -68,8 +68,8 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
         )
     if dims:
         chosen = _best(ds, [c for c in stamped if ds[c].dims == (dims[0],)], dims[0])
-        bare = field.sizes[dims[0]] == 1 and (chosen is None or bool(ds[chosen].isnull().all()))
-        if bare and (covered := _covered(ds)) is not None:  # of one record the heading may say when it was
+        undated = field.sizes[dims[0]] == 1 and (chosen is None or bool(ds[chosen].isnull().all()))
+        if undated and (covered := _covered(ds)) is not None:  # of one record the heading may say when it was
             field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
             return _with_dates(field, xr.DataArray([covered], dims="time"))
         if chosen is None and (text := dict(ds.encoding.get("texts", {})).get(dims[0])):

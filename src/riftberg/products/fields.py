@@ -21,7 +21,7 @@ from riftberg.products.roles import coordinates_of, units_of
 from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
-_KEPT = ("time", MEAN_OF, "depth", "lat", "lon", "y", "x", "grid_angle")
+_KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
 
 
 def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
@@ -124,6 +124,7 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     field, one = _one_member(ds, name, field, where)
     field, remarks = judged(ds, name, field, quantity, where=where)
     field = positioned(ds, name, field, where=where)
@@ -140,7 +141,7 @@ def _canonical(
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
         field = (-field).where(field < 0.0)
     along = field.attrs.get("along")
-    field = field.drop_vars([c for c in field.coords if c not in _KEPT])
+    field = field.drop_vars([c for c in field.coords if c not in _KEPT]).assign_coords(means)
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
     noted = {
         "original_name": name,

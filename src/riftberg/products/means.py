@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.records import DAY_SECONDS, MEAN_OF, Dates, named, usual_interval
+from riftberg.products.records import DAY_SECONDS, MEAN_OF, named, usual_interval
 
 MONTH = (28 * DAY_SECONDS, 31 * DAY_SECONDS)
 """Lengths (s) of months."""
@@ -21,7 +23,7 @@ def in_mid_month(ds: xr.Dataset) -> xr.Dataset:
     return _standing_for(ds, (end - start) / np.timedelta64(1, "s"), start + (end - start) / 2)
 
 
-def _standing_for(ds: xr.Dataset, seconds: np.ndarray, dates: Dates) -> xr.Dataset:
+def _standing_for(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> xr.Dataset:
     """Return means of so many seconds each, in the middle of them."""
     ds = ds.assign_coords({"time": ("time", dates, ds["time"].attrs), MEAN_OF: ("time", seconds, {"units": "s"})})
     return ds.assign_attrs(averaging_seconds=float(np.median(seconds)))
@@ -66,10 +68,10 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
         )  # fmt: skip
     if by_month and (first or last):
         return _told(in_mid_month(ds), f"monthly means ({said}) without bounds, stamped {stamp}, are put in mid-month")
-    into = (records - days.astype(records.dtype)) / np.timedelta64(1, "s")
+    into = np.asarray((records - days.astype(records.dtype)) / np.timedelta64(1, "s"))
     middle = np.full(records.size, 0.5 * step)
     if by_month and step:  # a stamp within two days of the middle is meant as such
-        into = (records - months.astype(records.dtype)) / np.timedelta64(1, "s")
+        into = np.asarray((records - months.astype(records.dtype)) / np.timedelta64(1, "s"))
         middle = np.clip(into, 13.0 * DAY_SECONDS, 17.0 * DAY_SECONDS)
     elif step == DAY_SECONDS and not into.any():
         ds = _standing_for(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))

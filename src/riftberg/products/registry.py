@@ -265,7 +265,9 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     _, first = np.unique(ds["time"].values, return_index=True)
     if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
         lost = ds.sizes["time"] - first.size
-        ds = ds.isel(time=first).assign_attrs(doubt=f"{lost} record(s) are means over the time of another: the first is taken")
+        ds = ds.isel(time=first).assign_attrs(
+            doubt=f"{lost} record(s) are means over the time of another: the first is taken"
+        )
     noted = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
     return ds.assign_attrs(interval_seconds=own_interval(noted))
 

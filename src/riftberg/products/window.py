@@ -24,7 +24,8 @@ def utc(value: Any) -> np.datetime64:
         value = value.astimezone(UTC).replace(tzinfo=None)
     if isinstance(value, str):
         value = value.removesuffix("Z")
-    return np.datetime64(nanoseconds(value, where="date", kind=ForcingError)[()])
+    moment: np.datetime64 = nanoseconds([value], where="date", kind=ForcingError)[0]
+    return moment
 
 
 def window(
