@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -191,3 +192,14 @@ def test_cells_of_the_forcing_itself_are_known_without_a_search(tmp_path) -> Non
     assert float(recorders[0].monthly()["ficeberg"].max()) > 0.0
     xr.testing.assert_identical(*(recorder.monthly() for recorder in recorders))
     xr.testing.assert_identical(*(recorder.moments() for recorder in recorders))
+
+
+@pytest.mark.parametrize("year", ["0101", "2600"])
+def test_model_years_come_back_as_they_are(tmp_path, year: str) -> None:
+    """Coupled models count years of their own; to the nanosecond 2600 is 2015."""
+    run(tmp_path, start=f"{year}-01-31 06:00")
+    for name in ("f-monthly.nc", "f-instantaneous.nc"):
+        with netCDF4.Dataset(tmp_path / name) as file:
+            bounds = netCDF4.num2date(file["time_bnds"][:], file["time"].units, file["time"].calendar)
+            assert bounds[0, 0].isoformat() == f"{year}-01-31T06:00:00"
+            assert bounds[-1, 1].isoformat() == f"{year}-02-02T06:00:00"

@@ -3,8 +3,9 @@
 The canonical dataset
 ---------------------
 Dimensions
-    ``time`` (``datetime64[ns]``, UTC, standard calendar; absent for static fields), ``depth`` (m, positive down,
-    ascending; only where the product has levels), ``lat`` and ``lon`` (degrees, ascending).
+    ``time`` (``datetime64[ns]``, UTC, standard calendar; absent for static fields), with ``averaging_period`` (s) beside
+    it where records are means of known bounds; ``depth`` (m, positive down, ascending; only where the product has
+    levels), ``lat`` and ``lon`` (degrees, ascending).
     Longitudes run from -180 to 180; a regional field that crosses the date line goes on beyond 180 (for example
     170..190), so that they stay ascending. Products on a projected grid keep ``y`` and ``x`` (m) with the projection
     in the attribute ``crs_wkt``; products on a curvilinear ocean grid keep ``y``, ``x`` with two-dimensional ``lat``

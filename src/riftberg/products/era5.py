@@ -62,7 +62,7 @@ PRODUCT = Product(
     longest_step=DAY_SECONDS,
     variants=(("new Climate Data Store", "layout"), ("ARCO Zarr store", "documentation")),
     notes=(
-        "instantaneous values at their stamp",
+        "instantaneous values at their stamp; monthly means (GRIB_stepType avgua, avgad) in mid-month",
         "mean wave direction is the direction the waves come FROM",
         "waves come on a half-degree grid in a file of their own",
     ),

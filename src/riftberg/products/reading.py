@@ -150,7 +150,10 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
             if "://" not in path and Path(path).is_file():
                 from zarr.storage import ZipStore
 
-                place, options = ZipStore(path, mode="r"), {"group": _zipped(path) or None, "consolidated": False, **options}
+                place, options = (
+                    ZipStore(path, mode="r"),
+                    {"group": _zipped(path) or None, "consolidated": False, **options},
+                )
             store: xr.Dataset = xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options})
         except (OSError, ValueError, ImportError, KeyError, TypeError) as error:
             remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
