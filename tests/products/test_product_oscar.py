@@ -40,6 +40,7 @@ def test_v2_days_follow_one_another_and_repeats_are_dropped(tmp_path: Path) -> N
     ds = open_product(paths)
     assert list(ds["time"].values.astype("M8[h]").astype(str)) == ["2020-12-16T12", "2020-12-17T12"]
     np.testing.assert_allclose(ds["uo"].values[:, 0, 0], [0.1, 0.2])
+    assert "of each the more final counts" in ds.attrs["told"]
     assert open_product(str(tmp_path / "*final*.nc")).sizes["time"] == 2
 
 

@@ -239,7 +239,7 @@ def _with_wind(names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _seconds(dates: NDArray[np.datetime64], start: datetime) -> Floats:
     """Return dates as seconds since a start; three centuries apart are more nanoseconds than a difference holds."""
-    whole = dates.astype("datetime64[s]")
+    whole: Any = dates.astype("datetime64[s]")
     since, part = whole - utc(start).astype("datetime64[us]"), dates - whole.astype(dates.dtype)
     return np.asarray(since / np.timedelta64(1, "s") + part / np.timedelta64(1, "s"), np.float64)
 

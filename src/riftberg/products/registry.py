@@ -35,6 +35,9 @@ from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, minute, own_interval
 from riftberg.products.vectors import together
 
+STAGES = ("nrt", "interim", "final")
+"""Issues of one file, the most final last, as OSCAR has them in its names."""
+
 LONGEST_NAME = 60
 """Letters of the title of a dataset that serve as its name."""
 
@@ -314,8 +317,13 @@ def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
 
 
 def _later_counts(parts: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
-    """Take the records out of files that one named later has too, with what lies between them; say so."""
+    """Take the records out of files that one named later has too, with what lies between them; say so.
+
+    Of OSCAR's issues of one day (final, interim, nrt) the most final counts, in whatever order a pattern names them.
+    """
     dates = [part["time"].values for part in parts]
+    names = [Path(str(part.attrs["source"])).name for part in parts]
+    stages = [next((k for k, word in enumerate(STAGES, 1) if f"_{word}_" in name), 0) for name in names]
     kept = [np.ones(each.size, bool) for each in dates]
     order = sorted(range(len(parts)), key=lambda k: dates[k][0])
     over: list[tuple[int, int]] = []
@@ -325,15 +333,17 @@ def _later_counts(parts: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:
                 break
             if np.intersect1d(dates[one], dates[other]).size:
                 earlier, later = sorted((one, other))
+                if stages[earlier] > stages[later] > 0:
+                    earlier, later = later, earlier
                 kept[earlier] &= (dates[earlier] < dates[later][0]) | (dates[earlier] > dates[later][-1])
                 over.append((earlier, later))
     if not over:
         return parts, ""
-    names = [Path(str(part.attrs["source"])).name for part in parts]
     earlier, later = over[0]
+    rule = "the more final" if earlier > later else "the one named later"
     told = (
-        f"{len(over)} pair(s) of files share dates: of each the one named later counts, such as {names[later]} over "
-        f"{names[earlier]} from {minute(dates[later][0])} to {minute(dates[later][-1])}"
+        f"{len(over)} pair(s) of files share dates: of each {rule} counts, such as {names[later]} over {names[earlier]} "
+        f"from {minute(dates[later][0])} to {minute(dates[later][-1])}"
     )
     return [part.isel(time=flags) for part, flags in zip(parts, kept, strict=True) if flags.any()], told
 
