@@ -270,9 +270,10 @@ def test_instants_with_bounds_stay_at_their_stamps(tmp_path: Path) -> None:
     assert forced(written(tmp_path, ds), day(1.0))[0] == pytest.approx(0.15, abs=1e-3)
 
 
-def test_bounds_that_do_not_hold_their_dates_are_not_believed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("factor", "shift"), [(0.0, 0.0), (1.0, 700.0), (-1.0, 0.0)])
+def test_bounds_that_do_not_hold_their_dates_are_not_believed(tmp_path: Path, factor: float, shift: float) -> None:
     ds = bounded([[k, k + 1.0] for k in range(4)], "middle")
-    ds["time_bnds"] = ds["time_bnds"] * 0.0
+    ds["time_bnds"] = factor * ds["time_bnds"] + shift
     path = written(tmp_path, ds)
     assert forced(path, day(1.0))[0] == pytest.approx(0.1, abs=1e-3)
 
@@ -301,6 +302,24 @@ def test_of_two_forecasts_the_one_named_later_counts(tmp_path: Path, step: float
     assert "issued_16.nc over issued_17.nc" in said
     assert forced([second, first], day(4.25))[0] == pytest.approx(2.425, abs=1e-3)  # beyond the first
     assert "issued_17.nc over issued_16.nc" in doctor([first, second], needed=()).text()
+
+
+def test_a_file_with_a_field_beside_those_that_overlap(tmp_path: Path) -> None:
+    """The sea level is named last and lies on the grid of the first currents: these count no later for it."""
+    files = forecasts(tmp_path)
+    days = np.arange(0.0, 4.0, 0.25)
+    with xr.open_dataset(files[0], decode_times=False) as ds:
+        level = ds.load()[["uo"]].rename(uo="ssh")
+    level["ssh"] = (0.0 * level["ssh"]).assign_attrs(standard_name="sea_surface_height_above_geoid", units="m")
+    level.to_netcdf(tmp_path / "level.nc")
+    other = dated(growing(days, offset=2.0), days).isel(lon=slice(1, None))
+    other.to_netcdf(tmp_path / "other_grid.nc")
+    assert forced([files[0], tmp_path / "other_grid.nc", tmp_path / "level.nc"], day(1.0))[0] == pytest.approx(
+        2.1, abs=1e-3
+    )
+    assert forced([tmp_path / "other_grid.nc", files[0], tmp_path / "level.nc"], day(1.0))[0] == pytest.approx(
+        0.1, abs=1e-3
+    )
 
 
 def test_three_forecasts_of_wind(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def test_of_two_files_with_the_same_field_the_later_counts_and_is_told(shared: P
     assert report.ready, report.text()
     assert len(report.notes) == 1
     assert report.notes[0].startswith("depth_below_surface is in 2 sets of files")
-    assert report.notes[0].endswith("a68_experiment_ll_p125_grid.nc); of these a run from files takes the last")
+    assert report.notes[0].endswith("a68_experiment_ll_p125_grid.nc); of these a run takes the file named last")
 
 
 def test_files_of_a_run_that_are_no_forcing_are_named(shared: Path) -> None:

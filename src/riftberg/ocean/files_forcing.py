@@ -245,20 +245,32 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
     held = {str(name) for ds in datasets for name in ds.data_vars}
     if settings.wind == "none" or {"ua", "va"} <= held:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
-    last = {str(name): number for number, ds in enumerate(datasets) for name in ds.data_vars if str(name) in WANTED}
+    places = sorted(
+        (_place(ds, str(name), number), number, str(name))
+        for number, ds in enumerate(datasets)
+        for name in ds.data_vars
+        if str(name) in WANTED
+    )
+    last = {name: number for _, number, name in places}
     kept = [
         [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
         for number, ds in enumerate(datasets)
     ]
     given = [ds[names].assign_attrs(ds.attrs) for ds, names in zip(datasets, kept, strict=True)]
     for number, ds in enumerate(datasets):
-        for later in range(number + 1, len(datasets)):
+        for later in set(last.values()) - {number}:
             if twice := [str(name) for name in ds.data_vars if last.get(str(name)) == later and name not in left_out]:
                 said = (
                     f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
                 )
                 given[later].attrs["told"] = "; ".join(filter(None, [str(given[later].attrs.get("told", "")), said]))
     return [ds for ds in given if ds.data_vars]
+
+
+def _place(ds: xr.Dataset, name: str, number: int) -> int:
+    """Return the place among the files of the last that gives a field; of vectors both components have one."""
+    pair = next((pair for pair in records.VECTORS if name in pair), (name,))
+    return max(int(ds[part].attrs.get(records.PLACE, number)) for part in pair if part in ds.data_vars)
 
 
 def _box(longitude: tuple[float, float]) -> tuple[float, float]:

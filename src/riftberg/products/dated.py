@@ -100,7 +100,7 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
 def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
     """Return the coordinates of a field that hold dates; numbers like 20201216 are turned into dates in place."""
     stamps: list[str] = []
-    faults: dict[str, ForcingError] = {}
+    faults: dict[str, tuple[str, str]] = {}
     for other, role, declared in list(coordinates_of(ds, name)):
         variable = ds[other]
         if role != "time" or variable.ndim > 1:
@@ -118,20 +118,18 @@ def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
             calendar = str(variable.attrs.get("calendar", "standard")).lower()
             if not early and calendar not in CALENDARS:
                 fault = f"in a calendar {calendar!r} that nobody knows: CF has {', '.join(CALENDARS)}"
-            faults[other] = ForcingError(
+            faults[other] = (
                 f"{other} counts {units_of(variable)!r}, {fault}",
-                where=where,
-                remedy=f"Write {other} in days or hours since a date, or as dates in Python: ds.assign_coords({other}=dates)",
+                f"Write {other} in days or hours since a date, or as dates in Python: ds.assign_coords({other}=dates)",
             )
         elif variable.ndim == 1 and declared and variable.dims == (other,):
-            faults[other] = ForcingError(
+            faults[other] = (
                 f"time has no units that say since when it counts ({other} reads {units_of(variable)!r})",
-                where=where,
-                remedy=f"Write units such as 'hours since 2020-12-01 00:00:00' on {other}",
+                f"Write units such as 'hours since 2020-12-01 00:00:00' on {other}",
             )
-    for other, error in faults.items():  # another variable may date the same records (time_centered of XIOS)
+    for other, (what, remedy) in faults.items():  # another variable may date the same records (time_centered of XIOS)
         if not any(ds[stamp].dims == (other,) for stamp in stamps):
-            raise error
+            raise ForcingError(what, where=where, remedy=remedy)
     return stamps
 
 

@@ -427,7 +427,7 @@ def _conclude(report: Report, needed: Sequence[str]) -> None:
         if len(holders) > 1:
             files = ", ".join(Path(finding.files[0]).name for finding in holders)
             report.notes.append(
-                f"{name} is in {len(holders)} sets of files ({files}); of these a run from files takes the last"
+                f"{name} is in {len(holders)} sets of files ({files}); of these a run takes the file named last"
             )
     good = {item.name for finding in report.data for item in finding.fields if item.missing_share < 1.0}
     report.missing = [name for name in needed if name not in good]

@@ -35,6 +35,9 @@ REMARKS: Final = ("told", "unread", "doubt")
 MEAN_OF: Final = "averaging_period"
 """Coordinate of records that are means: the time (s) that each of them stands for."""
 
+PLACE: Final = "place_among_files"
+"""Attribute of a field of a run: the place of its last file among those that were named."""
+
 FEW_RECORDS: Final = 3
 """Fewer records than these show little of their interval."""
 

@@ -32,7 +32,7 @@ from riftberg.products.levels import uppermost
 from riftberg.products.means import settled
 from riftberg.products.product import Product
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
-from riftberg.products.records import MEAN_OF, minute, own_interval
+from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
 
 STAGES = ("nrt", "interim", "final")
@@ -200,7 +200,10 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
     """
     opened = open_named((path, product) for path in expand(paths))
     # Currents keep their levels, for a mean over the draft.
-    return opened if levels else [uppermost(ds, ("sst", "sss")) for ds in opened]
+    opened = opened if levels else [uppermost(ds, ("sst", "sss")) for ds in opened]
+    for field in [field for ds in opened for field in ds.data_vars.values()]:
+        field.attrs.pop(PLACE, None)
+    return opened
 
 
 def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:
@@ -223,12 +226,14 @@ def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: b
         for ds in read(path, chosen):
             groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
-    merged = _merged([_settled(part, product) for part, product in joined])
-    return sorted(together(merged) if turned else merged, key=lambda ds: max(order.get(path, 0) for path in _files(ds)))
+    merged = _merged([_named(_settled(part, product), order) for part, product in joined])
+    return together(merged) if turned else merged
 
 
-def _files(ds: xr.Dataset) -> list[str]:
-    return str(ds.attrs["source"]).split(", ")
+def _named(ds: xr.Dataset, order: dict[str, int]) -> xr.Dataset:
+    """Note on each field the place of its last file among those named: of two that give it a run takes the later."""
+    last = max(order.get(path, 0) for path in str(ds.attrs["source"]).split(", "))
+    return ds.assign({name: field.assign_attrs({PLACE: last}) for name, field in ds.data_vars.items()})
 
 
 def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -290,7 +295,7 @@ def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
     """
     if len(parts) == 1 or any("time" not in part.dims for part in parts):
         return parts
-    whole = list(parts)
+    whole = sorted(parts, key=lambda part: part["time"].values[0])
     parts, told = _later_counts(parts)
     if any(MEAN_OF in part.coords for part in parts):
         parts = [
