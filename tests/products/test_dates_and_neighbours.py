@@ -378,11 +378,12 @@ def test_the_grid_beside_is_named(tmp_path: Path) -> None:
     value, told = current_of(path)
     assert "grid file model_grd.nc, of the same size" in told
     assert "model_grd.nc" in doctor([path], needed=()).text()
-    # Neighbours whose times or contents are none, or whose names only sound like grids, disturb nobody.
-    with netCDF4.Dataset(tmp_path / "a_grid.nc", "w") as file:
-        for name, size in (("eta_rho", 50), ("xi_rho", 50), ("time", 1)):
-            file.createDimension(name, size)
-        file.createVariable("time", "f8", ("time",)).setncatts({"units": "days since 1", "calendar": "none such"})
+    # Its times are none, and no more are those of neighbours; others cannot be read, or have names that only sound like grids.
+    for name in ("model_grd.nc", "a_grid.nc"):
+        with netCDF4.Dataset(tmp_path / name, "a" if name == "model_grd.nc" else "w") as file:
+            file.createDimension("time", 1)
+            units = {"units": "seconds since 2016-01-01", "calendar": "none such"}
+            file.createVariable("time", "f8", ("time",)).setncatts(units)
     (tmp_path / "b_grid.nc").write_bytes(b"CDF\x01 no more")
     moved(tmp_path, "background.nc")
     assert current_of(path) == (value, told)
