@@ -378,6 +378,7 @@ def test_the_grid_beside_is_named(tmp_path: Path) -> None:
     value, told = current_of(path)
     assert "grid file model_grd.nc, of the same size" in told
     assert "model_grd.nc" in doctor([path], needed=()).text()
+    moved(tmp_path, "background.nc")
     # Its times are none, and no more are those of neighbours; others cannot be read, or have names that only sound like grids.
     for name in ("model_grd.nc", "a_grid.nc"):
         with netCDF4.Dataset(tmp_path / name, "a" if name == "model_grd.nc" else "w") as file:
@@ -385,7 +386,6 @@ def test_the_grid_beside_is_named(tmp_path: Path) -> None:
             units = {"units": "seconds since 2016-01-01", "calendar": "none such"}
             file.createVariable("time", "f8", ("time",)).setncatts(units)
     (tmp_path / "b_grid.nc").write_bytes(b"CDF\x01 no more")
-    moved(tmp_path, "background.nc")
     assert current_of(path) == (value, told)
 
 
