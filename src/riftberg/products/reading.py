@@ -28,7 +28,7 @@ _OPENINGS = (
     (
         b"PK\x03\x04",
         "a zip archive",
-        "Unzip it and give the .nc files inside (the Climate Data Store packs one per kind of step)",
+        "Unzip it and give the .nc files or the .zarr folder inside (the Climate Data Store packs one per kind of step)",
     ),
     (b"\x1f\x8b", "a gzip file", "Unpack it first: gunzip FILE"),
     (b"GRIB", "a GRIB file", "Convert it: grib_to_netcdf or cdo -f nc copy, or ask the service for netCDF"),
@@ -50,7 +50,9 @@ def is_zarr(path: str) -> bool:
     """Tell whether ``path`` names a Zarr store (a folder or an address)."""
     folder = Path(path)
     marks = (".zgroup", ".zmetadata", "zarr.json")
-    return ".zarr" in path or (folder.is_dir() and any((folder / mark).exists() for mark in marks))
+    if "://" in path:
+        return ".zarr" in path
+    return not folder.is_file() and (folder.suffix == ".zarr" or any((folder / mark).exists() for mark in marks))
 
 
 def check_readable(path: str) -> None:
@@ -133,6 +135,9 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
             store: xr.Dataset = xr.open_zarr(path, decode_cf=False, **{"chunks": None, **options})
         except (OSError, ValueError, ImportError) as error:
             remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
+            if "://" not in path:
+                there = "The folder is no whole Zarr store: fetch or write it again"
+                remedy = there if Path(path).exists() else "Check the name and the folder"
             raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
     return store
 
