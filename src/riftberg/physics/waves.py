@@ -10,8 +10,11 @@ from riftberg.kernels import kernel
 
 
 class Waves(NamedTuple):
-    """Given waves at an element: significant height (m; negative: none are given), mean period (s; 0: not known), and the
-    direction in which they travel (eastward and northward part, of any length)."""
+    """Given waves at an element.
+
+    Significant height (m; negative: none are given), mean period (s; 0: not known), and the eastward and northward part of
+    the direction in which they travel, together of any length.
+    """
 
     height: float
     period: float

@@ -172,6 +172,7 @@ def strange_height(variable: xr.Variable | xr.DataArray) -> bool:
 
 
 _FAMILIES: dict[str, tuple[tuple[str, ...], re.Pattern[str]]] = {
+    "sea state": (("wave_height",), re.compile(r"(?<!long)(?<!short)_waves?_|swell|significant_\w*height")),
     "current": (("uo",), re.compile(r"sea_water_(\w+_)?(velocity|speed)|sea_water_speed|\bcurrents?\b")),
     "sea level": (("ssh",), re.compile(r"sea_surface_(height|elevation)|sea_level|dynamic_topography")),
     "wind": (("ua", "taux"), re.compile(r"wind|surface_(downward|upward)_\w*stress")),
@@ -179,7 +180,6 @@ _FAMILIES: dict[str, tuple[tuple[str, ...], re.Pattern[str]]] = {
     "sea ice": (("ice_fraction", "ice_thickness", "ui"), re.compile(r"sea_?ice")),
     "temperature": (("sst",), re.compile(r"sea_(water|surface)_(\w+_)?temperature")),
     "salinity": (("sss",), re.compile(r"sea_(water|surface)_(\w+_)?salinity")),
-    "sea state": (("wave_height",), re.compile(r"(?<!long)(?<!short)_waves?_|swell|significant_\w*height")),
 }  # fmt: skip
 """What a run takes: the quantities of which one is enough, and the words that speak of it."""
 

@@ -393,14 +393,14 @@ def _judge(finding: FieldFinding, points: int) -> None:
     if finding.missing_share == 1.0:
         finding.problems.append("holds no value at all in the experiment: all land or missing")
         return
-    most = QUANTITIES[finding.name].limit
-    if finding.low < -most or finding.high > most:
-        finding.problems.append(
-            f"values beyond {most:g} {finding.units} are not believable: check the units in the file"
-        )
-    elif fault := unlikely(finding.name, finding.low, finding.high):
+    most, fault = QUANTITIES[finding.name].limit, unlikely(finding.name, finding.low, finding.high)
+    if fault.startswith("beyond"):
+        fault = f"values beyond {most:g} {finding.units} are not believable"
+    if fault:
         finding.problems.append(f"{fault}: check the units in the file")
-    if finding.original_units and (doubt := small_unit(finding.name, finding.low, finding.high, finding.original_units)):
+    if finding.original_units and (
+        doubt := small_unit(finding.name, finding.low, finding.high, finding.original_units)
+    ):
         finding.problems.append(f"{doubt} If so, correct the file; it is a doubt {HARMLESS}")
     if finding.low == finding.high == 0.0:
         finding.problems.append("is zero everywhere in the experiment: check that the right variable was written")

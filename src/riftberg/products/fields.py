@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, canonicalise, conversion
+from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.cf import (
     TO_DIRECTION,
     above_ellipsoid,
@@ -146,13 +146,14 @@ def _canonical(
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
         field = (-field).where(field < 0.0)
         if strange_height(ds[name]):
-            one.append(f"{name} ({standard_name(ds[name])}) is taken as a height, positive up: where negative, there is water")
-    if quantity == "wave_direction" and standard_name(ds[name]) == TO_DIRECTION:
-        half = 180.0 * (1.0 if conversion(QUANTITIES[quantity], units, where=where)[0] == 1.0 else np.pi / 180.0)
-        field = (field + half) % (2.0 * half)
+            one.append(
+                f"{name} ({standard_name(ds[name])}) is taken as a height, positive up: where negative, there is water"
+            )
     along = field.attrs.get("along")
     field = field.drop_vars([c for c in field.coords if c not in _KEPT])
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
+    if quantity == "wave_direction" and standard_name(ds[name]) == TO_DIRECTION:
+        field = ((field + 180.0) % 360.0).assign_attrs(field.attrs)
     noted = {
         "original_name": name,
         "original_units": units,

@@ -123,7 +123,7 @@ def _of_air(axis: xr.DataArray, quantity: str) -> bool:
     if quantity not in (*_WATER, "ssh"):
         return False
     kind, above = kind_of(axis), float(np.nanmax(np.asarray(axis.values, float), initial=-np.inf)) > 0.0
-    return kind == "pressure" and units_of(axis).strip().lower() in _PRESSURES or (kind in ("sigma", "height") and above)
+    return kind == "pressure" or (kind in ("sigma", "height") and above)
 
 
 def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> None:

@@ -281,19 +281,19 @@ def _projected(
         )
     if pair and off > EXACT * spacing + CLOSE:
         why = "" if radius else ", whose radius of the Earth is not given"
-        placed = f"{name} stands at the latitudes and longitudes of its file, {off / 1000.0:.1f} km from its projection{why}"
+        said = f"the latitudes and longitudes of the file are taken, {off / 1000.0:.1f} km from its projection{why}"
         lat, lon = (_checked_degrees(ds[c].transpose(y_dim, x_dim), name).values for c in pair)
         bare = bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
-        return bare.assign_attrs(placed=placed)
+        return bare.assign_attrs(placed=said)
     if degrees:  # of a rotated pole
         lon, lat = to_degrees(crs, *np.meshgrid(x, y))
         return bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
-    placed = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
-    for position, attributes in zip(pair, (_NORTH, _EAST), strict=False):
+    placed: xr.DataArray = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
+    for kind, position, attributes in zip(("lat", "lon"), pair, (_NORTH, _EAST), strict=False):
         values = ds[position].transpose(y_dim, x_dim).values
-        placed = placed.assign_coords({attributes["standard_name"][:3]: (("y", "x"), values, attributes)})
+        placed = placed.assign_coords({kind: (("y", "x"), values, attributes)})
     if not radius and not pair:
-        said = f"the projection of {name} states no radius of the Earth: WGS84 is taken, a sphere would put it some 10 km aside"
+        said = "the projection states no radius of the Earth: WGS84 is taken, a sphere would lead some 10 km aside"
         placed = placed.assign_attrs(placed=said)
     return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
 
