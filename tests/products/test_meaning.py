@@ -114,7 +114,8 @@ def test_a_berg_where_the_depth_is_negative_is_told_the_number(tmp_path: Path) -
     """Mountains higher than the water is deep do not show that the sign is wrong; the berg does."""
     ds = with_floor("bathymetry", "", lambda x, y: np.where(x > CENTRE + 1.4, 2900.0, -300.0))
     with pytest.raises(
-        ForcingError, match=r"on land by these data: the depth is -300 m there, or they hold heights.*on bathymetry"
+        ForcingError,
+        match=r"is on land: no depth_below_surface but -300 m is known there, or these are heights.*on bathymetry",
     ):
         forcing_of(tmp_path, written(tmp_path, ds).name).check(elements(), 0.0, 8640.0)
     land = with_floor("bathymetry", "", lambda x, y: np.where(x < CENTRE + 1.4, np.nan, 2900.0))

@@ -347,7 +347,9 @@ class DatasetForcing(ShownForcing):
             row = int(np.flatnonzero(dry)[0])
             what, remedy = f"is on land: no {name} is known there", "Move the berg, or give data that know it"
             if values[row] < 0.0:
-                what = f"is on land by these data: the depth is {values[row]:.4g} m there, or they hold heights, positive up"
+                what = (
+                    f"is on land: no {name} but {values[row]:.4g} m is known there, or these are heights, positive up"
+                )
                 remedy = f"Move the berg; of heights change the sign, or write positive: up on {part.original(name)}"
             raise ForcingError(f"{_named(elements, row)} {what}", where=part.source, remedy=remedy)
 

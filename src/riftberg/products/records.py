@@ -220,7 +220,7 @@ def _a_few(field: xr.DataArray) -> NDArray[Any]:
     if "time" in field.dims:
         field = field.isel(time=np.unique(np.linspace(0, field.sizes["time"] - 1, 3).astype(int)))
     values = values_of(field)
-    return values[np.isfinite(values)]
+    return np.asarray(values[np.isfinite(values)])
 
 
 def minute(moment: np.datetime64) -> str:
