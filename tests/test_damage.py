@@ -174,7 +174,7 @@ def test_it_is_in_the_run_file_where_it_is_on(tmp_path: Path) -> None:
 def test_a_restart_of_the_layout_before_damage_is_read(tmp_path: Path) -> None:
     path = Model(bergs(), Steady()).save(tmp_path / "a.nc")
     with netCDF4.Dataset(path, "a") as file:
-        assert file.riftberg_restart_format == FORMAT == 4
+        assert file.riftberg_restart_format == FORMAT == 5
         file.renameVariable("bond_damage", "bond_nothing")
         older = json.loads(file.parameters_json)
         del older["damage"]

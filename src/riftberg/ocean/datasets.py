@@ -30,7 +30,7 @@ from riftberg.ocean.product_records import ProductRecords
 from riftberg.ocean.shown import ShownForcing
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
-from riftberg.products.records import check_pairs, in_python, named, named_remarks
+from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
 from riftberg.values import given, moment, number, required
@@ -47,6 +47,7 @@ FILLS: Final = {
     "sss": ("sss",),
     "ice_fraction": ("ice_fraction",),
     "ice_thickness": ("ice_thickness",),
+    "wave_height": ("wave_height", "wave_x", "wave_y", "wave_period"),
 }
 """Variables of the elements that come from a field of a product; vectors are named by their eastward component."""
 
@@ -79,6 +80,11 @@ class Part(NamedTuple):
         attributes = self.records.ds.attrs
         return str(attributes.get("product") or attributes.get("source", "data"))
 
+    def original(self, name: str) -> str:
+        """Name of a field in its file."""
+        field = self.records.ds.get(name)
+        return str(name if field is None else field.attrs.get("original_name", name))
+
     @property
     def shown(self) -> str:
         """Name for titles: the product, or the files where nothing but their conventions is known."""
@@ -105,7 +111,7 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
 
 def served(records: ProductRecords) -> tuple[str, ...]:
     """Return the fields (keys of `FILLS`) that records hold."""
-    return tuple(name for name in FILLS if name in records.names)
+    return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
 
 
 class DatasetForcing(ShownForcing):
@@ -220,7 +226,8 @@ class DatasetForcing(ShownForcing):
         for ds in given:
             if "unread" in ds.attrs:
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
-        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": named_remarks(given), **options})
+        notices = [*named_remarks(given), *idle_fields(given), *doubtful_units(given)]
+        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": notices, **options})
         forcing.start = begin
         return forcing
 
@@ -258,6 +265,11 @@ class DatasetForcing(ShownForcing):
                 e.slope_x[:], e.slope_y[:] = part.mesh.slopes(_nodes(part, "ssh", time), e.lon, e.lat)
             else:
                 fill_slopes(moment, places, part.mesh.points, e.lon, e.lat, e.slope_x, e.slope_y)
+            return
+        if name == "wave_height":
+            for variable in FILLS[name]:
+                known = variable in part.records.names
+                getattr(e, variable)[:] = np.nan_to_num(_values(part, variable, places, time, None)) if known else 0.0
             return
         draft = draft_of(e.body.thickness, self._density) if name == "uo" and part.records.has_levels else None
         components = (name, VECTORS[name]) if name in VECTORS else (name,)
@@ -332,11 +344,14 @@ class DatasetForcing(ShownForcing):
         values = _values(part, name, places, time, None)
         dry = values <= 0.0 if name == "depth_below_surface" else np.isnan(values)
         if dry.any():
-            raise ForcingError(
-                f"{_named(elements, int(np.flatnonzero(dry)[0]))} is on land: no {name} is known there",
-                where=part.source,
-                remedy="Move the berg, or give data that know it",
-            )
+            row = int(np.flatnonzero(dry)[0])
+            what, remedy = f"is on land: no {name} is known there", "Move the berg, or give data that know it"
+            if values[row] < 0.0:
+                what = (
+                    f"is on land: no {name} but {values[row]:.4g} m is known there, or these are heights, positive up"
+                )
+                remedy = f"Move the berg; of heights change the sign, or write positive: up on {part.original(name)}"
+            raise ForcingError(f"{_named(elements, row)} {what}", where=part.source, remedy=remedy)
 
     def _check_keels(self, part: Part, elements: Elements) -> None:
         row = int(elements.thickness.argmax())

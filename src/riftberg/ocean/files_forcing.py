@@ -29,7 +29,7 @@ from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window, window_in_time
 from riftberg.state import Floats
 
-WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy"})
+WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy", *records.WAVES})
 """Canonical fields that a run takes from its files."""
 
 MOVING = WANTED - {"depth_below_surface", "sst", "sss", "ice_fraction", "ice_thickness", "taux", "tauy"}
@@ -119,7 +119,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         draft=float(run.drafts.mean()),
         coastal_drift=settings.coastal_drift,
         grid=grid,
-        notices=_notices(datasets, settings),
+        notices=(*_notices(datasets, settings), *_unused(opened, datasets, run)),
     )
 
 
@@ -212,7 +212,7 @@ def _lines(low: float, high: float, spacing: float) -> Floats:
 def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
     """Return what the files leave out, and doubts about them, in a line each."""
     held = {str(name) for ds in datasets for name in ds.data_vars}
-    notices = records.named_remarks(datasets)
+    notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
     if "ssh" not in held and settings.sea_level == "files":
         notices.append(
             "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
@@ -226,6 +226,20 @@ def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ..
         if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if str(name) in MOVING])
     ]
     return tuple(notices)
+
+
+def _unused(opened: list[xr.Dataset], datasets: list[xr.Dataset], run: Run) -> list[str]:
+    """Return what the files hold and this run does not use, in a line each."""
+    said = records.idle_fields(opened)
+    held = {str(name): ds for ds in opened for name in ds.data_vars}
+    taken = {str(name) for ds in datasets for name in ds.data_vars}
+    if {"taux", "ua"} <= set(held) and "ua" in taken:
+        said.append(f"{records.named(held['taux'])}: wind stress (taux, tauy) is not used beside a wind")
+    if not run.melts and (idle := [name for name in ("sst", "sss", "ice_fraction") if name in taken]):
+        said.append(f"{', '.join(idle)} serve melt alone, which is off in this run")
+    if run.melts and "wave_height" in taken:
+        said.append("given waves push the berg; what waves melt follows from the wind all the same")
+    return said
 
 
 def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | None]]:
@@ -249,9 +263,11 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         (_place(ds, str(name), number), number, str(name))
         for number, ds in enumerate(datasets)
         for name in ds.data_vars
-        if str(name) in WANTED
+        if str(name) in WANTED and (str(name) not in records.WAVES or records.have_waves(ds))
     )
     last = {name: number for _, number, name in places}
+    if "wave_period" in last:
+        last["wave_period"] = last["wave_height"]  # that of the same waves
     kept = [
         [str(name) for name in ds.data_vars if last.get(str(name)) == number and name not in left_out]
         for number, ds in enumerate(datasets)

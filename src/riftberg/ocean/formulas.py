@@ -122,6 +122,7 @@ def clear_environment(elements: Elements) -> None:
     environment.depth[:] = np.inf
     for name in UNKNOWN:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+    environment.wave_height[:] = FIELD_DEFAULTS["wave_height"]
 
 
 def fill_open_depth(elements: Elements) -> None:

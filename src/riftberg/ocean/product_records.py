@@ -84,7 +84,7 @@ class ProductRecords:
     Attributes
     ----------
     names : tuple of str
-        Canonical names of the fields; wind stress has become wind.
+        Canonical names of the fields; wind stress has become wind, the direction of waves its parts.
     dates : ndarray of datetime64
         Dates of the records (UTC); none for fields without time.
     times : list of float
@@ -105,7 +105,7 @@ class ProductRecords:
         self.start, self._reader = start, reader
         self.dates = np.asarray(_dates(ds) if moments is None else moments, "datetime64[ns]")
         self.times = [float(t) for t in _seconds(self.dates, start)]
-        self.names = _with_wind(tuple(map(str, ds.data_vars)))
+        self.names = _as_they_act(tuple(map(str, ds.data_vars)))
         size = sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
         self._length = int(np.clip(BLOCK_BYTES / (8 * max(size, 1)), 1, MOST_RECORDS))
         self._blocks: dict[int, Block] = {}
@@ -212,6 +212,9 @@ class ProductRecords:
             check_believable(name, values, part.assign_attrs(self.ds.attrs), self.dates[records])
         if "taux" in block and "tauy" in block and "ua" not in block:
             block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
+        if "wave_direction" in block:  # from where they come; its parts can be interpolated, degrees cannot
+            angle = np.deg2rad(block.pop("wave_direction"))
+            block["wave_x"], block["wave_y"] = -np.sin(angle), -np.cos(angle)
         if "depth_below_surface" in block:  # land counts as depth 0, so that shores shoal
             block["depth_below_surface"] = np.nan_to_num(block["depth_below_surface"])
         # The dictionary is replaced, never changed: other threads look into it without the lock.
@@ -229,8 +232,10 @@ def _levels_to(ds: xr.Dataset, keel: float) -> tuple[xr.Dataset, Floats]:
     return ds.isel(depth=slice(0, layers)), limits[: layers + 1]
 
 
-def _with_wind(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of fields; wind stress becomes wind."""
+def _as_they_act(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of fields; wind stress becomes wind, the direction of waves its two parts."""
+    if "wave_direction" in names:
+        names = (*(name for name in names if name != "wave_direction"), "wave_x", "wave_y")
     if not {"taux", "tauy"} <= set(names):
         return names
     others = tuple(name for name in names if name not in ("taux", "tauy"))

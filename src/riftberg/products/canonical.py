@@ -255,7 +255,8 @@ def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, fl
     key = " ".join(units.split()).lower()
     if key not in table:
         raise ForcingError(
-            f"units {units!r} are not known for {quantity.name} ({quantity.long_name})",
+            f"units {units!r} are not known for {quantity.name} ({quantity.long_name})"
+            + ("" if key else ": the file gives none"),
             where=where,
             remedy=f"Convert it to {quantity.units} and write that into the file (read too: {', '.join(_ways(table))})",
         )
@@ -314,6 +315,8 @@ def unlikely(name: str, low: float, high: float) -> str:
     """
     quantity = QUANTITIES[name]
     least, most = quantity.range
+    if name == "ice_fraction" and most < high <= 100.5:
+        return f"up to {high:.3g} it looks like per cent, and the file does not say so"
     if high > most or low < -most:
         return f"beyond {most:g} it is not believable"
     if name == "sss" and 0.0 < high <= FRESH:
@@ -322,4 +325,28 @@ def unlikely(name: str, low: float, high: float) -> str:
         return f"below {least:g} it is not believable"
     if name == "depth_below_surface" and low < high <= 0.0:
         return "nowhere is there water: it looks like a height, positive up"
+    if name == "depth_below_surface" and -low > high > low:
+        return f"from {low:.4g} to {high:.4g} m it looks like a height, positive up (of depths, leave land missing)"
     return ""
+
+
+USUAL_MOST = {
+    "uo": 2.0, "ui": 0.5, "ua": 50.0, "ssh": 3.0, "ice_fraction": 1.0, "ice_thickness": 10.0, "wave_height": 20.0,
+}  # fmt: skip
+"""Numbers up to these, under a smaller unit such as cm or per cent, may be meant in the canonical unit."""
+
+
+def doubtful_below(name: str, units: str) -> float:
+    """Return the magnitude (canonical units) up to which all of a field leaves the unit of its file in doubt; 0 for none."""
+    factor = conversion(QUANTITIES[name], units, where=name)[0] if name in USUAL_MOST else 1.0
+    return factor * USUAL_MOST[name] * (1.0 + 1e-6) if factor < 0.2 else 0.0
+
+
+def small_unit(name: str, low: float, high: float, units: str) -> str:
+    """Return a doubt about the unit of a field with values from ``low`` to ``high``; empty if there is none."""
+    largest = max(-low, high)
+    if not 0.0 < largest <= doubtful_below(name, units):
+        return ""
+    numbers = largest / conversion(QUANTITIES[name], units, where=name)[0]
+    meant = "shares of 1" if QUANTITIES[name].units == "1" else QUANTITIES[name].units
+    return f"{name} is at most {numbers:.3g} in magnitude although the file says {units}: are these {meant}?"

@@ -16,6 +16,9 @@ from riftberg.products.canonical import QUANTITIES
 from riftberg.products.product import Product, Source
 from riftberg.products.roles import coordinates_of, standard_name
 
+TO_DIRECTION = "sea_surface_wave_to_direction"
+"""Standard name of the direction into which waves travel; the canonical one is that from which they come."""
+
 _STANDARD: dict[str, tuple[str, ...]] = {
     "uo": ("eastward_sea_water_velocity", "surface_eastward_sea_water_velocity"),
     "vo": ("northward_sea_water_velocity", "surface_northward_sea_water_velocity"),
@@ -32,7 +35,7 @@ _STANDARD: dict[str, tuple[str, ...]] = {
     "vi": ("northward_sea_ice_velocity",),
     "wave_height": ("sea_surface_wave_significant_height",),
     "wave_period": ("sea_surface_wave_mean_period",),
-    "wave_direction": ("sea_surface_wave_from_direction",),
+    "wave_direction": ("sea_surface_wave_from_direction", TO_DIRECTION),
     "depth_below_surface": (
         "sea_floor_depth_below_geoid", "sea_floor_depth_below_mean_sea_level", "sea_floor_depth_below_sea_level",
         "sea_floor_depth",
@@ -84,7 +87,7 @@ _ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
 
 
 _OTHERS = re.compile(
-    r"tid|stokes|geostrophic|anomaly|error|wave_to|gust|barotropic|(velocity|temperature|salinity)_at_sea_floor|bottom|"
+    r"tid|stokes|geostrophic|anomaly|error|(wind|swell)_wave|gust|barotropic|(velocity|temperature|salinity)_at_sea_floor|bottom|"
     r"westward|southward|upward_(east|north|x_|y_)"
 )
 """Standard names of what a run does not take: parts of a current, other levels, other signs."""
@@ -117,6 +120,7 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
             return by_name
     usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
     usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
+    usual = [name for name in usual if quantity != "ssh" or not above_ellipsoid(ds.variables[name])]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
 
 
@@ -137,19 +141,38 @@ def _near_enough(ds: xr.Dataset, name: str) -> bool:
     return not _OTHERS.search(standard_name(ds.variables[name]))
 
 
+def above_ellipsoid(variable: xr.Variable | xr.DataArray) -> bool:
+    """Tell whether a sea level counts from the ellipsoid: it holds the slope of the geoid, which moves nothing."""
+    said, words = standard_name(variable), str(variable.attrs.get("long_name", "")).lower()
+    return "ellipsoid" in said or ("ellipsoid" in words and "geoid" not in said + words)
+
+
 def turned_away(ds: xr.Dataset) -> str:
     """Return which variables have a usual name and a standard name of something else, in words; empty if none."""
-    names = [name for name in map(str, ds.variables) if name in USUAL_NAMES and not _near_enough(ds, name)]
-    return "; ".join(f"{name} is {standard_name(ds.variables[name])}, which is none of these" for name in names[:4])
+    held = {name: ds.variables[name] for name in map(str, ds.variables) if name in USUAL_NAMES}
+    away = {
+        name: standard_name(variable) or str(variable.attrs.get("long_name", ""))
+        for name, variable in held.items()
+        if not _near_enough(ds, name) or (name in _USUAL["ssh"] and above_ellipsoid(variable))
+    }
+    return "; ".join(f"{name} is {said}, which is none of these" for name, said in list(away.items())[:4])
 
 
 def is_height(variable: xr.Variable | xr.DataArray, name: str) -> bool:
     """Tell whether a variable is the height of the ground, positive up, rather than the depth of the sea floor."""
     said = standard_name(variable)
-    return said in _HEIGHTS or (name == "elevation" and not said) or str(variable.attrs.get("positive", "")) == "up"
+    if said in _HEIGHTS or str(variable.attrs.get("positive", "")).lower() == "up":
+        return True
+    return name == "elevation" and said not in _STANDARD["depth_below_surface"]
+
+
+def strange_height(variable: xr.Variable | xr.DataArray) -> bool:
+    """Tell whether nothing but the name, or the sign, of a variable says that it is a height."""
+    return standard_name(variable) not in ("", *_HEIGHTS)
 
 
 _FAMILIES: dict[str, tuple[tuple[str, ...], re.Pattern[str]]] = {
+    "sea state": (("wave_height",), re.compile(r"(?<!long)(?<!short)_waves?_|swell|significant_\w*height")),
     "current": (("uo",), re.compile(r"sea_water_(\w+_)?(velocity|speed)|sea_water_speed|\bcurrents?\b")),
     "sea level": (("ssh",), re.compile(r"sea_surface_(height|elevation)|sea_level|dynamic_topography")),
     "wind": (("ua", "taux"), re.compile(r"wind|surface_(downward|upward)_\w*stress")),

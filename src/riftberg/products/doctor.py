@@ -13,16 +13,18 @@ from numpy.typing import NDArray
 from riftberg.errors import ForcingError
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.products.axes import goes_round, step_of
-from riftberg.products.canonical import PERCENT, QUANTITIES, unlikely
+from riftberg.products.canonical import QUANTITIES, small_unit, unlikely
 from riftberg.products.findings import DataFinding, FieldFinding, Report
 from riftberg.products.on_path import FILL_CELLS, box_share_outside, on_path
 from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
+    WAVES,
     Dates,
     cover_of,
     empty_by_field,
     gap_limit,
+    idle_fields,
     long_gaps,
     minute,
     own_interval,
@@ -102,13 +104,15 @@ def doctor(
     rules = {"max_gap_seconds": max_gap, "hold_seconds": hold}
     noted = {name: seconds for name, seconds in rules.items() if seconds is not None}
     report = Report()
-    for ds in _opened_entries(_entries(files, product, report), report):
+    opened = _opened_entries(_entries(files, product, report), report)
+    for ds in opened:
         try:
             report.data.append(_examined(ds.assign_attrs(noted), lon, lat, time, path))
         except ForcingError as error:
             report.unreadable[str(ds.attrs["source"])] = _without_place(error)
         except Exception as error:  # values that a damaged file does not give up
             report.unreadable[str(ds.attrs["source"])] = f"its values cannot be read ({error}). Fetch the file again"
+    report.notes += idle_fields(opened)
     _conclude(report, list(dict.fromkeys(needed)))
     return report
 
@@ -272,7 +276,10 @@ def _duration(seconds: float) -> str:
 
 
 def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, finding: DataFinding) -> None:
-    """Note where the experiment's box reaches beyond the data."""
+    """Note where the experiment's box reaches beyond the data, and what a single row of points lacks."""
+    for axis in ("lat", "lon", "y", "x"):
+        if ds.sizes.get(axis, 2) < 2 and not finding.problems:
+            finding.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
     if lon is None or lat is None or finding.problems:
         return
     if "lat" not in ds.dims and "node" not in ds.dims:
@@ -284,9 +291,6 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, finding:
         return
     if "node" in ds.dims:
         return
-    for axis in ("lat", "lon"):
-        if ds.sizes[axis] < 2:
-            finding.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
     east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
     near = longitudes_near(ds, lon[0], east)
     lats, lons = near["lat"].values, near["lon"].values
@@ -388,17 +392,15 @@ def _judge(finding: FieldFinding, points: int) -> None:
     if finding.missing_share == 1.0:
         finding.problems.append("holds no value at all in the experiment: all land or missing")
         return
-    most = QUANTITIES[finding.name].limit
-    if finding.low < -most or finding.high > most:
-        finding.problems.append(
-            f"values beyond {most:g} {finding.units} are not believable: check the units in the file"
-        )
-    elif fault := unlikely(finding.name, finding.low, finding.high):
+    most, fault = QUANTITIES[finding.name].limit, unlikely(finding.name, finding.low, finding.high)
+    if fault.startswith("beyond"):
+        fault = f"values beyond {most:g} {finding.units} are not believable"
+    if fault:
         finding.problems.append(f"{fault}: check the units in the file")
-    if finding.original_units in PERCENT and 0.0 < finding.high <= 0.01:
-        finding.problems.append(
-            f"at most {finding.high:.2%} although the file says {finding.original_units}: are these shares of 1?"
-        )
+    if finding.original_units and (
+        doubt := small_unit(finding.name, finding.low, finding.high, finding.original_units)
+    ):
+        finding.problems.append(f"{doubt} If so, correct the file; it is a doubt {HARMLESS}")
     if finding.low == finding.high == 0.0:
         finding.problems.append("is zero everywhere in the experiment: check that the right variable was written")
     if finding.missing_on_path:
@@ -410,6 +412,8 @@ def _effect(finding: FieldFinding) -> str:
     """Say what a run does where a field is missing on the path of the berg."""
     if finding.name == "depth_below_surface":
         return f"these count as land, {HARMLESS}"
+    if finding.name in WAVES:
+        return f"waves beside them are taken, else none, {HARMLESS}"
     if finding.name in MAY_BE_EMPTY:
         return f"ice beside them is taken, else open water, {HARMLESS}"
     if finding.unfilled_on_path:

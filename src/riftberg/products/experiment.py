@@ -29,8 +29,21 @@ _MONTHS = dict(
 _ZERO_LAND = (("uo", "vo"),)
 
 
+_NAMED = re.compile(r"a68_experiment|(jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)\d{4}_hourly", re.IGNORECASE)
+"""Names of the files of the experiment."""
+
+_SIZES = {"lat": 152, "lon": 232}
+"""Its grid."""
+
+
+def _is_named(ds: xr.Dataset) -> bool:
+    return _NAMED.search(Path(str(ds.encoding.get("source", ""))).name) is not None
+
+
 def _matches(ds: xr.Dataset) -> bool:
-    """Tell the bare style: fields named as in the model, no units, 1/8 degree, and no coordinate metadata."""
+    """Tell the bare style: fields named as in the model, no units; by its name or grid, for others have no units too."""
+    if not _is_named(ds) and {name: ds.sizes.get(name) for name in _SIZES} != _SIZES:
+        return False
     held = _FIELDS & set(map(str, ds.data_vars))
     bare = held and all("units" not in ds[name].attrs and "Unit" not in ds[name].attrs for name in held)
     alone = not (USUAL_NAMES - _FIELDS) & set(
@@ -62,7 +75,7 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
     size = ds.sizes["lat"], ds.sizes["lon"]
     wanted = ("longitude", "latitude")
     grid = grid_of(ds, ("*_grid.nc",), wanted, lambda other: other["latitude"].shape == size) if where else None
-    if grid is None and not re.search("a68|hourly", Path(where).name.lower()):
+    if grid is None and not _is_named(ds):
         return ds  # not a file of the experiment: what it lacks is said in general words
     if grid is None:
         raise ForcingError(

@@ -10,14 +10,23 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, canonicalise
-from riftberg.products.cf import by_standard_name, is_height, statistic, turned_away, unread
+from riftberg.products.cf import (
+    TO_DIRECTION,
+    above_ellipsoid,
+    by_standard_name,
+    is_height,
+    statistic,
+    strange_height,
+    turned_away,
+    unread,
+)
 from riftberg.products.dated import dated, declared_mean
 from riftberg.products.levels import judged
 from riftberg.products.packing import VALID
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
 from riftberg.products.records import MEAN_OF
-from riftberg.products.roles import coordinates_of, units_of
+from riftberg.products.roles import coordinates_of, standard_name, units_of
 from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
@@ -122,6 +131,11 @@ def _canonical(
             f"{name} is no {QUANTITIES[quantity].long_name} at its dates but a statistic of it: {other}", where=where,
             remedy=f"Give the values or their means, or leave it out: ncks -x -v {name} FILE OUT",
         )  # fmt: skip
+    if quantity == "ssh" and above_ellipsoid(ds[name]):
+        raise ForcingError(
+            f"{name} is the height of the sea above the ellipsoid, whose slope is that of the geoid", where=where,
+            remedy=f"Subtract the geoid (ADT), or leave it out: ncks -x -v {name} FILE OUT",
+        )  # fmt: skip
     attributes = dict(ds[name].attrs)
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
@@ -132,7 +146,7 @@ def _canonical(
     def place(other: str) -> xr.DataArray:
         return positioned(ds, other, dated(ds, other, where=where, moves=False), where=where)
 
-    wkt = field.attrs.get("crs_wkt", "")
+    wkt, placed = field.attrs.get("crs_wkt", ""), str(field.attrs.pop("placed", ""))
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
     if quantity in COMPONENTS and not is_true(field, name):
         field = with_angle(ds, field, name, place, where=where)
@@ -140,9 +154,15 @@ def _canonical(
         field = on_depths(ds, field, _levels(ds, name), place, where=where)
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
         field = (-field).where(field < 0.0)
+        if strange_height(ds[name]):
+            one.append(
+                f"{name} ({standard_name(ds[name])}) is taken as a height, positive up: where negative, there is water"
+            )
     along = field.attrs.get("along")
     field = field.drop_vars([c for c in field.coords if c not in _KEPT]).assign_coords(means)
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")
+    if quantity == "wave_direction" and standard_name(ds[name]) == TO_DIRECTION:
+        field = ((field + 180.0) % 360.0).assign_attrs(field.attrs)
     noted = {
         "original_name": name,
         "original_units": units,
@@ -151,7 +171,9 @@ def _canonical(
         VALID: attributes.get(VALID),
     }
     field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
-    return field, [*one, *remarks]
+    if not units_of(ds[name]) and units and QUANTITIES[quantity].units not in ("1", "1e-3"):
+        remarks = [*remarks, f"{name} has no units in the file: {units} is taken, as {product.name} writes it"]
+    return field, [*one, *remarks, *([placed] if placed else [])]
 
 
 def _levels(ds: xr.Dataset, name: str) -> xr.DataArray:

@@ -72,8 +72,13 @@ def judged(
             f"{name} has {len(dims)} dimensions of levels ({', '.join(dims)})", where=where,
             remedy=f"Choose one entry first, in Python: ds.isel({dims[-1]}=0)",
         )  # fmt: skip
-    for scalar in [c for c in levels if ds[c].ndim == 0]:
-        remarks += _judge_single(ds[scalar], _edges(ds, scalar), name, quantity, where)
+    scalars = [c for c in levels if ds[c].ndim == 0]
+    native = [c for c in levels if not _of_air(ds[c], quantity)]
+    for scalar in scalars:
+        if scalar not in native and (native or quantity == "ssh"):  # of the other variables of the file
+            remarks.append(f"{scalar} = {_level_value(ds[scalar]):g} says nothing of {name}")
+        else:
+            remarks += _judge_single(ds[scalar], _edges(ds, scalar), name, quantity, where)
         field = field.drop_vars(scalar, errors="ignore")
     if not dims:
         return field, remarks
@@ -111,6 +116,14 @@ def kind_of(axis: xr.DataArray) -> Kind:
     if metres:
         return "height" if str(axis.attrs.get("positive", "")).lower() == "up" else "depth"
     return "number"
+
+
+def _of_air(axis: xr.DataArray, quantity: str) -> bool:
+    """Tell whether a level of a field of the sea can only be one of the air: a pressure, a sigma above 0, a height."""
+    if quantity not in (*_WATER, "ssh"):
+        return False
+    kind, above = kind_of(axis), float(np.nanmax(np.asarray(axis.values, float), initial=-np.inf)) > 0.0
+    return kind == "pressure" or (kind in ("sigma", "height") and above)
 
 
 def _judge_words(field: xr.DataArray, name: str, quantity: str, where: str) -> None:

@@ -22,6 +22,16 @@ _NORTH = {"standard_name": "latitude", "units": "degrees_north"}
 _SOUTH_OR_WEST = re.compile(r"deg(?:ree)?s?[ _]?(?:s|south|w|west)", re.IGNORECASE)
 """Units of positions that count the other way; CF does not know them, and files have them."""
 
+METRES_PER_DEGREE = 111e3
+
+EXACT = 0.02
+"""Positions by a projection may differ from those of the file by this part of a cell, and by `CLOSE` metres."""
+
+CLOSE = 11.0
+
+LOST_RADIUS = 50e3
+"""A radius of the Earth that a grid mapping does not state explains no larger distance, m."""
+
 STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
@@ -234,7 +244,7 @@ def _projected(
     ds: xr.Dataset, name: str, field: xr.DataArray, rest: list[str], coordinates: list[tuple[str, Any, bool]]
 ) -> xr.DataArray | None:
     """Return a field on the axes of a map projection that the file or the product describes; None if it is on none."""
-    from riftberg.products.projected import METRES, crs_of_mapping, to_degrees
+    from riftberg.products.projected import METRES, crs_of_mapping, states_radius, to_degrees
 
     if len(rest) != 2:
         return None
@@ -256,16 +266,35 @@ def _projected(
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
+    if not degrees:
+        x, y = x * factor["x"], y * factor["y"]
+    pair = _two_dimensional(ds, coordinates, (y_dim, x_dim))
+    radius = ready or mapping is None or states_radius(mapping)
+    off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
+    spacing = max((float(abs(axis[1] - axis[0])) for axis in (x, y) if axis.size > 1), default=0.0)
+    spacing *= METRES_PER_DEGREE if degrees else 1.0
+    if off > max(0.5 * spacing, 0.0 if radius else LOST_RADIUS) + CLOSE:
+        raise ForcingError(
+            f"projection and positions of the file differ by {off / 1000.0:.1f} km",
+            where=str(ds.encoding.get("source", "")),
+            remedy="The file's grid mapping is wrong or missing: check its header",
+        )
+    if pair and off > EXACT * spacing + CLOSE:
+        why = "" if radius else ", whose radius of the Earth is not given"
+        said = f"the latitudes and longitudes of the file are taken, {off / 1000.0:.1f} km from its projection{why}"
+        lat, lon = (_checked_degrees(ds[c].transpose(y_dim, x_dim), name).values for c in pair)
+        bare = bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
+        return bare.assign_attrs(placed=said)
     if degrees:  # of a rotated pole
         lon, lat = to_degrees(crs, *np.meshgrid(x, y))
         return bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
-    x, y = x * factor["x"], y * factor["y"]
-    _check_against(ds, crs, x, y, coordinates, (y_dim, x_dim))
-    placed = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
-    for kind, attributes in (("lat", _NORTH), ("lon", _EAST)):
-        position = next((c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == {y_dim, x_dim}), None)
-        if position is not None:
-            placed = placed.assign_coords({kind: (("y", "x"), ds[position].transpose(y_dim, x_dim).values, attributes)})
+    placed: xr.DataArray = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
+    for kind, position, attributes in zip(("lat", "lon"), pair, (_NORTH, _EAST), strict=False):
+        values = ds[position].transpose(y_dim, x_dim).values
+        placed = placed.assign_coords({kind: (("y", "x"), values, attributes)})
+    if not radius and not pair:
+        said = "the projection states no radius of the Earth: WGS84 is taken, a sphere would lead some 10 km aside"
+        placed = placed.assign_attrs(placed=said)
     return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
 
 
@@ -281,30 +310,28 @@ def _serves(crs: Any, units: dict[str, str], degrees: bool) -> bool:
     return bool(crs.is_projected) and all(unit and unit in METRES for unit in units.values())
 
 
-def _check_against(
-    ds: xr.Dataset, crs: Any, x: Floats, y: Floats, coordinates: list[tuple[str, Any, bool]], dims: tuple[str, str]
-) -> None:
-    """Refuse a projection that does not lead to the two-dimensional positions that the file gives beside it."""
+def _two_dimensional(
+    ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], dims: tuple[str, str]
+) -> tuple[str, ...]:
+    """Return the names of two-dimensional latitudes and longitudes on some dimensions; nothing unless there are both."""
+    pair = [
+        next((c for c, role, _ in coordinates if role == wanted and set(ds[c].dims) == set(dims)), "")
+        for wanted in ("lat", "lon")
+    ]
+    return tuple(pair) if all(pair) else ()
+
+
+def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, ...], dims: tuple[str, str]) -> float:
+    """Return the largest distance (m) of positions by a projection from those that the file gives beside it."""
     from riftberg.products.projected import to_degrees
 
-    pair = [
-        next((c for c, role, _ in coordinates if role == wanted and set(ds[c].dims) == set(dims)), None)
-        for wanted in ("lon", "lat")
-    ]
-    if None in pair or x.size < 2 or y.size < 2:
-        return
     rows, columns = (np.unique(np.linspace(0, axis.size - 1, 9).astype(int)) for axis in (y, x))
     lon, lat = to_degrees(crs, *np.meshgrid(x[columns], y[rows]))
     stated = [ds[c].transpose(*dims).values[np.ix_(rows, columns)].astype(float) for c in pair]
-    east = ((lon - stated[0] + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat))
-    off = np.hypot(east, lat - stated[1]) * 111e3
-    spacing = max(abs(x[1] - x[0]), abs(y[1] - y[0]))
-    if np.isfinite(off).any() and np.nanmax(off) > 0.5 * spacing + 1e-4 * 111e3:
-        raise ForcingError(
-            f"projection and positions of the file differ by {np.nanmax(off) / 1000.0:.1f} km",
-            where=str(ds.encoding.get("source", "")),
-            remedy="The file's grid mapping is wrong or missing: check its header",
-        )
+    east = ((lon - stated[1] + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat))
+    off = np.hypot(east, lat - stated[0]) * METRES_PER_DEGREE
+    off = off[np.isfinite(off) & (np.abs(stated[0]) <= 90.0)]
+    return float(off.max(initial=0.0))
 
 
 def _map_axis(ds: xr.Dataset, name: str) -> str:

@@ -17,6 +17,20 @@ METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "me
 """Metres in the units of map axes."""
 
 
+_TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text", "proj_params", "proj_string")
+
+RADII = frozenset((
+    "earth_radius", "semi_major_axis", "semi_minor_axis", "inverse_flattening", "reference_ellipsoid_name", "crs_wkt",
+    "horizontal_datum_name", "geographic_crs_name",
+))  # fmt: skip
+"""Attributes of a grid mapping that say how large the Earth is."""
+
+
+def states_radius(mapping: xr.Variable) -> bool:
+    """Tell whether a grid mapping says how large the Earth is, by itself or in a text."""
+    return bool({*RADII, *_TEXTS} & set(mapping.attrs))
+
+
 def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
     """Name the projected axes ``x`` and ``y`` in metres and note the projection as ``crs_wkt``.
 
@@ -86,13 +100,11 @@ def crs_of_mapping(mapping: xr.Variable) -> Any:
     from pyproj.exceptions import CRSError
 
     attributes = _plain_attributes(mapping.attrs)
-    texts = [
-        attributes[key] for key in ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text") if key in attributes
-    ]
-    for reading, stated in (
-        (cast(Any, CRS).from_cf, attributes),
-        *((cast(Any, CRS).from_user_input, t) for t in texts),
-    ):
+    texts = [attributes[key] for key in _TEXTS if key in attributes]
+    ways = [(cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)]
+    if not RADII & set(attributes):  # a text may say which; without one the library takes WGS84
+        ways = [*ways[1:], ways[0]]
+    for reading, stated in ways:
         try:
             return reading(stated)
         except (CRSError, KeyError, ValueError, TypeError, AttributeError):

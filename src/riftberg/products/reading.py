@@ -30,7 +30,7 @@ _OPENINGS = (
     (
         b"PK\x03\x04",
         "a zip archive",
-        "Unzip it and give the .nc files inside (the Climate Data Store packs one per kind of step)",
+        "Unzip it and give the .nc files or the .zarr folder inside (the Climate Data Store packs one per kind of step)",
     ),
     (b"\x1f\x8b", "a gzip file", "Unpack it first: gunzip FILE"),
     (b"GRIB", "a GRIB file", "Convert it: grib_to_netcdf or cdo -f nc copy, or ask the service for netCDF"),
@@ -54,10 +54,12 @@ _MARKS = (".zgroup", ".zmetadata", "zarr.json")
 
 def is_zarr(path: str) -> bool:
     """Tell whether ``path`` names a Zarr store (a folder, a zip of one, or an address)."""
+    if "://" in path:
+        return ".zarr" in path
     place = Path(path)
-    if "://" not in path and place.is_file():
+    if place.is_file():
         return _zipped(path) is not None
-    return ".zarr" in path or (place.is_dir() and any((place / mark).exists() for mark in _MARKS))
+    return place.suffix == ".zarr" or any((place / mark).exists() for mark in _MARKS)
 
 
 def _zipped(path: str) -> str | None:
@@ -158,7 +160,8 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         except (OSError, ValueError, ImportError, KeyError, TypeError) as error:
             remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
             if "://" not in path:
-                remedy = "Check the name; the store may be incomplete: then copy or write it again"
+                there = "The folder is no whole Zarr store: fetch or write it again"
+                remedy = there if Path(path).exists() else "Check the name and the folder"
             raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
     return store
 

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES
+from riftberg.products.canonical import QUANTITIES, doubtful_below, small_unit
 
 Dates = NDArray[np.datetime64]
 Period = np.timedelta64 | float | None
@@ -46,8 +46,10 @@ LONGEST_OF_FEW: Final = 7 * DAY_SECONDS
 
 VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
 
-MAY_BE_EMPTY: Final = frozenset({"ice_fraction", "ice_thickness", "ui", "vi"})
-"""Sea ice is missing where there is none: a record without any of it is open water, not a gap."""
+WAVES: Final = ("wave_height", "wave_period", "wave_direction")
+
+MAY_BE_EMPTY: Final = frozenset({"ice_fraction", "ice_thickness", "ui", "vi", *WAVES, "wave_x", "wave_y"})
+"""Sea ice is missing where there is none, and waves where it is: a record without any of it is open water, not a gap."""
 
 
 class Gap(NamedTuple):
@@ -188,6 +190,51 @@ def check_pairs(datasets: Sequence[xr.Dataset]) -> None:
                     where=named(ds),
                     remedy=f"Add {the} {QUANTITIES[other].long_name}",
                 )
+
+
+def have_waves(ds: xr.Dataset) -> bool:
+    """Tell whether a dataset says how high the waves are and where they go: less is of no use."""
+    return {"wave_height", "wave_direction"} <= set(ds.data_vars)
+
+
+def idle_fields(datasets: Sequence[xr.Dataset]) -> list[str]:
+    """Return in words which fields act on nothing because another one is not given."""
+    said = [
+        f"{named(ds)}: {', '.join(waves)} not used, for waves need height and direction on one grid; they follow from the wind"
+        for ds in datasets
+        if (waves := [name for name in WAVES if name in ds.data_vars]) and not have_waves(ds)
+    ]
+    held = {str(name): ds for ds in datasets for name in ds.data_vars}
+    if ice := [name for name in ("ice_fraction", "ui") if name in held and "ice_thickness" not in held]:
+        said.append(f"{named(held[ice[0]])}: sea ice without its thickness (ice_thickness) exerts no drag")
+    return said
+
+
+def doubtful_units(datasets: Sequence[xr.Dataset]) -> list[str]:
+    """Return in words which fields have such small numbers that these seem to be of another unit than their file says.
+
+    Looked at are a few records of fields in cm, per cent and the like.
+    """
+    said = []
+    for ds in datasets:
+        for name in map(str, ds.data_vars):
+            units = str(ds[name].attrs.get("original_units", ""))
+            if not units or not doubtful_below(name, units):
+                continue
+            parts = [_a_few(ds[part]) for part in (name, dict(VECTORS).get(name)) if part in ds]
+            low, high = (float(f([f(values, initial=0.0) for values in parts])) for f in (np.min, np.max))
+            if doubt := small_unit(name, low, high, units):
+                said.append(f"{named(ds)}: {doubt}")
+    return said
+
+
+def _a_few(field: xr.DataArray) -> NDArray[Any]:
+    """Return the known values of a field in three of its records, at its uppermost level."""
+    field = field.isel(depth=0) if "depth" in field.dims else field
+    if "time" in field.dims:
+        field = field.isel(time=np.unique(np.linspace(0, field.sizes["time"] - 1, 3).astype(int)))
+    values = values_of(field)
+    return np.asarray(values[np.isfinite(values)])
 
 
 def minute(moment: np.datetime64) -> str:

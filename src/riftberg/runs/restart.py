@@ -52,7 +52,8 @@ ADDED = {
     "element_substeps": 3,
     "element_sides": 4,
     **{f"element_{name}": 4 for name in (*Life._fields, "keel_temperature", "keel_salinity")},
-    "element_entered": 5,  # earlier Riftbergs can read files that have it, so the layout is still 4
+    # Earlier Riftbergs can read files that have these, so the layout is still 4.
+    **{f"element_{name}": 5 for name in ("entered", "wave_height", "wave_period", "wave_x", "wave_y")},
 }
 """Variables that earlier layouts did not have, and the first that has them; states of their time had the default values."""
 

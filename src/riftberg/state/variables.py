@@ -212,6 +212,14 @@ class Environment(NamedTuple):
     ice_fraction: Annotated[Floats, _is("1", "sea-ice area fraction", standard_name="sea_ice_area_fraction")]
     ice_thickness: Annotated[Floats, _is("m", "sea-ice thickness", standard_name="sea_ice_thickness", output=True)]
     vorticity: Annotated[Floats, _is("s-1", "relative vorticity of the ocean current")]
+    wave_height: Annotated[
+        Floats,
+        _is("m", "significant height of given waves; negative where waves follow from the wind",
+            standard_name="sea_surface_wave_significant_height", default=-1.0),
+    ]  # fmt: skip
+    wave_period: Annotated[Floats, _is("s", "mean period of given waves; 0 where it is not known")]
+    wave_x: Annotated[Floats, _is("1", "eastward part of the direction in which given waves travel")]
+    wave_y: Annotated[Floats, _is("1", "northward part of the direction in which given waves travel")]
 
 
 class Elements(NamedTuple):

@@ -24,7 +24,7 @@ from riftberg.physics.drag import air_drag, exposed_sides, ocean_drag, sea_ice_d
 from riftberg.physics.floating import draft_of
 from riftberg.physics.grounding import grounded_fraction, grounding_rate, quadratic_grounding
 from riftberg.physics.slope import slope_acceleration
-from riftberg.physics.waves import wave_acceleration
+from riftberg.physics.waves import Waves, given_wave_acceleration, wave_acceleration
 from riftberg.state import Body, Elements, Environment, Floats, Place
 from riftberg.stepping.sizes import Sizes, sides_of
 
@@ -143,7 +143,7 @@ def grounded_part(thickness: float, depth: float, p: KernelParameters) -> float:
 def media_of(
     mass: float, length: float, width: float, thickness: float, sides: int, bonds: int, depth: float, ice_thickness: float,
     uo: float, vo: float, ua: float, va: float, ui: float, vi: float, slope_x: float, slope_y: float,
-    ground_area: float, ground_mass: float, p: KernelParameters,
+    waves: Waves, ground_area: float, ground_mass: float, p: KernelParameters,
 ) -> Media:  # fmt: skip
     """Find the rows of one element (equations 4.1; units as in `riftberg.state.ELEMENT_VARIABLES`).
 
@@ -151,6 +151,8 @@ def media_of(
     ----------
     sides, bonds : int
         Sides and unbroken bonds of the element.
+    waves : Waves
+        Given waves; without them they follow from the wind.
     ground_area, ground_mass : float
         Area (m2) and mass (kg) that the sea floor sees.
     """
@@ -161,12 +163,16 @@ def media_of(
     side = side_width(length, width, by_diameter)
     wave_length = side if by_diameter else length
     exposed = exposed_sides(bonds, sides, p.bonds_on and p.sides_by_bonds)
+    if waves.height < 0.0:
+        by_waves = wave_acceleration(ua, va, uo, vo, mass, freeboard, wave_length, side)
+    else:
+        by_waves = given_wave_acceleration(waves, mass, freeboard, wave_length, side)
     return Media(
         dragged(ocean_drag(mass, length, width, side, max(0.0, draft - ice), exposed, p.ocean_scale), uo, vo),
         pushed(slope_acceleration(slope_x, slope_y)),
         dragged(air_drag(mass, length, width, side, freeboard, exposed), ua, va),
         dragged(sea_ice_drag(mass, side, ice, exposed, ui, vi, p.frozen_sea_ice_drag), ui, vi),
-        pushed(wave_acceleration(ua, va, uo, vo, mass, freeboard, wave_length, side)),
+        pushed(by_waves),
         sea_floor(thickness, depth, ground_area, ground_mass, p),
     )
 
@@ -212,12 +218,18 @@ def find_surroundings(el: Elements | Seen, sizes: Sizes, around: Surroundings, p
         environment.ui,
         environment.vi,
     )
+    height, period, wave_x, wave_y = (
+        environment.wave_height,
+        environment.wave_period,
+        environment.wave_x,
+        environment.wave_y,
+    )
     media, coriolis, ground_area, ground_mass = around.media, around.coriolis, sizes.bond_area, sizes.bond_mass
     for e in range(mass.size):
         area, m = (ground_area[e], ground_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
         rows = media_of(
             mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], depth[e], ice[e], uo[e],
-            vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], area, m, p,
+            vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], Waves(height[e], period[e], wave_x[e], wave_y[e]), area, m, p,
         )  # fmt: skip
         put_row(media, e, 0, rows.water)
         put_row(media, e, 1, rows.slope)
