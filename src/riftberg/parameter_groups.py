@@ -335,7 +335,11 @@ class Stepping(Group):
     )
     interactions: bool = quantity(True, "", "bergs act on each other", "KID's interactive_icebergs_on")
     speed_limit: float = quantity(
-        10.0, "m s-1", "speed that no ice reaches: an element beyond it ends the run (not KID's speed_limit)", "Riftberg", gt=0
+        10.0,
+        "m s-1",
+        "speed that no ice reaches: an element beyond it ends the run (not KID's speed_limit)",
+        "Riftberg",
+        gt=0,
     )
 
 
@@ -652,7 +656,10 @@ class Compatibility(Group):
         "equations 4.2",
     )
     flung_debris: bool = quantity(
-        False, "", "Q42: contact, bonds and loads may fling elements beyond stepping.speed_limit, up to 1000 m/s", "equations 11"
+        False,
+        "",
+        "Q42: contact, bonds and loads may fling elements beyond stepping.speed_limit, up to 1000 m/s",
+        "equations 11",
     )
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"

@@ -88,7 +88,8 @@ def _flung(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
     """Whether elements owe their speed to their neighbours, now or earlier, more than to any force from outside."""
     partners = np.hypot(*_by_partners(run, before, applied).T)
     earlier = np.hypot(before.u, before.v) > run.parameters.stepping.speed_limit
-    return earlier | (partners > np.hypot(applied[..., 0], applied[..., 1]).max(axis=1))
+    outside = np.hypot(applied[..., 0], applied[..., 1]).max(axis=1)
+    return np.asarray(earlier | (partners > outside))
 
 
 def _by_partners(run: RunState, before: Elements, applied: Floats) -> Floats:
@@ -115,7 +116,9 @@ def _error(run: RunState, before: Elements, applied: Floats, k: int) -> SpeedErr
     )
     remedy = "Check the units of the forcing and the size of the berg"
     if s.scheme != "quasi_static":
-        remedy += "; where its neighbours push it, use more sub-steps (stepping.substeps), a shorter step or a softer berg"
+        remedy += (
+            "; where its neighbours push it, use more sub-steps (stepping.substeps), a shorter step or a softer berg"
+        )
     text = f"{head}. {_largest(run, before, applied, k)}; {there}. {remedy}. If it is meant, set stepping.speed_limit"
     return SpeedError(text, int(el.id[k]))
 
