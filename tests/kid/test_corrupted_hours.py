@@ -113,7 +113,7 @@ FAULTS: dict[str, tuple[tuple[str, Callable[..., None]], tuple[str, ...]]] = {
     "latitude shuffled": (axis("latitude", shuffled), (GRID_FILE, "variable latitude", "latitude goes from")),
     "latitude with NaN": (in_a_cell(GRID_FILE, "latitude", np.nan), ("not all finite",)),
     # of the same class
-    "wind in knots times ten": (times(WIND_FILE, "va", 40.0), ("variable va", "80 m s-1")),
+    "wind in dm/min": (times(WIND_FILE, "va", 600.0), ("variable va", "80 m s-1")),
     "an undeclared fill of -999": (in_a_cell(SEA_LEVEL_FILE, "SSH", -999.0), ("SSH = -999", CELL)),
     "the library's own fill": (in_a_cell(WIND_FILE, "va", 9.96921e36), ("va = 9.96921e+36", CELL)),
     "longitude jumps by 360": (
