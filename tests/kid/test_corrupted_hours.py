@@ -52,10 +52,9 @@ def rewritten(
         for name, size in sizes.items():
             new.createDimension(name, size)
         for name, array in values.items():
-            where = (
-                dimensions.get(name)
-                or {1: (("time",) if name == "time" else (name[:3],)), 2: ("lat", "lon")}[array.ndim]
-            )
+            where = dimensions.get(name, ())
+            if len(where) != array.ndim:  # time, lon and lat of its own, or positions of both axes
+                where = ("lat", "lon") if array.ndim == 2 else ("time" if name == "time" else name[:3],)
             fill = attributes.get(name, {}).pop("_FillValue", None)
             variable = new.createVariable(name, array.dtype, where, fill_value=fill)
             variable.set_auto_maskandscale(False)
@@ -70,7 +69,7 @@ def everywhere(file: str, names: str, value: float) -> tuple[str, Callable[..., 
 def in_a_cell(file: str, names: str, value: float) -> tuple[str, Callable[..., None]]:
     def change(values: dict[str, Any], attributes: dict[str, Any]) -> None:
         for name in names.split():
-            values[name][:, ROW, COLUMN] = value
+            values[name][..., ROW, COLUMN] = value
 
     return file, change
 
@@ -183,7 +182,7 @@ def test_declared_gaps_stay_gaps(shared: Path, tmp_path: Path, fill: float) -> N
     assert (fields.uo[halo + ROW, halo:-halo] == 0.0).all()
     assert (fields.uo[halo + ROW + 1, halo:-halo] != 0.0).any()
     rewritten(case / "data" / OCEAN_FILE, lambda values, attributes: gap(values, attributes, slice(None)))
-    with pytest.raises(ForcingError, match="variable uo.* holds no value at all, only gaps"):
+    with pytest.raises(ForcingError, match=r"variable uo.* holds no value at all, only gaps"):
         load_case(case)
 
 
@@ -306,7 +305,7 @@ def test_wind_that_is_a_stress_is_held_to_10_pascal(shared: Path, tmp_path: Path
     case = copied(shared, tmp_path / "case", "a68_oras5", tau_is_velocity=".false.")
     load_case(case)
     rewritten(case / "data" / WIND_FILE, times(WIND_FILE, "ua va", 2.0)[1])
-    with pytest.raises(ForcingError, match="variable ua.*the most is 10 Pa"):
+    with pytest.raises(ForcingError, match=r"variable ua.*the most is 10 Pa"):
         load_case(case)
 
 
