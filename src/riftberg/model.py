@@ -35,7 +35,7 @@ from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.ringing import ringing, with_steady_step
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
-from riftberg.stepping.speed_limit import check_speed, refuse_fast_start
+from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
 from riftberg.values import moment, native, number, required
 
@@ -321,8 +321,9 @@ class BareModel(RunState):
         """Take the step of the scheme; whatever fails in a run that has flown apart, the reason is that."""
         try:
             self._stepper.step(self)
-        except Exception:
+        except Exception as error:
             check_speed(self, before, self._stepper.applied)
+            refuse_forcing(self, before, error)
             raise
         self._stepped = self.elements.body.id.copy()
         check_speed(self, before, self._stepper.applied)

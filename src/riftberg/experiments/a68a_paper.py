@@ -103,7 +103,7 @@ def _check_file(file: HourlyFile, days: float, last: int) -> None:
         file.check_place()
         file.check(START_RECORD - 1, last - 1)
     except ForcingError as error:
-        remedy = f"{error.remedy} (the grid is that of {GRID}); {REMEDY}"
+        remedy = f"It must lie on the grid of {GRID}, in m and m/s; {REMEDY}"
         raise ForcingError(error.what, where=error.where, remedy=remedy) from error
 
 

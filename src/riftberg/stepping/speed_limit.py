@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from riftberg.errors import InputError, SpeedError
+from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
 from riftberg.stepping.media import CORIOLIS, FORCES
@@ -82,6 +82,13 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
             fast &= nowhere | (speed > max(limit, FLUNG)) | ~_flung(run, before, applied)
         if fast.any():
             raise _error(run, before, applied, int(np.argmax(fast)))
+
+
+def refuse_forcing(run: RunState, before: Elements, error: Exception) -> None:
+    """Raise `RunError` where a step has failed on forcing that is no finite number."""
+    if at_fault := _forcing_at_fault(before, run.elements):
+        moment = f"in step {run.step_number + 1} ({run.date:%Y-%m-%d %H:%M})"
+        raise RunError(f"the run failed {moment}. The reason is the forcing: {at_fault}. Correct it there") from error
 
 
 def _flung(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
