@@ -14,9 +14,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from riftberg.cli.main import app
-from riftberg.errors import ForcingError, InputError, NamelistError
+from riftberg.errors import ForcingError, InputError, NamelistError, RunError
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
-from riftberg.kid.run import load_case
+from riftberg.kid.run import load_case, run_kid
 from riftberg.limits import allow_extreme
 
 CASES = ("a68_oras5", "a68_story")
@@ -352,3 +352,23 @@ def test_on_the_command_line(shared: Path, tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "allow-extreme" in done.stderr
     assert kid(case, "-o", tmp_path / "out", "-q", "--allow-extreme").exit_code == 0
+
+
+@pytest.mark.compiled
+def test_a_berg_that_the_sea_throws_ends_the_run(shared: Path, tmp_path: Path) -> None:
+    """Sea level within 10 m may slope beyond all reason: the speed ends the run, with element, date, force and KID's names."""
+    case = copied(shared, tmp_path / "case", "a68_oras5")
+
+    def steep(values: dict[str, Any], attributes: dict[str, Any]) -> None:
+        values["SSH"][:] = 9.0 * np.sign(np.sin(np.arange(values["SSH"].shape[2]) * np.pi / 3.0 + 0.1))
+
+    rewritten(case / "data" / SEA_LEVEL_FILE, steep)
+    with pytest.raises(RunError) as caught:
+        run_kid(case, tmp_path / "t.nc")
+    text = str(caught.value)
+    for words in (
+        "no ice is faster than 10 m/s", "in step ", "0001-01-01", "largest force on it is the slope of the sea surface",
+        "--allow-extreme", "id_cnt = ", "id_ij = ", "element ",
+    ):  # fmt: skip
+        assert words in text
+    assert "unstable" not in text
