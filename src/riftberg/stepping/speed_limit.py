@@ -87,7 +87,7 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
 def refuse_forcing(run: RunState, before: Elements, error: Exception) -> None:
     """Raise `RunError` where a step has failed on forcing that is no finite number."""
     if at_fault := _forcing_at_fault(before, run.elements):
-        moment = f"in step {run.step_number + 1} ({run.date.isoformat(" ", "minutes")})"
+        moment = f"in step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
         raise RunError(f"the run failed {moment}. The reason is the forcing: {at_fault}. Correct it there") from error
 
 
@@ -111,7 +111,7 @@ def _error(run: RunState, before: Elements, applied: Floats, k: int) -> SpeedErr
     speed = float(np.hypot(el.u[k], el.v[k]))
     what = f"moves at {speed:.4g} m/s" if math.isfinite(speed) else "has no finite speed"
     place = f"{before.lon[k]:.5f}, {before.lat[k]:.5f}"
-    moment = f"in step {run.step_number + 1} ({run.date.isoformat(" ", "minutes")})"
+    moment = f"in step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
     head = f"element {int(el.id[k])} {what} {moment}; it came from {place}, and no ice is faster than {s.speed_limit:g} m/s"
     if at_fault := _forcing_at_fault(before, el):
         return SpeedError(f"{head}. The reason is the forcing: {at_fault}. Correct it there", int(el.id[k]))
