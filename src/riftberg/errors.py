@@ -68,6 +68,22 @@ class RunError(RiftbergError):
     """A run failed after its start; the message says where the state was saved."""
 
 
+class SpeedError(RunError):
+    """An element has become faster than any ice, or is nowhere.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, and what would be right.
+    element : int
+        Identifier of the first element.
+    """
+
+    def __init__(self, what: str, element: int) -> None:
+        self.element = element
+        super().__init__(what)
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """Return a question that names the most similar choice, or nothing where none is similar."""
     alike = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)

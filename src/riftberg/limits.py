@@ -41,9 +41,35 @@ MOST_VALUES: Final = 1_000_000_000
 BYTES_PER_ELEMENT: Final = 2500
 """Memory of an element with its bonds, about."""
 
+MEANT: Final = "or allow it by --allow-extreme (in Python: riftberg.limits.allow_extreme())"
+
 ANYWAY: Final = "or allow it by --allow-large (in Python: riftberg.limits.allow_large())"
 
 _ALLOWED: ContextVar[bool] = ContextVar("riftberg_large_allowed", default=False)
+
+
+_EXTREME: ContextVar[bool] = ContextVar("riftberg_extreme_allowed", default=False)
+
+
+@contextmanager
+def allow_extreme(allowed: bool = True) -> Iterator[None]:
+    """Allow KID runs in currents, wind and sea level that no sea has, and ice of any speed below 1000 m/s.
+
+    Parameters
+    ----------
+    allowed : bool
+        False leaves things as they are.
+    """
+    token = _EXTREME.set(allowed or _EXTREME.get())
+    try:
+        yield
+    finally:
+        _EXTREME.reset(token)
+
+
+def extreme_allowed() -> bool:
+    """Whether currents, wind and sea level beyond belief are allowed here."""
+    return _EXTREME.get()
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.portrait import card, portrait
-from riftberg.errors import InputError, RunError
+from riftberg.errors import InputError
 from riftberg.input_files import shortened, value_shown
 from riftberg.interrupts import Hold, held
 from riftberg.life.motion import MotionLedger
@@ -35,6 +35,7 @@ from riftberg.stepping.fragments import Fragment, FragmentTree
 from riftberg.stepping.ringing import ringing, with_steady_step
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
+from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
 from riftberg.values import moment, native, number, required
 
@@ -149,6 +150,7 @@ class BareModel(RunState):
         self._visited = step_number > 0
         check_state(self.elements, self.bonds)
         check_strengths(self.bonds, parameters)
+        refuse_fast_start(self.elements, parameters)
         check_water(forcing, parameters)
         complete_state(self)
         # A number that is given may be larger than an array can hold.
@@ -265,7 +267,8 @@ class BareModel(RunState):
         Raises
         ------
         RunError
-            If the contact iteration does not settle, or a position is no longer a number.
+            If the contact iteration does not settle, an element is faster than ``stepping.speed_limit``, or a position is
+            no longer a number.
         ForcingError
             Before the first step, where the forcing does not serve the berg.
         """
@@ -284,9 +287,7 @@ class BareModel(RunState):
         )  # fmt: skip
         try:
             if self.elements.size:
-                self._stepper.step(self)
-                self._stepped = self.elements.body.id.copy()
-                self._check_finite()
+                self._stepped_from(saved.elements)
                 self.motion.moved(saved.elements, saved.bonds, self, self._stepper.applied, self.remembered)
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
@@ -316,17 +317,16 @@ class BareModel(RunState):
             self.remove(self.elements.body.id[~inside])
             self._follow_changes()
 
-    def _check_finite(self) -> None:
-        place = self.elements.place
-        # The product is finite where all are (infinity times nothing is no number), and takes one pass.
-        if math.isfinite(place.lon @ place.lat):
-            return
-        if not np.isfinite(place.lon).all() or not np.isfinite(place.lat).all():
-            bad = int(np.flatnonzero(~np.isfinite(self.elements.lon + self.elements.lat))[0])
-            raise RunError(
-                f"element {bad + 1} has no finite position after step {self.step_number + 1} ({self.date:%Y-%m-%d %H:%M}); "
-                "the run is unstable: use more sub-steps (stepping.substeps) or a softer berg"
-            )
+    def _stepped_from(self, before: Elements) -> None:
+        """Take the step of the scheme; whatever fails in a run that has flown apart, the reason is that."""
+        try:
+            self._stepper.step(self)
+        except Exception as error:
+            check_speed(self, before, self._stepper.applied)
+            refuse_forcing(self, before, error)
+            raise
+        self._stepped = self.elements.body.id.copy()
+        check_speed(self, before, self._stepper.applied)
 
     def _go_back(
         self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats],

@@ -334,6 +334,13 @@ class Stepping(Group):
         None, "m s-1", "impose this velocity on all elements", "equations 4.2, KID's override_iceberg_velocities"
     )
     interactions: bool = quantity(True, "", "bergs act on each other", "KID's interactive_icebergs_on")
+    speed_limit: float = quantity(
+        10.0,
+        "m s-1",
+        "speed that no ice reaches: an element beyond it ends the run (not KID's speed_limit)",
+        "Riftberg",
+        gt=0,
+    )
 
 
 class Earth(Group):
@@ -648,6 +655,12 @@ class Compatibility(Group):
         "an imposed velocity comes into force at the end of the first step with runge_kutta, and never with mts",
         "equations 4.2",
     )
+    flung_debris: bool = quantity(
+        False,
+        "",
+        "Q42: contact, bonds and loads may fling elements beyond stepping.speed_limit, up to 1000 m/s",
+        "equations 11",
+    )
     hemisphere_by_corner: bool = quantity(
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
     )
@@ -681,6 +694,7 @@ class Compatibility(Group):
             "heat_of_one_class": True,
             "births_at_centre": True,
             "hemisphere_by_corner": True,
+            "flung_debris": True,
             "elements_stopped_alone": True,
             "stages_from_start": True,
             "contact_by_cells": True,

@@ -315,7 +315,7 @@ def test_a_file_that_was_cut_or_is_no_netcdf_is_refused(small: Path) -> None:
     refused(small, WIND_FILE, "cannot be read")
 
 
-@pytest.mark.parametrize(("value", "words"), [(1e17, "values up to 2.06e+19"), (np.nan, "no number at all")])
+@pytest.mark.parametrize(("value", "words"), [(1e17, "uo = 2.06e+19"), (np.nan, "no value at all")])
 def test_values_that_cannot_be_are_refused(small: Path, value: float, words: str) -> None:
     hour_file(small, OCEAN_FILE, value)
     refused(small, OCEAN_FILE, words, "record 206", "variable uo")

@@ -232,6 +232,7 @@ def test_a68_without_depth_cannot_ground(tmp_path: Path) -> None:
 def test_gaps_in_currents_are_still_water(tmp_path: Path) -> None:
     a68_data(tmp_path / "data", dict.fromkeys(ALL, 1))
     with netCDF4.Dataset(tmp_path / "data" / a68.OCEAN_FILE, "a") as dataset:
+        dataset["uo"].missing_value = np.nan
         dataset["uo"][0, 2, 2] = np.nan
     forcing, _ = a68_forcing(tmp_path)
     assert forcing.fields_at(0.0).uo[HALO + 2, HALO + 2] == 0.0

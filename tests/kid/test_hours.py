@@ -38,9 +38,11 @@ def write(path: Path, *, kind: str = "i2", chunk: int = 0, records: int = RECORD
             variable = dataset.createVariable(name, kind, ("time", "lat", "lon"), **how)
             variable.set_auto_maskandscale(False)
             values = rng.integers(-900, 900, (records, NJ, NI)).astype(kind)
-            values[3, 2, 1] = -999 if kind == "i2" else np.nan
             if kind == "i2":
                 variable.scale_factor, variable.add_offset = 0.001, 0.25
+            else:
+                values, variable.missing_value = values / 256.0, np.array(np.nan, kind)
+            values[3, 2, 1] = -999 if kind == "i2" else np.nan
             variable[:] = values
     return path
 

@@ -257,3 +257,36 @@ def test_description_says_what_the_grid_is():
     assert "from 321.875 to 323.375 and -56.125 to -54.875 degrees" in text
     assert "0.0 % land" in text
     assert "cyclic, period 11000 m" in square_lakes(np.random.default_rng(0)).describe()
+
+
+AXES = np.meshgrid(np.linspace(-40.0, -30.0, 11), np.linspace(-60.0, -55.0, 6))
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat"),
+    [
+        (AXES[0], AXES[1][::-1]),
+        (AXES[0][:, ::-1], AXES[1]),
+        (AXES[0].T, AXES[1].T),
+        (AXES[0], AXES[1][np.random.default_rng(3).permutation(6)]),
+    ],
+    ids=["southward", "westward", "transposed", "shuffled"],
+)
+@pytest.mark.parametrize("latlon", [True, False])
+def test_cells_that_lie_inside_out_are_refused(lon: np.ndarray, lat: np.ndarray, latlon: bool) -> None:
+    """They gave a run that was wrong in silence: the area of a cell has no sign."""
+    with pytest.raises(InputError, match=r"cells lie inside out, the first in row \d+, column \d+ at -"):
+        Grid.from_corners(lon, lat, latlon=latlon, period=0.0)
+
+
+def test_grids_of_the_whole_earth_keep_their_orientation() -> None:
+    """Periodic, across the date line, to the pole, around it, and with the rows of a fold twice."""
+    lon, lat = np.meshgrid(np.linspace(0.0, 357.5, 144), np.linspace(-90.0, 90.0, 73))
+    Grid.from_corners(lon, lat)
+    Grid.from_corners((lon + 250.0) % 360.0, lat)
+    Grid.from_corners(*np.meshgrid(np.linspace(170.0, 190.0, 21), np.linspace(-80.0, -60.0, 21)))
+    x, y = np.meshgrid(np.linspace(-1e6, 1e6, 40), np.linspace(-1e6, 1e6, 40))  # over the north pole
+    around = np.degrees(np.arctan2(x, -y)), 90.0 - np.degrees(np.hypot(x, y) / 6.4e6)
+    Grid.from_corners(*around, regular=False, cyclic=False)
+    folded = np.concatenate([lat, lat[-2:-4:-1]]), np.concatenate([lon, lon[-2:-4:-1, ::-1]])
+    Grid.from_corners(folded[1], folded[0], regular=False)

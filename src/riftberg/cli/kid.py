@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from riftberg.cli.compilation import announce_compilation
-from riftberg.cli.failures import reported
+from riftberg.cli.failures import reported, say
 from riftberg.cli.output import check_folder, check_output, results_folder
 from riftberg.errors import InputError
 from riftberg.input_files import is_folder
-from riftberg.limits import allow_large
+from riftberg.limits import allow_extreme, allow_large
 
 
 @reported
@@ -21,9 +21,17 @@ def kid(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Trajectory file or folder.  [default: riftberg-out/NAME]")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Show no progress and no list of namelist entries.")
+    ] = False,
     large: Annotated[
         bool, typer.Option("--allow-large", help="Allow more elements and steps than a slip asks for.")
+    ] = False,
+    extreme: Annotated[
+        bool,
+        typer.Option(
+            "--allow-extreme", help="Take currents, wind and sea level that no sea has, and ice of up to 1000 m/s."
+        ),
     ] = False,
     ranks: Annotated[
         str,
@@ -35,19 +43,22 @@ def kid(
     from riftberg.runs.progress import ProgressRecorder
 
     layout = _ranks(ranks)
-    with allow_large(large):
+    with allow_large(large), allow_extreme(extreme):
         folder = output.parent if output is not None and not is_folder(output) else output
         if folder is not None:
             check_folder(folder)
         announce_compilation(quiet)
-        clock = load_case(case).clock
+        loaded = load_case(case, layout)
         folder = folder or Path("riftberg-out") / case.resolve().name
         output = output or folder
         if not is_folder(output):
             check_output(output, inputs=[case / "input.nml", *case.glob("*/*.nc")])
         with results_folder(folder):
+            for note in loaded.notes:
+                say(f"Notice: {note}")
+            clock = loaded.clock
             progress = ProgressRecorder(clock.steps * clock.dt / 86400.0, quiet=quiet)
-            typer.echo(run_kid(case, output, progress=progress, ranks=layout).describe())
+            typer.echo(run_kid(loaded, output, progress=progress).describe(entries=not quiet))
 
 
 def _ranks(text: str) -> tuple[int, int]:

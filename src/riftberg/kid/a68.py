@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from riftberg.errors import ForcingError
+from riftberg.kid.calendar import LATE_START, date_after
 from riftberg.kid.hours import HourlyFile
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import opened_dataset, unpacked
@@ -71,20 +72,62 @@ def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
     """
     with opened_dataset(path) as dataset:
         lon, lat = unpacked(dataset, path, "longitude"), unpacked(dataset, path, "latitude")
-    if lon.ndim != 2 or lon.shape != lat.shape:
+    if lon.ndim != 2 or lon.shape != lat.shape or min(lon.shape) < 2:
         raise ForcingError(
             f"longitude {lon.shape} and latitude {lat.shape} are no grid",
             where=str(path),
-            remedy="Give (lat, lon) arrays",
+            remedy="Give (lat, lon) arrays, at least 2 x 2",
         )
+    _check_axes(lon, lat, path)
     return Grid.from_corners(
         lon + 360.0, lat, latlon=True, regular=False, period=period, radius_for_metrics=radius, cyclic=False
     )
 
 
-def open_hours(folder: Path, grid: Grid) -> list[HourlyFile]:
-    """Return the files of wind, currents and sea level, with their headers checked."""
-    return [HourlyFile(folder / file, names, grid) for file, names in VARIABLES.items()]
+def _check_axes(lon: Floats, lat: Floats, path: Path) -> None:
+    """Refuse corners whose longitude does not rise along the rows or latitude along the columns: cells inside out."""
+    for name, values, axis, most in (("longitude", lon, 1, 180.0), ("latitude", lat, 0, 90.0)):
+        step = np.diff(values, axis=axis)
+        with np.errstate(invalid="ignore"):
+            wrong = ~((step > 0.0) & (step < most)) & np.isfinite(step)
+        if wrong.any():
+            j, i = (int(k[0]) for k in np.nonzero(wrong))
+            after = values[j, i + 1] if axis else values[j + 1, i]
+            line, along = ("row", "column") if axis else ("column", "row")
+            at = (j, i) if axis else (i, j)
+            raise ForcingError(
+                f"{name} goes from {values[j, i]:g} to {after:g} at {along} {at[1] + 1} of {line} {at[0] + 1}",
+                where=f"{path}, variable {name}",
+                remedy=f"It must rise from each {along} to the next, in degrees, without a jump of 360",
+            )
+    beyond = np.abs(lat) > 90.0
+    if beyond.any():
+        raise ForcingError(f"latitude = {lat[beyond][0]:g}", where=f"{path}, variable latitude", remedy="Give degrees")
+
+
+def open_hours(folder: Path, grid: Grid, **options: Any) -> list[HourlyFile]:
+    """Return the files of wind, currents and sea level, with their headers checked; options as of `HourlyFile`."""
+    return [HourlyFile(folder / file, names, grid, **options) for file, names in VARIABLES.items()]
+
+
+def place_note(driver: NamelistGroup, case: Path, grid: Grid) -> list[str]:
+    """Say that rows are taken in the grid's order where the hourly files do not say where they lie."""
+    bare = [file.path.name for file in open_hours(case_data(driver, case), grid) if not file.check_place()]
+    if not bare:
+        return []
+    return [f"{', '.join(bare)}: no positions in the file; rows and columns are taken in the order of {GRID_FILE}"]
+
+
+def _check_dates(files: Sequence[HourlyFile], start: int) -> None:
+    """Compare the dates that the files give the first record of a run, where they give some."""
+    dated = [(file, dates[start - 1]) for file in files if (dates := file.dates())]
+    for file, date in dated[1:]:
+        if date != dated[0][1]:
+            raise ForcingError(
+                f"its record {start} is of {date}, that of {dated[0][0].path.name} of {dated[0][1]}",
+                where=f"{file.path}, variable time",
+                remedy="KID takes the same record of all files as the same hour: let them begin together",
+            )
 
 
 def hourly_records(
@@ -135,7 +178,13 @@ def a68_records(
     if start < 1:
         raise driver.error(f"transient_a68_data_start_ind = {start} with a68_test", "Give the first record, from 1")
     _check_depth(icebergs)
-    files = open_hours(case_data(driver, case), grid)
+    begin = float(LATE_START.get(start, 0))
+    files = open_hours(
+        case_data(driver, case),
+        grid,
+        stress=not icebergs.flag("tau_is_velocity"),
+        stamp=lambda number: f"{date_after(begin + 3600.0 * (number + 1 - start))} of the run",
+    )
     varying = [file for file in files if file.count > 1]
     if varying and dt != HALF_HOUR:
         remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"
@@ -148,6 +197,10 @@ def a68_records(
                 where=f"{file.path}, variable {file.names[0]}",
                 remedy="Shorten the run (ibhrs, nmax) or start earlier (transient_a68_data_start_ind)",
             )
+    for file in files:
+        file.check_units()
+        file.check(start - 1, last - 1)
+    _check_dates(files, start)
     still = grid.fields(
         ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
     )

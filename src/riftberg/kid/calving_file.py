@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Final
 
+import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ from riftberg.kid.ncfile import checksum, opened_dataset, unpacked
 from riftberg.life.calving import Stores
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
-from riftberg.state import Floats
+from riftberg.state import Floats, Ints
 from riftberg.whole_files import replacing
 
 AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
@@ -39,37 +41,56 @@ def read_stores(path: Path, grid: Grid, classes: int) -> Stores | None:
     """
     if not path.is_file():
         return None
-    g = grid.arrays
-    shape = g.nj, g.ni
+    shape = grid.arrays.nj, grid.arrays.ni
+    counter = read_counter(path, grid)
     with opened_dataset(path) as dataset:
 
         def read(name: str, *size: int) -> Floats:
-            values = unpacked(dataset, path, name)
-            if values.size != int(np.prod(size)) or values.shape[-len(size) :] != size:
-                raise InputError(
-                    f"shape {values.shape}, expected {size}",
-                    where=f"{path}, variable {name}",
-                    remedy="Give the file of a run on the same grid",
-                )
-            values = values.reshape(size)
-            if not np.isfinite(values).all() or (name == "stored_ice" and (values < 0.0).any()):
-                raise InputError(
-                    "values that are negative or no numbers",
-                    where=f"{path}, variable {name}",
-                    remedy="Correct the file",
-                )
-            return values
+            return _field(dataset, path, name, size)
 
         def maybe(name: str) -> Floats | None:
             return read(name, *shape) if name in dataset.variables else None
 
-        counter = maybe("iceberg_counter_grd")
         heat = maybe("stored_heat")
         return Stores(
-            read("stored_ice", classes, *shape), np.zeros(shape) if heat is None else heat,
-            np.zeros(shape, np.int64) if counter is None else np.asarray(counter, np.int64),
+            read("stored_ice", classes, *shape), np.zeros(shape) if heat is None else heat, counter,
             maybe("rmean_calving"), maybe("rmean_calving_hflx"), begun=True,
         )  # fmt: skip
+
+
+def read_counter(path: Path, grid: Grid) -> Ints:
+    """Return how many bergs were born in each cell; 0 where the file does not count them."""
+    shape, name = (grid.arrays.nj, grid.arrays.ni), "iceberg_counter_grd"
+    with opened_dataset(path) as dataset:
+        if name not in dataset.variables:
+            return np.zeros(shape, np.int64)
+        counter = _field(dataset, path, name, shape)
+    if not ((counter >= 0.0) & (counter < 2.0**31) & (counter == np.floor(counter))).all():
+        raise InputError(
+            "a count below 0, or no whole number", where=f"{path}, variable {name}", remedy="Correct the file"
+        )
+    return counter.astype(np.int64)
+
+
+def _field(dataset: netCDF4.Dataset, path: Path, name: str, size: tuple[int, ...]) -> Floats:
+    """Return a field of one moment, finite, and for ice not negative."""
+    values = unpacked(dataset, path, name)
+    if values.size != math.prod(size) or values.shape[-len(size) :] != size:
+        raise InputError(
+            f"shape {values.shape}, expected {size}{', size classes first' if len(size) == 3 else ''}",
+            where=f"{path}, variable {name}",
+            remedy="Give the file of a run on the same grid",
+        )
+    values = values.reshape(size)
+    bad = ~np.isfinite(values) | ((values < 0.0) if name == "stored_ice" else False)
+    if bad.any():
+        at = tuple(int(k[0]) for k in np.nonzero(bad))
+        raise InputError(
+            f"values that are negative or no numbers, the first {values[at]:g} in row {at[-2] + 1}, column {at[-1] + 1}",
+            where=f"{path}, variable {name}",
+            remedy="Correct the file",
+        )
+    return values
 
 
 def write_stores(path: Path, stores: Stores) -> None:

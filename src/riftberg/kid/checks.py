@@ -12,21 +12,22 @@ import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import BergError
+from riftberg.kid.calving_file import read_stores
+from riftberg.kid.entries import REALS_SIZE
 from riftberg.kid.identifiers import CALVING_FILE, split_id
 from riftberg.kid.namelist import NamelistGroup
-from riftberg.kid.ncfile import opened_dataset, unpacked
+from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.state import Bonds, Elements
 
 
-def check_calving_store(folder: Path, group: NamelistGroup) -> None:
+def check_calving_store(folder: Path, group: NamelistGroup, grid: Grid) -> None:
     """Refuse a store of calved ice that is large enough to release a berg."""
     path = folder / CALVING_FILE
-    if not path.is_file():
+    stores = read_stores(path, grid, REALS_SIZE)
+    if stores is None:
         return
-    with opened_dataset(path) as dataset:
-        stored = unpacked(dataset, path, "stored_ice")
-    classes = stored.reshape(-1, *stored.shape[-3:])[0]
+    classes = stores.ice
     northern = "_n" if group.flag("separate_distrib_for_n_hemisphere") else ""
     for suffix in {"", northern}:
         mass, scaling = group.numbers(f"initial_mass{suffix}"), group.numbers(f"mass_scaling{suffix}")

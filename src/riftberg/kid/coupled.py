@@ -21,7 +21,7 @@ from riftberg.errors import InputError, NamelistError
 from riftberg.interrupts import held
 from riftberg.kid.calving_file import read_stores, write_stores
 from riftberg.kid.checks import check_distances
-from riftberg.kid.driver import MOST_CELLS, Clock
+from riftberg.kid.driver import MOST_CELLS, Clock, check_medium
 from riftberg.kid.identifiers import CALVING_FILE
 from riftberg.kid.life import attach_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
@@ -214,6 +214,7 @@ def _set_up(folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> _Par
     earth = parameters.earth
     if elements.size > 1:
         check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+    check_medium(driver, group)
     first = ocean_fields(driver, group, grid)
     rules = FieldRules(
         depth_rule="biquadratic" if group.flag("mts") else "cell",

@@ -15,9 +15,10 @@ import numpy as np
 from riftberg.errors import NamelistError
 from riftberg.kid.a68 import a68_grid, a68_records
 from riftberg.kid.calendar import LATE_START, Date, date_after
+from riftberg.kid.hours import LIMITS, STRESS
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
-from riftberg.limits import MOST_STEPS, refuse_large
+from riftberg.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import DepthRule, FieldRules, GriddedForcing
@@ -36,8 +37,12 @@ SEAMOUNT_LAND: Final = (-5000.0, 220_000.0)
 MOST_CELLS: Final = 10_000_000
 """Cells of the driver's grid."""
 
-FASTEST: Final = 1000.0
-"""Largest velocity (m s-1) or stress (Pa) of the driver's water, ice and air that is taken."""
+BELIEVED: Final = {
+    **dict.fromkeys(("ibuo", "ibvo", "uo0", "vo0"), ("current", LIMITS["uo"], "m/s")),
+    **dict.fromkeys(("ibui", "ibvi", "ui0", "vi0"), ("drift of sea ice", LIMITS["uo"], "m/s")),
+    **dict.fromkeys(("ibua", "ibuy", "ua0", "va0"), ("wind", LIMITS["ua"], "m/s (or Pa of stress, at most 10)")),
+}
+"""Largest magnitudes that are believed of the driver's entries, with what they are."""
 
 WIDEST_CELL: Final = 1e7
 """Widest cell of the driver's grid, m."""
@@ -201,7 +206,7 @@ def _field_rules(icebergs: NamelistGroup) -> FieldRules:
 def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:
     """Return the constant fields of the Cartesian cases."""
     g = grid.arrays
-    _check_speeds(driver)
+    check_medium(driver, icebergs)
     x, y = _ring_corners(g.ni, g.nj, driver.number("gridres"), _offset(driver))
     vo = _meridional_current(driver, x, y)
     tau = np.array([[driver.number("ibua")]]), np.array([[driver.number("ibuy")]])
@@ -219,12 +224,23 @@ def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -
     return fields._replace(sst=celsius(fields.sst, g.mask))
 
 
-def _check_speeds(driver: NamelistGroup) -> None:
-    for name in ("ibuo", "ibvo", "ibui", "ibvi", "ibua", "ibuy"):
-        if abs(driver.number(name)) > FASTEST:
+def check_medium(driver: NamelistGroup, icebergs: NamelistGroup) -> None:
+    """Refuse water, ice and air of a driver that cannot be, unless they are said to be meant."""
+    for name, (what, most, unit) in BELIEVED.items():
+        if name not in driver.values:
+            continue
+        if what == "wind" and not icebergs.flag("tau_is_velocity"):
+            most = STRESS
+        value = driver.number(name)
+        if abs(value) > most and not extreme_allowed():
+            raise driver.error(f"{name} = {value:g} is no {what}: the most is {most:g}", f"Give it in {unit}, {MEANT}")
+    sst = driver.number("sst0" if "sst0" in driver.values else "sst")
+    if not (-3.0 <= sst <= 45.0 or 270.0 <= sst <= 318.0 or extreme_allowed()):
+        raise driver.error(f"a sea surface of {sst:g} degrees", f"Give degrees Celsius, or kelvin, {MEANT}")
+    for name, most in (("cn0", 10.0), ("hi0", 30.0), ("sss0", 60.0)):
+        if name in driver.values and not (0.0 <= driver.number(name) <= most or extreme_allowed()):
             raise driver.error(
-                f"{name} = {driver.number(name):g} cannot be: nothing moves faster than {FASTEST:g} m/s",
-                "Give velocities in m/s, stresses in Pa",
+                f"{name} = {driver.number(name):g} cannot be", f"Give a number from 0 to {most:g}, {MEANT}"
             )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from riftberg.errors import NamelistError
+from riftberg.input_files import value_shown
 from riftberg.kid.entry_table import COUPLED, DRIVER, ICEBERGS, INTEGER, LOGICAL, REAL, REALS, REFUSED, Entry, Value
 
 GROUPS: Final[dict[str, tuple[Entry, ...]]] = {
@@ -39,13 +40,13 @@ def find_entry(group: str, name: str, where: str = "") -> Entry:
     if other:
         remedy = f"It belongs to &{other}"
     else:
-        near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
+        near = difflib.get_close_matches(name.lower()[:80], known, n=1, cutoff=0.5)
         remedy = f"Did you mean '{known[near[0]].name}'?" if near else "Delete it, or see the list of KID's entries"
     raise NamelistError(f"unknown entry '{name}'", where=where, remedy=remedy)
 
 
 def _wrong(entry: Entry, raw: object, where: str, expected: str) -> NamelistError:
-    what = f"{entry.name} = {raw!r} is not {expected}"
+    what = f"{entry.name} = {value_shown(raw)} is not {expected}"
     return NamelistError(what, where=where, remedy=f"KID's default is {entry.default!r}")
 
 

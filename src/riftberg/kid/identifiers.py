@@ -7,7 +7,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from riftberg.kid.ncfile import opened_dataset
+from riftberg.kid.calving_file import read_counter
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Ints
 
@@ -83,10 +83,7 @@ class IdentifierCounter:
         counts = np.zeros((g.nj, g.ni), np.int64)
         path = restarts / CALVING_FILE
         if path.is_file():
-            with opened_dataset(path) as dataset:
-                if "iceberg_counter_grd" in dataset.variables:
-                    stored = np.asarray(dataset["iceberg_counter_grd"][...]).reshape(-1, *counts.shape)
-                    counts[:] = stored[-1]
+            counts[:] = read_counter(path, grid)
         counter, cell = split_id(identifiers)
         inside = (cell >= 1) & (cell <= counts.size)
         np.maximum.at(counts.ravel(), cell[inside] - 1, counter[inside])

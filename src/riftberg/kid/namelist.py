@@ -27,6 +27,7 @@ _FOLDERS: Final = ("restart_input_dir", "data_dir")
 
 _REMEDY: Final = "A KID run folder holds input.nml"
 _CONTROL: Final = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_ASSIGNED: Final = re.compile(r"(?:^|[\s,])([A-Za-z]\w*)\s*(?:\([^()=]*\)\s*)?=", re.MULTILINE)
 _REPEATED: Final = re.compile(r"(?<![\w.])(\d{3,})\*")
 
 
@@ -187,6 +188,7 @@ def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> Namelis
             where=str(path),
             remedy=f"A run of the stand-alone driver needs &{name} ... /",
         )
+    _check_names(name, bodies[0], where)
     raw = _parse(name, bodies[0], where)
     starts = raw.pop("_start_index", {})
     values: dict[str, Value] = {entry.name: entry.default for entry in GROUPS[name]}
@@ -197,6 +199,24 @@ def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> Namelis
         values[entry.name] = convert(entry, value, where, 1 if first is None else int(first))
         names.add(entry.name)
     return NamelistGroup(name, values, frozenset(names), where)
+
+
+MOST_ASSIGNMENTS: Final = 1000
+"""Values of a group: it has some 200 entries, and lists may be given number by number."""
+
+
+def _check_names(name: str, body: str, where: str) -> None:
+    """Refuse an unknown entry, or the same ones again and again, before the parser, which takes minutes over many."""
+    code = "\n".join(_mask_texts(name, line[: _comment_start(line)]) for line in body.split("\n"))
+    names = _ASSIGNED.findall(code)
+    for entry in dict.fromkeys(names):
+        find_entry(name, entry, where)
+    if len(names) > MOST_ASSIGNMENTS:
+        most = max(set(names), key=names.count)
+        raise NamelistError(
+            f"{len(names)} assignments, {names.count(most)} of them to {most}", where=where,
+            remedy=f"The group has {len(GROUPS[name])} entries: give each once",
+        )  # fmt: skip
 
 
 def _parse(name: str, body: str, where: str) -> dict[str, Any]:

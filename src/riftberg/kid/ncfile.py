@@ -5,6 +5,7 @@ Source: files 6.1.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, reading
+from riftberg.input_files import check_file, reading, value_shown
 from riftberg.kid.classic import missing_bytes
-from riftberg.limits import refuse_large
+from riftberg.limits import MOST_VALUES, refuse_large
 from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.state import Floats, Ints
 from riftberg.stuck import opening
@@ -78,47 +79,80 @@ def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
 
 
 def shape_of(dataset: netCDF4.Dataset, path: Path, name: str) -> tuple[int, ...]:
-    """Return the shape of a variable that must be there."""
+    """Return the shape of a variable that must be there, and hold numbers."""
     if name not in dataset.variables:
         present = ", ".join(sorted(dataset.variables))
         raise InputError(f"no variable '{name}' (found: {present})", where=str(path), remedy=f"Add '{name}'")
-    return tuple(dataset.variables[name].shape)
+    variable = dataset.variables[name]
+    kind = variable.dtype if isinstance(variable.dtype, np.dtype) else np.dtype(object)
+    if kind.kind not in "iuf":
+        text = "text" if kind.kind in "OSU" else str(kind)
+        raise InputError(f"holds {text}, not numbers", where=f"{path}, variable {name}", remedy="Write it as numbers")
+    return tuple(variable.shape)
 
 
 def raw_values(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> NDArray[Any]:
     """Return the stored numbers of a variable, without mask or scaling."""
-    shape_of(dataset, path, name)
+    shape = shape_of(dataset, path, name)
     variable = dataset.variables[name]
     variable.set_auto_maskandscale(False)
+    if selection == slice(None):
+        refuse_large(
+            math.prod(shape), MOST_VALUES, "numbers", size=8.0, where=f"{path}, variable {name}", kind=InputError,
+            remedy="The header is damaged, or give a smaller file",
+        )  # fmt: skip
     try:
         return np.asarray(variable[selection])
     except (RuntimeError, OSError, IndexError) as error:
         raise _unreadable(path, error, name) from error
 
 
-def packing_of(dataset: netCDF4.Dataset, name: str) -> dict[str, Any]:
+def packing_of(dataset: netCDF4.Dataset, path: Path, name: str) -> dict[str, NDArray[Any]]:
     """Return the attributes of a variable that say how its numbers are stored."""
     variable = dataset.variables[name]
-    return {key: variable.getncattr(key) for key in _UNPACK if key in variable.ncattrs()}
+    packing: dict[str, NDArray[Any]] = {}
+    for key in _UNPACK:
+        if key not in variable.ncattrs():
+            continue
+        packing[key] = value = np.atleast_1d(np.asarray(variable.getncattr(key)))
+        scales = key in ("scale_factor", "add_offset")
+        bad = value.dtype.kind not in "iuf" or (scales and (value.size != 1 or not np.isfinite(value).all()))
+        if bad or (key == "scale_factor" and value[0] == 0.0):
+            raise InputError(
+                f"its attribute {key} = {value_shown(variable.getncattr(key))} says nothing",
+                where=f"{path}, variable {name}",
+                remedy=f"Write {key} as a finite number" + (" that is not 0" if key == "scale_factor" else ""),
+            )
+    return packing
 
 
-def true_values(raw: NDArray[Any], packing: Mapping[str, Any]) -> Floats:
+def missing(raw: NDArray[Any], packing: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Whether stored numbers are those that the file declares as missing."""
+    gone = np.zeros(raw.shape, np.bool_)
+    for key in ("_FillValue", "missing_value"):
+        for fill in packing.get(key, ()):
+            # A fill of another precision than the numbers is meant in theirs.
+            gone |= (
+                np.isnan(raw) if np.isnan(fill) else raw == (raw.dtype.type(fill) if raw.dtype.kind == "f" else fill)
+            )
+    return gone
+
+
+def true_values(raw: NDArray[Any], packing: Mapping[str, NDArray[Any]]) -> Floats:
     """Return stored numbers in double precision, integer x ``scale_factor`` + ``add_offset``; missing ones are NaN."""
     values = raw.astype(np.float64)
     if "scale_factor" in packing:
-        values = values * np.float64(packing["scale_factor"])
+        values = values * np.float64(packing["scale_factor"][0])
     if "add_offset" in packing:
-        values = values + np.float64(packing["add_offset"])
-    for key in ("_FillValue", "missing_value"):
-        if key in packing:
-            values[raw == packing[key]] = np.nan
+        values = values + np.float64(packing["add_offset"][0])
+    values[missing(raw, packing)] = np.nan
     return values
 
 
 def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = slice(None)) -> Floats:
     """Return a variable in double precision, as `true_values` does."""
     raw = raw_values(dataset, path, name, selection)
-    return true_values(raw, packing_of(dataset, name))
+    return true_values(raw, packing_of(dataset, path, name))
 
 
 def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: float | None = None) -> Floats:
@@ -139,7 +173,7 @@ def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: 
     """
     if default is not None and name not in dataset.variables:
         return np.full(size, default)
-    values = _sized(raw_values(dataset, path, name), path, name, size).astype(np.float64)
+    values = _sized(unpacked(dataset, path, name), path, name, size)
     bad = ~(np.abs(values) < FILL)
     if bad.any():
         k = int(np.argmax(bad))
@@ -156,22 +190,21 @@ def whole_column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, def
     if default is not None and name not in dataset.variables:
         return np.full(size, default, dtype=np.int64)
     values = _sized(raw_values(dataset, path, name), path, name, size)
-    if values.dtype.kind == "f":
-        bad = ~(np.isfinite(values) & (np.abs(values) < 2.0**31) & (values == np.floor(values)))
-        if bad.any():
-            k = int(np.argmax(bad))
-            raise InputError(
-                f"{name} = {values[k]:g} of record {k + 1} is no whole number",
-                where=f"{path}, variable {name}",
-                remedy="Correct the record, or remove it",
-            )
+    # KID's whole numbers have 32 bits; the least of them, which stands for none, is one of them.
+    with np.errstate(invalid="ignore"):
+        bad = ~((values >= -(2.0**31)) & (values < 2.0**31) & (values == np.floor(values)))
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise InputError(
+            f"{name} = {values[k]:g} of record {k + 1} is no whole number of 32 bits",
+            where=f"{path}, variable {name}",
+            remedy="Correct the record, or remove it",
+        )
     return values.astype(np.int64)
 
 
 def _sized(values: NDArray[Any], path: Path, name: str, size: int) -> NDArray[Any]:
     where = f"{path}, variable {name}"
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"values of type {values.dtype}", where=where, remedy="Write it as numbers")
     if values.shape != (size,):
         raise InputError(
             f"shape {values.shape}, expected ({size},)",

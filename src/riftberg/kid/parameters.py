@@ -12,7 +12,9 @@ from typing import Any, Final
 from riftberg.errors import InputError
 from riftberg.kid.life_groups import life_groups
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
+from riftberg.limits import extreme_allowed
 from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
+from riftberg.stepping.speed_limit import FLUNG
 
 LONGEST_STEP: Final = 864_000.0
 """Longest long step that is taken, s (10 days)."""
@@ -245,6 +247,7 @@ def _stepping(group: NamelistGroup, dt: float) -> dict[str, Any]:
         "frozen": group.flag("Static_icebergs"),
         "fixed_velocity": fixed if group.flag("override_iceberg_velocities") else None,
         "interactions": group.flag("interactive_icebergs_on"),
+        **({"speed_limit": FLUNG} if extreme_allowed() else {}),
     }
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import cell_indices, join_id, new_identifiers, split_id
 from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole_column, write_restart_file
+from riftberg.limits import MEANT, extreme_allowed
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats, Ints, new_elements
@@ -165,6 +166,9 @@ def _check_values(elements: Elements, path: Path) -> None:
 _LARGEST: Final = {"thickness": 5000.0, "length": 1e6, "width": 1e6, "uvel": 100.0, "vvel": 100.0, "ang_vel": 1.0}
 """Sizes (m) and speeds (m s-1, rad s-1) that no element has."""
 
+FASTEST: Final = 10.0
+"""Speed that most elements of a restart do not exceed, m s-1."""
+
 DENSITIES: Final = (200.0, 1100.0)
 """Densities (kg m-3) between which mass over volume lies."""
 
@@ -174,6 +178,11 @@ def _check_sense(elements: Elements, path: Path, *, degrees: bool) -> None:
     for name, most in _LARGEST.items():
         values = getattr(elements, {**REQUIRED, **OPTIONAL}[name])
         _refuse(np.abs(values) > most, values, name, path, f"at most {most:g}")
+    speed = np.hypot(elements.u, elements.v)
+    if np.median(speed) > FASTEST and not extreme_allowed():  # some may be debris that contact has flung, not most
+        name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
+        values = getattr(elements, REQUIRED[name])
+        _refuse(speed > FASTEST, values, name, path, f"a speed of ice, at most {FASTEST:g} m/s, {MEANT},")
     if degrees:
         _refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", path, "a latitude from -90 to 90")
         _refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", path, "a longitude in degrees")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -11,14 +12,15 @@ import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import InputError, RunError
+from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.input_files import is_folder
 from riftberg.interrupts import held, say
+from riftberg.kid.a68 import place_note
 from riftberg.kid.bond_restart import read_bonds, write_bonds
 from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, order_sides
 from riftberg.kid.coupled import CoupledRun
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
-from riftberg.kid.identifiers import CALVING_FILE
+from riftberg.kid.identifiers import CALVING_FILE, split_id
 from riftberg.kid.life import attach_life, without_idle_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
@@ -29,6 +31,8 @@ from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
+
+_LOG = logging.getLogger(__name__)
 
 NAMELIST: Final = "input.nml"
 RESTART: Final = "icebergs.res.nc"
@@ -87,9 +91,9 @@ class KidReport:
     files: tuple[Path, ...]
     lines: tuple[str, ...]
 
-    def describe(self) -> str:
-        """Return the report as text."""
-        return "\n".join([*self.lines, *(f"wrote {path}" for path in self.files)])
+    def describe(self, entries: bool = True) -> str:
+        """Return the report as text, without the lines of the namelist if ``entries`` is off."""
+        return "\n".join([*(self.lines if entries else ()), *(f"wrote {path}" for path in self.files)])
 
 
 def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
@@ -125,7 +129,9 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
     check_both_sides(elements, bonds, namelist.icebergs, parameters)
-    notes = _prepare_elements(elements, namelist.icebergs, parameters, restarts)
+    notes = _prepare_elements(elements, namelist.icebergs, parameters, restarts, grid)
+    if namelist.driver.flag("a68_test"):
+        notes += place_note(namelist.driver, folder, grid)
     _start_beam_test(elements, namelist.icebergs)
     berg = _iceberg(elements, bonds, parameters, restarts / RESTART)
     start = datetime(1, 1, 1) + timedelta(seconds=clock.offset)
@@ -134,8 +140,10 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     return KidCase(folder, namelist, parameters, clock, grid, model, notes)
 
 
-def _prepare_elements(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> list[str]:
-    check_calving_store(restarts, group)
+def _prepare_elements(
+    elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path, grid: Grid
+) -> list[str]:
+    check_calving_store(restarts, group, grid)
     if parameters.melt.enabled:
         return []  # melt orders the sides itself
     turned = 0 if group.flag("Iceberg_melt_without_decay") else order_sides(elements)
@@ -182,7 +190,7 @@ def _iceberg(elements: Elements, bonds: Bonds, parameters: Parameters, source: P
 
 
 def run_kid(
-    case_dir: Path, output: Path, *, progress: Recorder | None = None, ranks: tuple[int, int] = (1, 1)
+    case_dir: Path | KidCase, output: Path, *, progress: Recorder | None = None, ranks: tuple[int, int] = (1, 1)
 ) -> KidReport:
     """Run a KID case and write its files.
 
@@ -193,8 +201,8 @@ def run_kid(
 
     Parameters
     ----------
-    case_dir : pathlib.Path
-        Folder with ``input.nml`` and the restart folder it names.
+    case_dir : pathlib.Path or KidCase
+        Folder with ``input.nml`` and the restart folder it names; or what `load_case` made of it.
     output : pathlib.Path
         Trajectory file; or a folder, in which the files get the names of the namelist.
     progress : Recorder, optional
@@ -221,8 +229,10 @@ def run_kid(
         return _run(case_dir, output, progress, ranks)
 
 
-def _run(case_dir: Path, output: Path, progress: Recorder | None, ranks: tuple[int, int]) -> KidReport:
-    case = load_case(Path(case_dir), ranks)
+def _run(case_dir: Path | KidCase, output: Path, progress: Recorder | None, ranks: tuple[int, int]) -> KidReport:
+    case = case_dir if isinstance(case_dir, KidCase) else load_case(Path(case_dir), ranks)
+    for note in case.notes:
+        _LOG.warning(note)
     paths = _output_paths(case, Path(output))
     recorders, files = _recorders(case, paths)
     if progress is not None:
@@ -238,6 +248,11 @@ def _run(case_dir: Path, output: Path, progress: Recorder | None, ranks: tuple[i
         say(f"Stopped after {done}; the state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}")
         raise
     except Exception as error:
+        if isinstance(error, SpeedError):
+            counter, cell = split_id(np.array([error.element]))
+            error = RunError(
+                f"{error} or --allow-extreme; by KID's names it is id_cnt = {counter[0]}, id_ij = {cell[0]}"
+            )
         if case.model.step_number == 0:
             for path in files:  # nothing was run: no file may look like a result
                 path.unlink(missing_ok=True)

@@ -7,7 +7,7 @@ is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypedDict, Unpack
+from typing import Any, Final, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -166,6 +166,7 @@ class Grid:
         cos_angle, sin_angle = turn.get("cos_angle"), turn.get("sin_angle")
         lon_given, lat_given = np.asarray(lon2d, dtype=np.float64), np.asarray(lat2d, dtype=np.float64)
         _check_corners(lon_given, lat_given, halo)
+        _check_orientation(lon_given, lat_given, latlon)
         nj, ni = (n - includes_southwest for n in lon_given.shape)
         lon, rows, columns = _put(lon_given, ni, nj, halo)
         lat, _, _ = _put(lat_given, ni, nj, halo)
@@ -329,6 +330,31 @@ def _check_corners(lon: NDArray[np.float64], lat: NDArray[np.float64], halo: int
         raise InputError("corner coordinates are not all finite", remedy="Fill the gaps of the grid's coordinates")
     if halo < 2:
         raise InputError(f"halo = {halo}", remedy="The interpolation of depth needs a halo of at least 2 cells")
+
+
+INSIDE_OUT: Final = 0.1
+"""Part of the cells of a grid that may lie inside out: the rows along the fold of a tripolar grid are there twice."""
+
+
+def _check_orientation(lon: Floats, lat: Floats, latlon: bool) -> None:
+    """Refuse corners that run westward or southward, or in no order: every cell would lie inside out."""
+    x, y, z = lon, lat, np.ones_like(lon)
+    if latlon:  # on the sphere, where neither pole nor date line is special
+        east, north = np.radians(lon), np.radians(lat)
+        x, y, z = np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)
+    points = np.stack([x, y, z], axis=-1)
+    a, b = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
+    up = points[1:, 1:] if latlon else np.array([0.0, 0.0, 1.0])
+    area = (np.cross(a, b) * up).sum(axis=-1)
+    wrong = area < 0.0
+    if wrong.mean() > INSIDE_OUT:
+        j, i = (int(k[0]) for k in np.nonzero(wrong))
+        raise InputError(
+            f"{int(wrong.sum())} of {wrong.size} cells lie inside out, the first in row {j + 1}, column {i + 1} at "
+            f"{lon[j, i]:g}, {lat[j, i]:g}",
+            where="corners of the grid",
+            remedy="Eastward must be the last axis and northward the first: turn the axis that falls",
+        )
 
 
 def _misplaced(elements: Elements, row: int, how: str, remedy: str) -> BergError:
