@@ -36,6 +36,7 @@ from riftberg.stepping.ringing import ringing, with_steady_step
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
+from riftberg.usual import unusual
 from riftberg.values import moment, native, number, required
 
 _LOG = logging.getLogger(__name__)
@@ -478,7 +479,12 @@ class BareModel(RunState):
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
         text = ringing(self.elements, self.bonds, self.parameters)
-        return (text,) if text else ()
+        return (*((text,) if text else ()), *self.unusual.values())
+
+    @property
+    def unusual(self) -> dict[str, str]:
+        """What lies outside its usual range, a sentence for each name (`riftberg.usual`)."""
+        return unusual(self.parameters, self.elements, self.forcing, placed=self.step_number == 0)
 
     def __repr__(self) -> str:
         first, *others = self._heading()
