@@ -391,6 +391,19 @@ class BareModel(RunState):
         self.forcing.sample(self.elements, self.time)
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
 
+    def check(self, days: float | str | None = None, *, steps: int | None = None) -> int:
+        """Return the number of long steps of a run, or refuse it as its start would; nothing is changed.
+
+        Raises
+        ------
+        InputError
+            If it is too long, or the forcing does not serve it.
+        """
+        count = self._number_of_steps(days, steps)
+        check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
+        self._check_forcing(count)
+        return count
+
     def advance(
         self, days: float | str | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
     ) -> None:
@@ -399,10 +412,8 @@ class BareModel(RunState):
         Ctrl-C and requests to terminate take effect between two steps, after the recorders have finished. A recorder may
         have a method ``interrupted(model)``, which is called then.
         """
-        count = self._number_of_steps(days, steps)
         check_recorders(recorders)
-        check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
-        self._check_forcing(count)
+        count = self.check(days, steps=steps)
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()

@@ -31,7 +31,7 @@ class Usual(NamedTuple):
 _CURRENT: Final = Usual(-3.0, 3.0, "the Gulf Stream reaches 2.5 m s-1", "m s-1")
 _WIND: Final = Usual(-50.0, 50.0, "a hurricane begins at 33 m s-1", "m s-1")
 _ACROSS: Final = Usual(1e3, 5e5, "fronts and eddies are some to some hundred km wide", "m")
-_DEPTH: Final = Usual(1.0, 11_000.0, "the deepest sea floor", "m")
+_DEPTH: Final = Usual(1.0, 11_000.0, "the deepest sea floor", "m", off=True)
 _SPRING: Final = Usual(1e-9, 10.0, "E / (rho (R1 + R2)^2) of elements of 10 m to 10 km")
 _SIZE: Final = Usual(5.0, 2e4, "elements of lattices are some m to some km wide", off=True)
 _SEA: Final = Usual(-2.0, 15.0, "freezing point of sea water, and where the last bergs melt", "degree_Celsius")
@@ -43,7 +43,9 @@ USUAL: Final[dict[str, Usual]] = {
     "drag.coastal_drift": Usual(0.01, 1.0, "speeds of coastal currents", off=True),
     "drag.tidal_drift": Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
     "grounding.coefficient": Usual(1e2, 1e6, "1e4 in Huth et al. 2022", off=True),
-    "grounding.quadratic_coefficient": Usual(1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True),
+    "grounding.quadratic_coefficient": Usual(
+        1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
+    ),
     "grounding.ramp_height": Usual(0.1, 100.0, "KID's h_to_init_grounding: a part of the draft", off=True),
     "contact.spring": _SPRING,
     "contact.distance": Usual(1.0, 1e4, "4000 m in Huth et al. 2022", off=True),
@@ -54,7 +56,9 @@ USUAL: Final[dict[str, Usual]] = {
     "bonds.damping": Usual(0.01, 2.0, "1 is critical damping", off=True),
     "bonds.constant_length": _SIZE,
     "bonds.constant_width": _SIZE,
-    "fracture.normal_strength": Usual(1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"),
+    "fracture.normal_strength": Usual(
+        1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"
+    ),
     "fracture.shear_strength": Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"),
     "fracture.distance": Usual(1.0, 1e4, "from a crevasse to some elements", off=True),
     "fracture.toughness": Usual(3e4, 5e5, "5e4 to 1.5e5 in laboratories (Petrovic 2003)", off=True),
@@ -81,7 +85,9 @@ USUAL: Final[dict[str, Usual]] = {
     "berg.area": Usual(100.0, 1.2e10, "B-15, the largest berg seen, had 1.1e10 m2", "m2"),
     "berg.speed": Usual(0.0, 3.0, "bergs drift at some dm s-1", "m s-1"),
     "berg.spin": Usual(0.0, 1e-3, "a turn in two hours", "rad s-1"),
-    "berg.latitude": Usual(35.0, 88.0, "bergs are rarely seen closer to the equator; longitude stands first", "degrees N or S"),
+    "berg.latitude": Usual(
+        35.0, 88.0, "bergs are rarely seen closer to the equator; longitude stands first", "degrees N or S"
+    ),
     "Steady.current": _CURRENT,
     "Steady.wind": _WIND,
     "Steady.slope": Usual(-1e-4, 1e-4, "4e-5 holds a current of 3 m s-1 in balance at 60 degrees", "1"),
@@ -134,12 +140,13 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
     given = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
     for name, values, unit in given:
         usual, array = USUAL[name], np.ravel(np.asarray(values, np.float64))
-        bad = array[((array < usual.low) | (array > usual.high)) & ~((array == 0.0) & usual.off)]
+        low, high = usual.low, usual.high
+        bad = array[((array < low) | (array > high)) & ~((array == 0.0) & usual.off)]
         if bad.size:
             value = bad[np.argmax(np.abs(bad))]
             unit = "" if unit == "1" else f" {unit}"
             said[name] = (
-                f"{name} = {value:g}{unit} is unusual: from {usual.low:g} to {usual.high:g}{unit} would be usual ({usual.source})"
+                f"{_label(name)} = {value:g}{unit} is unusual: from {low:g} to {high:g}{unit} would be usual ({usual.source})"
             )
     step = parameters.stepping.time_step
     for what, seconds, most in _changes(forcing):
@@ -149,6 +156,32 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
                 f"set stepping.time_step to {most:g} s or less"
             )
     return said
+
+
+def of_records(hours: float, days: float, parameters: Any) -> list[str]:
+    """Return what is unusual about the interval of the records of a run of some days, a sentence each."""
+    steps = 3600.0 * hours / parameters.stepping.time_step
+    said = []
+    if steps > 1.0 and abs(steps - round(steps)) > 1e-6 * steps:
+        said.append(
+            f"records every {hours:g} h are no whole number of long steps ({parameters.stepping.time_step / 3600.0:g} h): each "
+            "comes with the first step that ends at its time or later"
+        )
+    if hours > 24.0 * days * (1.0 + 1e-9):
+        said.append(
+            f"records every {hours:g} h, but the run ends after {24.0 * days:g} h: it has its start and its end alone"
+        )
+    return said
+
+
+_DEPTHS: Final = ("water", "plain", "middle")
+"""What the classes of forcing call the depth that they are given."""
+
+
+def _label(name: str) -> str:
+    """Return a name as whoever gave the value knows it."""
+    kind, _, key = name.partition(".")
+    return f"forcing, {kind}: {'depth' if key in _DEPTHS else key}" if kind[0].isupper() else name
 
 
 def _of_parameters(parameters: Any) -> Iterator[tuple[str, Any, str]]:

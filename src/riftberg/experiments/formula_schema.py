@@ -32,7 +32,9 @@ class FormulaForcing(Section):
     shear: list[ShearPart] = key([], "", "shear layers, a section or a list of sections")
     front: list[FrontPart] = key([], "", "fronts, a section or a list of sections")
     tide: list[TidePart] = key([], "", "tides, a section or a list of sections")
-    seamount: list[SeamountPart] = key([], "", "seamounts, a section or a list of sections; the shallowest sea floor counts")
+    seamount: list[SeamountPart] = key(
+        [], "", "seamounts, a section or a list of sections; the shallowest sea floor counts"
+    )
     slope: list[SlopePart] = key([], "", "sloping sea floors, a section or a list of sections")
     turning_wind: list[TurningWindPart] = key([], "", "winds that turn, a section or a list of sections")
 

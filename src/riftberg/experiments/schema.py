@@ -112,7 +112,9 @@ class Berg(BergKeys):
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
     field: FieldOfBergs | None = None
-    rifts: list[Rift] = key([], "", "weak or missing bonds where the berg lies at the start, a section or a list of them")
+    rifts: list[Rift] = key(
+        [], "", "weak or missing bonds where the berg lies at the start, a section or a list of them"
+    )
     strength: Strength | None = key(None, "", "scatter of the strength of the bonds, a section of its own")
 
     @model_validator(mode="after")
@@ -148,7 +150,12 @@ Forcing = Annotated[ConstantForcing | FileForcing | ExperimentForcing | FormulaF
 class Experiment(Section):
     """A whole experiment file."""
 
-    name: str = key("experiment", "", "short name of letters, digits, dots and dashes, also of the output folder", pattern=r"^[A-Za-z0-9][\w.-]*$")
+    name: str = key(
+        "experiment",
+        "",
+        "short name of letters, digits, dots and dashes, also of the output folder",
+        pattern=r"^[A-Za-z0-9][\w.-]*$",
+    )
     title: str = key("", "", "heading of the map")
     start: Annotated[datetime, AfterValidator(in_utc)] = key(..., "", "date and time of the start (UTC)")
     days: float = key(..., "day", "length of the run", gt=0)

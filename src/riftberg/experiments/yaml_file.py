@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from riftberg.bergs.keys import FieldOfBergs
+from riftberg.bergs.report import lost_in_lattice
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
@@ -178,7 +179,9 @@ def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> An
         only = get_args(field.annotation) == (items,)
         if only and not isinstance(value, list):
             raise document.error(
-                f"{value_shown(value)} is no section and no list of sections", place, f"Each has the keys {_keys(items)}"
+                f"{value_shown(value)} is no section and no list of sections",
+                place,
+                f"Each has the keys {_keys(items)}",
             )
         if isinstance(value, list):
             prepared = [only or isinstance(item, dict) for item in value]
@@ -350,6 +353,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
         notices=notices,
         output_forces=experiment.output_forces,
         output_cells=experiment.output_cells,
+        made=lost_in_lattice(berg),
     )
     return Model(berg, forcing, parameters, experiment.start), info
 
@@ -490,6 +494,8 @@ def build_forcing(
 
         if options.grid is not None:
             forcing = forcing.model_copy(update={"spacing": options.grid})
+        if options.files:
+            forcing = forcing.model_copy(update={"files": list(options.files)})
         run = Run.of(
             experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled
         )
