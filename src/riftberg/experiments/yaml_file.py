@@ -245,9 +245,9 @@ def _explain(error: ValidationError, document: Document) -> None:
         loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
         place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))
         field = _field_at(place)
-        plain = field is None or finding["type"] == "value_error"
+        remedy = "" if field is None or finding["type"] == "value_error" else allowed(field)
         if not document.noted(place):
-            document.note(place, document.error(finding_text(finding), place, "" if plain else allowed(field)))
+            document.note(place, document.error(finding_text(finding), place, remedy))
 
 
 def _field_at(place: Place) -> FieldInfo | None:
