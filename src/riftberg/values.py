@@ -287,7 +287,10 @@ def _adapter(section: type[BaseModel], name: str) -> TypeAdapter[Any]:
     field = section.model_fields[name]
     limits = (field.annotation, *field.metadata)
     annotation: Any = Annotated[limits] if field.metadata else field.annotation
-    return TypeAdapter(annotation, config={"allow_inf_nan": False})
+    plain = not (
+        isinstance(annotation, type) and issubclass(annotation, BaseModel)
+    )  # a section has a config of its own
+    return TypeAdapter(annotation, config={"allow_inf_nan": False} if plain else None)
 
 
 def _prepared(value: Any, field: FieldInfo, where: str, kind: type[InputError] = InputError) -> Any:

@@ -100,7 +100,7 @@ def lost_in_lattice(berg: BondedBerg) -> str:
     if not asked:
         return ""
     error, pieces, drawn = berg.area / asked - 1.0, int(berg.elements.berg.max()), berg.report.get("outline_pieces")
-    shape = f", in {pieces} pieces of {drawn}" if drawn not in (None, pieces) else ""
+    shape = f", in {pieces} of {drawn} pieces" if drawn not in (None, pieces) else ""
     finer = ". A smaller berg.radius comes closer" if abs(error) > 0.005 or shape else ""
     return (
         f"Asked for {asked / 1e6:.6g} km2 and {berg.mass / (1.0 + error) / 1e12:.4g} Gt; the lattice has "

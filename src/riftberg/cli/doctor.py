@@ -67,7 +67,7 @@ def doctor(
     if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
         report.refusal, report.assumed = _tried(experiment, files or (), product)
     elif not experiment and not run and box[0] and box[1] and days:
-        report.refusal, report.assumed = _served(files or (), (box[0], box[1]), days, product)
+        report.refusal = _served(files or (), (box[0], box[1]), days, product) or None
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
@@ -121,8 +121,8 @@ def _served(
     box: tuple[tuple[float, float], tuple[float, float]],
     days: tuple[str, str],
     product: str | None,
-) -> tuple[str, list[str]]:
-    """Return why files do not serve a run of a berg of usual draft in a box, and what would be assumed."""
+) -> str:
+    """Return why files do not serve a run of a berg of usual draft in a box, wherever in it; empty if they do."""
     from riftberg.ocean.files_forcing import Run, forcing_from_files
     from riftberg.ocean.files_schema import FileForcing
     from riftberg.parameters import Ice
@@ -132,10 +132,10 @@ def _served(
     first, last = (datetime.fromisoformat(day) for day in days)
     asked = Run(first, last, np.array([200.0]), Ice().density)
     try:
-        forcing = forcing_from_files(settings.model_copy(update={"files": entries}), Path(), asked)
+        forcing_from_files(settings.model_copy(update={"files": entries}), Path(), asked)
     except RiftbergError as error:
-        return str(error), []
-    return "", list(forcing.notices)
+        return str(error)
+    return ""
 
 
 def _asked(name: str, named: bool) -> Asked:

@@ -216,23 +216,20 @@ def score_run(
     wanted = start.hour + start.minute / 60.0 if hour is None else hour
     wished = [f for f in observed.fixes if interpolated or not f.interpolated]
     fixes = judge.in_run(wished, wanted)
-    names = judge.name_fragments(fixes)
-    strangers = judge.strangers(fixes) - set(names)
-    groups: dict[tuple[datetime, int], list[Outline | Fix]] = {}
-    found: list[tuple[datetime, int, Outline | Fix]] = [
-        *judge.in_run(observed.outlines, wanted),
-        *fixes,
-    ]
-    for when, record, item in found:
-        if item.name not in strangers and (between is None or between[0] <= when <= between[1]):
-            groups.setdefault((when, record), []).append(item)
-    for what, kind in (("outlines", Outline), ("positions", Fix)):
-        count = sum(isinstance(item, kind) for group in groups.values() for item in group)
+    outlines = judge.in_run(observed.outlines, wanted)
+    found: list[tuple[datetime, int, Outline | Fix]] = [*outlines, *fixes]
+    for what, count in (("outlines", len(outlines)), ("positions", len(fixes))):
         if count > MOST_COMPARED[what]:
             raise InputError(
                 f"{count} {what} during the run; the most that are compared is {MOST_COMPARED[what]}",
-                where=observed.source, remedy="Give fewer dates (--between FIRST,LAST), or the rows of one berg",
+                where=observed.source, remedy="Give the rows of one berg, or one of an hour",
             )  # fmt: skip
+    names = judge.name_fragments(fixes)
+    strangers = judge.strangers(fixes) - set(names)
+    groups: dict[tuple[datetime, int], list[Outline | Fix]] = {}
+    for when, record, item in found:
+        if item.name not in strangers and (between is None or between[0] <= when <= between[1]):
+            groups.setdefault((when, record), []).append(item)
     days = [judge.day(when, record, groups[when, record], names) for when, record in sorted(groups)]
     if not days:
         span = f"{scene.times[0]} to {scene.times[-1]}"

@@ -412,7 +412,9 @@ def _judge(finding: FieldFinding, points: int) -> None:
             f"at most {finding.high:.2%} although the file says {finding.original_units}: are these shares of 1?"
         )
     if finding.low == finding.high == 0.0:
-        finding.problems.append("is zero everywhere in the experiment: check that the right variable was written")
+        finding.problems.append(
+            f"is zero everywhere in the experiment: check that the right variable was written, {HARMLESS}"
+        )
     if finding.missing_on_path:
         text = f"missing (land, ice or gap) at {finding.missing_on_path} of {points} positions of the berg: "
         finding.problems.append(text + _effect(finding))
