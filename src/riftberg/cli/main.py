@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Annotated, Any, Final
 
@@ -110,6 +111,11 @@ def _loaded(name: str) -> Any:
 
 class App(typer.Typer):
     """The application, which lists its commands to who asks for them."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run as the command line: values that are no numbers are told of in our words, not by warnings of NumPy."""
+        warnings.filterwarnings("ignore", category=RuntimeWarning)
+        return super().__call__(*args, **kwargs)
 
     @property
     def registered_commands(self) -> list[CommandInfo]:
