@@ -67,13 +67,15 @@ def extra(field: Any, name: str) -> str:
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.usual import USUAL
 
     default = Parameters()
     text = [
         "# Parameters\n",
         "Set one with `riftberg run EXPERIMENT --set group.name=value`, in a YAML file under `parameters:`, or in Python with",
         '`A68A_2022.changed(group={"name": value})`. Values may carry units: `--set fracture.normal_strength="20 kPa"`.',
-        "Impossible values and unknown names are refused.\n",
+        "Impossible values and unknown names are refused; of a value outside its usual range `run` and `doctor` tell, and a",
+        "model in Python (`model.notices`), and the run goes on.\n",
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
         "the default. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
@@ -87,15 +89,17 @@ def parameters_page() -> str:
         text += [f"## {group}\n", (kind.__doc__ or "").split("\n\n")[0] + "\n"]
         rows = []
         for name, field in kind.model_fields.items():
+            usual = USUAL.get(f"{group}.{name}")
+            span = f"{usual.low:g} to {usual.high:g}" if usual else ""
             plain, physics, kid = (getattr(getattr(p, group), name) for p in (default, A68A_2022, A68A_2022_KID))
             rows.append(
                 (
-                    code(name), value_text(plain), extra(field, "unit"), limits(field), field.description or "",
+                    code(name), value_text(plain), extra(field, "unit"), limits(field), span, field.description or "",
                     value_text(physics) if physics != plain else "", value_text(kid) if kid != physics else "",
                     extra(field, "source"),
                 )
             )  # fmt: skip
-        heads = ("name", "default", "unit", "limits", "meaning", "A68A_2022", "A68A_2022_KID", "source")
+        heads = ("name", "default", "unit", "limits", "usual", "meaning", "A68A_2022", "A68A_2022_KID", "source")
         text.append(table(heads, rows))
     return "\n".join(text)
 
@@ -104,18 +108,20 @@ def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
     from riftberg.experiments.formula_schema import formula_parts
     from riftberg.bergs.keys import FieldOfBergs
-    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Strength
+    from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Shelf, Strength
     from riftberg.experiments.yaml_file import sections
 
     text = [
         "# Experiment files\n",
         "Keys of a YAML experiment; see the [how-to](../howto/own-experiment-yaml.md) for a whole one. Quantities may carry",
         "units (`thickness: 200 m`, `time_step: 30 min`); plain numbers are in the unit named here. Unknown keys are refused",
-        "with the line where they stand.\n",
+        "with the line where they stand, and all that is wrong is told at once. Where a list of sections stands, one section",
+        "may stand alone; for a section that has a `file`, the name of the file (`outline: berg.geojson`).\n",
     ]
     shapes = (
         ("berg.outline", OutlineFile),
         ("berg.mask", Mask),
+        ("berg.shelf", Shelf),
         ("berg.rectangle", Rectangle),
         ("berg.lattice", LatticeRows),
         ("berg.rifts, each", Rift),

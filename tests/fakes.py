@@ -151,6 +151,10 @@ class FakeModel:
             Fragment(2, 1, self.time, lon, lat, int(loose.sum()), area, area * 170e3, int(cut.sum()), True)
         )
 
+    def check(self, days: float | None = None, *, steps: int | None = None) -> int:
+        """Refuse nothing."""
+        return 1
+
     def advance(self, days: float | None = None, *, steps: int = 0, recorders: Any = ()) -> None:
         """Run as the real model does."""
         end = self.time + (steps * self.parameters.stepping.time_step if days is None else days * 86_400.0)

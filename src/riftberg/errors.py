@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
 
@@ -31,11 +31,17 @@ class InputError(RiftbergError):
         File, variable, element or date.
     remedy : str
         What would be right.
+
+    Attributes
+    ----------
+    faults : list of InputError
+        This one, or all that it tells of (`together`).
     """
 
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
         what, where, remedy = (_LONG.sub(_ends, part) for part in (what, where, remedy))
         self.what, self.where, self.remedy = what, where, remedy
+        self.faults: list[InputError] = [self]
         text = f"{where}: {what}" if where else what
         end = "" if text.endswith((".", "?")) else "."
         super().__init__(f"{text}{end} {remedy}" if remedy else text)
@@ -51,6 +57,21 @@ class BergError(InputError):
 
 class NamelistError(InputError):
     """A KID namelist holds something unknown, wrong or not supported."""
+
+
+MOST_TOLD: Final = 20
+"""Faults that are told at once; more say nothing new."""
+
+
+def together(errors: Sequence[InputError]) -> InputError:
+    """Return one error that tells all of several, each on a line of its own; a single one stays as it is."""
+    if len(errors) == 1:
+        return errors[0]
+    lines = [f"  {error}" for error in errors[:MOST_TOLD]]
+    more = [f"  and {len(errors) - MOST_TOLD} more"] if len(errors) > MOST_TOLD else []
+    whole = InputError("\n".join([f"{len(errors)} things are wrong:", *lines, *more]))
+    whole.faults = list(errors)
+    return whole
 
 
 @contextmanager

@@ -37,6 +37,7 @@ from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
+from riftberg.usual import unusual
 from riftberg.values import moment, native, number, required
 
 _LOG = logging.getLogger(__name__)
@@ -390,6 +391,19 @@ class BareModel(RunState):
         self.forcing.sample(self.elements, self.time)
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
 
+    def check(self, days: float | str | None = None, *, steps: int | None = None) -> int:
+        """Return the number of long steps of a run, or refuse it as its start would; nothing is changed.
+
+        Raises
+        ------
+        InputError
+            If it is too long, or the forcing does not serve it.
+        """
+        count = self._number_of_steps(days, steps)
+        check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
+        self._check_forcing(count)
+        return count
+
     def advance(
         self, days: float | str | None = None, *, steps: int | None = None, recorders: Sequence[Recorder] = ()
     ) -> None:
@@ -398,10 +412,8 @@ class BareModel(RunState):
         Ctrl-C and requests to terminate take effect between two steps, after the recorders have finished. A recorder may
         have a method ``interrupted(model)``, which is called then.
         """
-        count = self._number_of_steps(days, steps)
         check_recorders(recorders)
-        check_work(count, self.substeps, self.elements.mass.size, where="Model.run")
-        self._check_forcing(count)
+        count = self.check(days, steps=steps)
         if self.step_number == 0:
             # The state before the first step is part of the record.
             self._first_visit()
@@ -478,7 +490,12 @@ class BareModel(RunState):
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
         text = ringing(self.elements, self.bonds, self.parameters)
-        return (text,) if text else ()
+        return (*((text,) if text else ()), *self.unusual.values())
+
+    @property
+    def unusual(self) -> dict[str, str]:
+        """What lies outside its usual range, a sentence for each name (`riftberg.usual`)."""
+        return unusual(self.parameters, self.elements, self.forcing, placed=self.step_number == 0)
 
     def __repr__(self) -> str:
         first, *others = self._heading()

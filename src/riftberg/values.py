@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from riftberg.errors import InputError, nearest
+from riftberg.errors import InputError, nearest, together
 from riftberg.input_files import value_shown
 from riftberg.units import looks_like_quantity, to_unit
 
@@ -43,6 +43,30 @@ class UnfitError(ValueError):
     def __init__(self, what: str, remedy: str = "") -> None:
         self.what, self.remedy = what, remedy
         super().__init__(what)
+
+
+def in_utc(moment: datetime) -> datetime:
+    """Return a date as UTC without zone.
+
+    Raises
+    ------
+    ValueError
+        If it lies before the year 1 or after 9999 there, where Python has no dates.
+    """
+    try:
+        return moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
+    except OverflowError as error:
+        raise ValueError(f"{moment} lies outside the years 1 to 9999 in UTC") from error
+
+
+def finding_text(finding: Any) -> str:
+    """Return a finding of pydantic in our words: its own ("Input should be ...") are for programmers."""
+    kind = finding["type"]
+    if kind == "value_error":
+        return str(finding["ctx"]["error"])
+    if kind == "missing":
+        return "this key is missing" if isinstance(finding["loc"][-1], str) else "a number is missing"
+    return f"{value_shown(finding['input'])} is {'no finite number' if kind == 'finite_number' else 'not possible'}"
 
 
 def unit_of(field: FieldInfo) -> str:
@@ -198,11 +222,17 @@ def allowed(field: FieldInfo) -> str:
             limit = getattr(item, name, None)
             if limit is not None:
                 limits.append(f"{sign} {limit:g}")
+        if most := getattr(item, "max_length", None):
+            limits.append(f"of at most {most} letters")
+        if getattr(item, "min_length", None):
+            limits.append("not empty")
     kinds = [_kind_name(kind) for kind in kinds_of(field.annotation)]
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
     unit = unit_of(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
-    return text + (f" ({field.description})" if field.description else "")
+    text += " or none" if type(None) in get_args(field.annotation) else ""
+    # What follows a semicolon tells of special cases, which nobody can read in brackets.
+    return text + (f" ({field.description.split(';')[0]})" if field.description else "")
 
 
 def _kind_name(kind: Any) -> str:
@@ -247,8 +277,10 @@ def given(
     try:
         return _adapter(section, name).validate_python(plain)
     except ValidationError as error:
-        message = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
-        raise kind(f"{value_shown(plain)} is not possible ({message})", where=where, remedy=allowed(field)) from error
+        finding = error.errors()[0]
+        whole = finding["type"] not in ("value_error", "finite_number")
+        what = f"{value_shown(plain)} is not possible" if whole else finding_text(finding)
+        raise kind(what, where=where, remedy=allowed(field)) from error
 
 
 @cache
@@ -256,7 +288,10 @@ def _adapter(section: type[BaseModel], name: str) -> TypeAdapter[Any]:
     field = section.model_fields[name]
     limits = (field.annotation, *field.metadata)
     annotation: Any = Annotated[limits] if field.metadata else field.annotation
-    return TypeAdapter(annotation, config={"allow_inf_nan": False})
+    plain = not (
+        isinstance(annotation, type) and issubclass(annotation, BaseModel)
+    )  # a section has a config of its own
+    return TypeAdapter(annotation, config={"allow_inf_nan": False} if plain else None)
 
 
 def _prepared(value: Any, field: FieldInfo, where: str, kind: type[InputError] = InputError) -> Any:
@@ -279,23 +314,32 @@ def checked(section: type[BaseModel], values: Mapping[str, Any]) -> dict[str, An
     InputError
         Naming the argument, the value and what is allowed.
     """
-    fields, result = section.model_fields, {}
+    result, faults = {}, []
     for name, value in values.items():
-        if name not in fields:
-            raise _unknown(section, name)
-        inner = _section_in(fields[name])
-        if inner is None:
-            result[name] = _prepared(value, fields[name], f"{section.__name__}.{name}")
-        elif isinstance(value, Mapping):
-            result[name] = _inner(inner, name, value)
-        elif isinstance(value, inner):
-            result[name] = value
-        else:
-            raise InputError(
-                f"{value_shown(value)} is no group of parameters", where=name,
-                remedy=f"Give {inner.__name__}(...) or a dict with {', '.join(inner.model_fields)}",
-            )  # fmt: skip
+        try:
+            result[name] = _argument(section, name, value)
+        except InputError as error:
+            faults.append(error)
+    if faults:
+        raise together(faults)
     return result
+
+
+def _argument(section: type[BaseModel], name: str, value: Any) -> Any:
+    """Return one argument of a group of parameters, or a group within it."""
+    if name not in section.model_fields:
+        raise _unknown(section, name)
+    inner = _section_in(section.model_fields[name])
+    if inner is None:
+        return _prepared(value, section.model_fields[name], f"{section.__name__}.{name}")
+    if isinstance(value, Mapping):
+        return _inner(inner, name, value)
+    if isinstance(value, inner):
+        return value
+    raise InputError(
+        f"{value_shown(value)} is no group of parameters", where=name,
+        remedy=f"Give {inner.__name__}(...) or a dict with {', '.join(inner.model_fields)}",
+    )  # fmt: skip
 
 
 def _unknown(section: type[BaseModel], name: str) -> InputError:
@@ -321,23 +365,24 @@ def _inner(section: type[BaseModel], name: str, values: Mapping[str, Any]) -> Ba
     try:
         return section(**values)
     except InputError as error:
-        place = name + error.where.removeprefix(section.__name__)
-        remedy = error.remedy.replace(f"{section.__name__} has ", f"{name} has ")
-        raise InputError(error.what, where=place, remedy=remedy) from error
+        raise together([
+            InputError(
+                fault.what, where=name + fault.where.removeprefix(section.__name__),
+                remedy=fault.remedy.replace(f"{section.__name__} has ", f"{name} has "),
+            )
+            for fault in error.faults
+        ]) from error  # fmt: skip
 
 
 def explained(error: ValidationError, section: type[BaseModel]) -> InputError:
-    """Turn the first finding of pydantic in a section into what, where and remedy."""
-    first = error.errors()[0]
-    message = str(first["msg"]).removeprefix("Value error, ")
-    if not first["loc"]:
-        return InputError(message)
-    name = str(first["loc"][0])
-    field = section.model_fields.get(name)
-    place = f"{section.__name__}.{'.'.join(str(part) for part in first['loc'])}"
-    if field is None:
-        return InputError(message, where=place)
-    return InputError(f"{value_shown(first['input'])} is not possible", where=place, remedy=allowed(field))
+    """Turn the findings of pydantic in a section into what, where and remedy."""
+    faults = []
+    for finding in error.errors():
+        place = ".".join([section.__name__, *map(str, finding["loc"])])
+        field = section.model_fields.get(str(finding["loc"][0])) if finding["loc"] else None
+        remedy = allowed(field) if field is not None else ""
+        faults.append(InputError(finding_text(finding), where=place if finding["loc"] else "", remedy=remedy))
+    return together(faults)
 
 
 def required(
@@ -409,7 +454,10 @@ def moment(value: Any, *, where: str) -> datetime:
         raise wrong
     if not isinstance(plain, datetime):
         return datetime(plain.year, plain.month, plain.day)
-    return plain if plain.tzinfo is None else plain.astimezone(UTC).replace(tzinfo=None)
+    try:
+        return in_utc(plain)
+    except ValueError as error:
+        raise InputError(str(error), where=where, remedy=DATE_REMEDY) from error
 
 
 FIRST_YEAR: Final = 1678

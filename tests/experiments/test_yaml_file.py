@@ -220,8 +220,9 @@ def test_masks_of_rifts_and_maps_of_strength_are_files(slab: Path) -> None:
 
 
 BERG_MISTAKES = [
-    ("rifts: {file: a.geojson}", "line 8, berg.rifts", "is no list of sections. Each has the keys file, points"),
-    ("rifts: [a.geojson]", "line 8, berg.rifts.0", "'a.geojson' is not a section"),
+    ("rifts: 5", "line 8, berg.rifts", "is no section and no list of sections. Each has the keys file, points"),
+    ("rifts: [5]", "line 8, berg.rifts.0", "5 is not a section"),
+    ("strength: weibull", "line 8, berg.strength", "'weibull' is not a section"),
     ("rifts: [{fille: a}]", "line 8, berg.rifts.0.fille", "Did you mean 'file'"),
     ("rifts: [{file: a, strength: 2}]", "line 8, berg.rifts.0.strength", "Allowed: a number >= 0 and <= 1"),
     ("rifts: [{file: a, strength: 3 kPa}]", "line 8, berg.rifts.0.strength", "measured in"),

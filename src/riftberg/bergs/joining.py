@@ -44,7 +44,9 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
     refuse_overlap(
         whole.elements, whole.packing, Metric(first.latlon, first.earth_radius, 360.0 if first.latlon else 0.0)
     )
-    return whole
+    asked = [berg.report.get("outline_area") for berg in parts]
+    # What the lattices lose is told of all together, where each was made from a shape.
+    return whole if None in asked else whole._reported({**whole.report, "outline_area": sum(asked)})
 
 
 def _check_alike(bergs: Sequence[BondedBerg]) -> None:

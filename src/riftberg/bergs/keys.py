@@ -17,7 +17,7 @@ class BergKeys(Section):
     """Thickness, elements, place and motion of a berg of any shape."""
 
     thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
-    radius: float = key(1500.0, "m", "half the width of an element", gt=0)
+    radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
     packing: Packing = key("square", "", "square or hexagonal elements")
     placement: Pair | None = key(None, "degree", "longitude and latitude of the centre")
     rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
@@ -34,8 +34,8 @@ class BergKeys(Section):
 class Rectangle(Section):
     """Idealised shape."""
 
-    length: float = key(..., "m", "extent to the east before rotation", gt=0)
-    width: float = key(..., "m", "extent to the north before rotation", gt=0)
+    length: float = key(..., "m", "extent to the east before rotation", gt=0, le=1e8)
+    width: float = key(..., "m", "extent to the north before rotation", gt=0, le=1e8)
 
 
 class FieldOfBergs(Section):

@@ -94,6 +94,20 @@ def _plan_area(berg: BondedBerg) -> str:
     return text
 
 
+def lost_in_lattice(berg: BondedBerg) -> str:
+    """Return in a line what a lattice makes of the shape that was asked for; empty where no shape was."""
+    asked = berg.report.get("outline_area")
+    if not asked:
+        return ""
+    error, pieces, drawn = berg.area / asked - 1.0, int(berg.elements.berg.max()), berg.report.get("outline_pieces")
+    shape = f", in {pieces} of {drawn} pieces" if drawn not in (None, pieces) else ""
+    finer = ". A smaller berg.radius comes closer" if abs(error) > 0.005 or shape else ""
+    return (
+        f"Asked for {asked / 1e6:.6g} km2 and {berg.mass / (1.0 + error) / 1e12:.4g} Gt; the lattice has "
+        f"{berg.area / 1e6:.6g} km2 and {berg.mass / 1e12:.4g} Gt ({100.0 * error:+.2f} %){shape}{finer}"
+    )
+
+
 def _range(values: Floats) -> str:
     low, high = float(values.min()), float(values.max())
     return f"{low:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"

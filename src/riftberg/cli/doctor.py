@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from datetime import timedelta
+from collections.abc import Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 import typer
 
 from riftberg.cli.failures import reported
 from riftberg.cli.spans import dates, pair
-from riftberg.errors import InputError
+from riftberg.errors import InputError, RiftbergError
 
 EXIT_LACKING = 1
 
@@ -45,19 +47,27 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Tell what forcing files are, whether they serve an experiment, and what is missing."""
-    from riftberg.products.doctor import NEEDED
+    from riftberg.products.doctor import ASSUMED, NEEDED
     from riftberg.products.doctor import doctor as examine
+    from riftberg.products.findings import Report
 
-    asked = _asked(experiment) if experiment else Asked()
-    if not files and not asked.files:
+    asked = _asked(experiment, bool(files)) if experiment else Asked()
+    if not files and not asked.files and not asked.spared >= {*NEEDED}:
         remedy = asked.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
         raise InputError("no files were named", where="FILES", remedy=remedy)
+    box, days = (pair(lon, "--lon") or asked.lon, pair(lat, "--lat") or asked.lat), dates(time) or asked.time
     report = examine(
-        files or asked.files, lon=pair(lon, "--lon") or asked.lon, lat=pair(lat, "--lat") or asked.lat,
-        time=dates(time) or asked.time, needed=[name for name in (*NEEDED, *(need or ())) if name not in asked.spared],
+        files or asked.files, lon=box[0], lat=box[1], time=days,
+        needed=[*(name for name in NEEDED if name not in asked.spared), *(need or ())],
+        wished=[name for name in ASSUMED if name not in asked.spared],
         path=_path_of_run(run) or list(asked.path), product=product or asked.products,
         max_gap=asked.max_gap, hold=asked.hold,
-    )  # fmt: skip
+    ) if files or asked.files else Report()  # fmt: skip
+    # Who names another path, box or span than that of the experiment asks for more than a run does.
+    if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
+        report.refusal, report.assumed = _tried(experiment, files or (), product)
+    elif not experiment and not run and box[0] and box[1] and days:
+        report.refusal = _served(files or (), (box[0], box[1]), days, product) or None
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
@@ -82,14 +92,62 @@ class Asked(NamedTuple):
     remedy: str = ""
 
 
-def _asked(name: str) -> Asked:
-    """Return what an experiment asks of its files."""
-    if name.endswith((".yaml", ".yml")):
+_YAML = (".yaml", ".yml")
+
+
+def _tried(experiment: str, files: Sequence[str], product: str | None) -> tuple[str, list[str]]:
+    """Return why a run of an experiment does not start, and what would be assumed, as ``riftberg run`` has it."""
+    from riftberg.cli.run import check_start, notices_of
+    from riftberg.experiments import Options, build
+
+    options = Options(files=_entries(files, product))
+    try:
+        model, info = build(experiment, options)
+        check_start(model, info.days, info.output_every_hours)
+    except RiftbergError as error:
+        return str(error), []
+    return "", notices_of(info, model, options, info.output_every_hours)
+
+
+def _entries(files: Sequence[str], product: str | None) -> tuple[Any, ...]:
+    from riftberg.ocean.files_schema import NamedFiles
+
+    # A product that is not known is refused where the files are opened, as in a run.
+    return tuple(NamedFiles.model_construct(file=str(Path(file).absolute()), product=product) for file in files)
+
+
+def _served(
+    files: Sequence[str],
+    box: tuple[tuple[float, float], tuple[float, float]],
+    days: tuple[str, str],
+    product: str | None,
+) -> str:
+    """Return why files do not serve a run of a berg of usual draft in a box, wherever in it; empty if they do."""
+    from riftberg.ocean.files_forcing import Run, forcing_from_files
+    from riftberg.ocean.files_schema import FileForcing
+    from riftberg.parameters import Ice
+
+    entries = list(_entries(files, product))
+    settings = FileForcing(kind="files", files=["any"], longitude=box[0], latitude=box[1])
+    first, last = (datetime.fromisoformat(day) for day in days)
+    asked = Run(first, last, np.array([200.0]), Ice().density)
+    try:
+        forcing_from_files(settings.model_copy(update={"files": entries}), Path(), asked)
+    except RiftbergError as error:
+        return str(error)
+    return ""
+
+
+def _asked(name: str, named: bool) -> Asked:
+    """Return what an experiment asks of its files; ``named`` if others are named."""
+    if name.endswith(_YAML):
         from riftberg.experiments.yaml_file import read_file
         from riftberg.ocean.files_schema import FileForcing
 
         experiment, _, _ = read_file(Path(name))
         forcing = experiment.forcing
+        if not isinstance(forcing, FileForcing) and not named:
+            return Asked(spared=_ALL)
         if not isinstance(forcing, FileForcing):
             raise InputError(
                 f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
@@ -103,10 +161,14 @@ def _asked(name: str) -> Asked:
             forcing.longitude, forcing.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
-    return _asked_a68a(name)
+    return _asked_a68a(name, named)
 
 
-def _asked_a68a(name: str) -> Asked:
+_ALL = frozenset(("uo", "vo", "ssh", "ua", "va"))
+"""What is spared where the ocean is one of formulas: all that files give otherwise."""
+
+
+def _asked_a68a(name: str, named: bool) -> Asked:
     """Return what a run of A68a asks of its files: of those with files of their own, the fetched ones."""
     from riftberg.experiments import Options, find
     from riftberg.experiments.a68a_files import named_folder
@@ -114,13 +176,13 @@ def _asked_a68a(name: str) -> Asked:
     from riftberg.model import DEFAULT_START
 
     entry = find(name).name
+    if not named and not find(name).fetches:
+        return Asked(spared=_ALL)
     if not entry.startswith("a68a"):
         raise InputError(f"{name} is nowhere on Earth", where="--for", remedy="Name a68a, or a YAML file")
     end = DEFAULT_START + timedelta(days=18)
     path = tuple((seen.lon, seen.lat) for seen in A68A_OBSERVED if seen.day not in PARTIAL)
     asked = Asked(*REGION, (DEFAULT_START.isoformat(), end.isoformat()), path=path)
-    if entry == "a68a":
-        return asked._replace(remedy="a68a has an ocean of its own and needs none: name those that you want to look at")
     folder = named_folder(Options())
     if any(folder.glob("*.nc")):
         return asked._replace(files=(str(folder / "*.nc"),))

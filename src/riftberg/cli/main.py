@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Annotated, Any, Final
 
@@ -61,6 +62,16 @@ class Commands(TyperGroup):
             ctx.fail(f"Nothing stands after '{args[place - 1]}', only an empty word." if place else "An empty word.")
         return super().parse_args(ctx, args)
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; a value that is none is refused in our words, where typer has those of pydantic."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            findings: list[Any] = getattr(error.__cause__, "errors", list)()
+            if findings:
+                error.message = _refusal(findings[0])
+            raise
+
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command; for the help of all, one that does nothing but say what it is."""
         command = super().get_command(ctx, cmd_name)
@@ -73,6 +84,17 @@ class Commands(TyperGroup):
             super().format_help(ctx, formatter)
         finally:
             self._telling = False
+
+
+def _refusal(finding: Any) -> str:
+    """Return what pydantic found of a word on the command line."""
+    from riftberg.values import finding_text
+
+    kind, limits = finding["type"].partition("_")[0], finding.get("ctx", {})
+    wanted = {"float": "a number", "int": "a whole number", "bool": "true or false"}.get(kind, "a number")
+    signs = {"ge": "from", "gt": "above", "le": "at most", "lt": "below"}
+    bounds = "".join(f" {word} {limits[sign]:g}" for sign, word in signs.items() if sign in limits)
+    return f"{finding_text(finding)}. Give {wanted}{bounds}"
 
 
 def _alone(name: str) -> typer.Typer:
@@ -89,6 +111,11 @@ def _loaded(name: str) -> Any:
 
 class App(typer.Typer):
     """The application, which lists its commands to who asks for them."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run as the command line: values that are no numbers are told of in our words, not by warnings of NumPy."""
+        warnings.filterwarnings("ignore", category=RuntimeWarning)
+        return super().__call__(*args, **kwargs)
 
     @property
     def registered_commands(self) -> list[CommandInfo]:

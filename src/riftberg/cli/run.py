@@ -19,6 +19,7 @@ from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.input_files import check_file, is_folder
 from riftberg.interrupts import held
 from riftberg.limits import allow_large, large_allowed
+from riftberg.usual import of_records
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -157,11 +158,11 @@ def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None,
         return
     model, info = _built(experiment, options, resume)
     info = wishes.added_to(info)
-    _tell(info, model)
+    days = options.days if options.days is not None else info.days
+    _tell(info, model, options, wishes)
     command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
     folder = output_folder(wishes.output, info.name)
     session = Session(model, info, folder, command, wishes.output is not None, wishes.shown())
-    days = options.days if options.days is not None else info.days
     session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
 
 
@@ -177,7 +178,7 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
         model, info = build(experiment, chosen)
         info = wishes.added_to(info)
         if not folders:
-            _tell(info, model)
+            _tell(info, model, chosen, wishes)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
@@ -193,10 +194,42 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
-def _tell(info: Info, model: Model) -> None:
-    """Say what should be known before the run."""
-    for notice in (*info.notices, *getattr(model, "notices", ())):
+def _tell(info: Info, model: Model, options: Options, wishes: Wishes) -> None:
+    """Say what should be known before the run: what was made of the berg that was asked for, and what is doubtful."""
+    if info.made and not wishes.quiet:
+        say(info.made)
+    for notice in notices_of(info, model, options, wishes.hours(info)):
         say(f"Notice: {notice}")
+
+
+def notices_of(info: Info, model: Model, options: Options, hours: float) -> list[str]:
+    """Return what should be known before a run, a sentence each; of a test case no usual ranges but of what was changed."""
+    changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
+    unusual = getattr(model, "unusual", {})
+    as_meant = {text for name, text in unusual.items() if info.story is not None and name not in changed}
+    days = info.days if options.days is None else options.days
+    told = [text for text in getattr(model, "notices", ()) if text not in as_meant]
+    return [*info.notices, *told, *of_records(hours, days - model.time / 86400.0, model.parameters)]
+
+
+def check_start(model: Model, days: float, every_hours: float) -> None:
+    """Refuse a run that cannot start: what ``riftberg run`` takes, ``riftberg doctor`` calls ready, and nothing else.
+
+    Raises
+    ------
+    InputError
+        Naming what is in the way.
+    """
+    step = model.parameters.stepping.time_step / 3600.0
+    if every_hours < step * (1.0 - 1e-9):
+        raise InputError(
+            f"a record every {every_hours:g} h, but the long step is {step:g} h", where="--every (output_every_hours)",
+            remedy=f"Give {step:g} or more, or a shorter stepping.time_step",
+        )  # fmt: skip
+    if days - model.time / 86400.0 <= 0.0:
+        raise InputError(f"the state is already {model.time / 86400.0:g} days old", where="--days",
+                         remedy=f"Give more than that; now it is {days:g}")  # fmt: skip
+    model.check(days - model.time / 86400.0)
 
 
 def _as_given(experiment: str, options: Options) -> list[str]:
@@ -316,12 +349,7 @@ class Session:
 
     def run_and_report(self, days: float, every_hours: float, quiet: bool = False, draw: bool = True) -> None:
         """Run and report in a folder of its own, which is not left behind by a run that was refused."""
-        step = self.model.parameters.stepping.time_step / 3600.0
-        if every_hours < step * (1.0 - 1e-9):
-            raise InputError(
-                f"a record every {every_hours:g} h, but the long step is {step:g} h", where="--every",
-                remedy=f"Give {step:g} or more, or a shorter stepping.time_step",
-            )  # fmt: skip
+        check_start(self.model, days, every_hours)
         with results_folder(self.folder, RESULTS, needed=self._size(days, every_hours)):
             self.run(days, every_hours, quiet)
             self.report(draw=draw)
@@ -340,9 +368,6 @@ class Session:
         from riftberg.runs.track import DailyTrack
 
         remaining = days - self.model.time / 86400.0
-        if remaining <= 0.0:
-            raise InputError(f"the state is already {self.model.time / 86400.0:g} days old", where="--days",
-                             remedy=f"Give more than that; now it is {days:g}")  # fmt: skip
         self.track, self.stopwatch = DailyTrack(), Stopwatch()
         writer = RunWriter(
             self.folder / "run.nc",

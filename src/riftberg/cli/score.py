@@ -105,6 +105,10 @@ def _numbers(text: str | None) -> list[int]:
         ) from error
 
 
+MOST_SHOWN = 500
+"""Times in a table that somebody may still read."""
+
+
 def table_of(result: Score) -> Table:
     """Return the table of a score."""
     from rich.table import Table
@@ -125,7 +129,7 @@ def table_of(result: Score) -> Table:
         "IoU",
     ):
         table.add_column(name, justify="left" if name in ("time", "piece", "fragments") else "right", no_wrap=True)
-    for day in result.days:
+    for day in result.days[:MOST_SHOWN]:
         for k, match in enumerate(day.matches):
             table.add_row(
                 minute_text(day.time) if k == 0 else "",
@@ -169,5 +173,7 @@ def _print_score(result: Score) -> None:
     if not console.is_terminal:
         console = Console(width=120)
     console.print(table_of(result))
+    if len(result.days) > MOST_SHOWN:
+        console.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
     for line in (sentence(result), *result.melt):
         console.print(line, highlight=False)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from riftberg.bergs.feature import DATE_KEYS
 from riftberg.errors import InputError
-from riftberg.values import nanoseconds
+from riftberg.values import in_utc, nanoseconds
 
 NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")
 """Attributes in whose text a date may stand, such as ``A68A 2020-12-17``."""
@@ -46,12 +46,9 @@ def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
             return _kept(datetime.strptime(text, "%Y%m%d"), where), True
         if re.match(r"\d{4}/\d\d/\d\d", text):
             text = text.replace("/", "-")
-        when = datetime.fromisoformat(text.replace("Z", "+00:00"))
-    except ValueError as error:
+        when = in_utc(datetime.fromisoformat(text.replace("Z", "+00:00")))
+    except (ValueError, OverflowError) as error:
         raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
-    if when.tzinfo is not None:
-        offset = when.utcoffset() or timedelta(0)
-        when = when.replace(tzinfo=None) - offset
     return _kept(when, where), len(text) <= 10
 
 

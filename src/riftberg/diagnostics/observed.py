@@ -21,8 +21,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from riftberg.bergs.feature import DATE_KEYS
 from riftberg.bergs.outline_csv import rows_of_csv
 from riftberg.diagnostics.dates import parse_date
@@ -133,10 +131,9 @@ def _read(path: Path, date: str | None, variable: str | None) -> Observations:
 
 
 def _table(path: Path) -> Observations:
-    rows = [
-        {str(k).strip().lower(): v.strip() for k, v in row.items() if k is not None and v is not None}
-        for row in rows_of_csv(path)[0]
-    ]
+    table = rows_of_csv(path)[0]
+    names = {k: str(k).strip().lower() for k in (table[0] if table else ()) if k is not None}
+    rows = [{name: row[k].strip() for k, name in names.items() if row[k] is not None} for row in table]
     if not rows:
         raise InputError("no rows", where=str(path), remedy="A table needs a line of names and rows below")
     date = next((name for name in _DATES if name in rows[0]), "")
@@ -204,11 +201,10 @@ def _outer_rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
 
 def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
     """Leave out an outline that is given twice on its day."""
-    kept: list[Outline] = []
+    kept: dict[tuple[Any, ...], Outline] = {}
     for outline in outlines:
-        if not any(o.when == outline.when and np.array_equal(o.ring, outline.ring) for o in kept):
-            kept.append(outline)
-    return kept
+        kept.setdefault((outline.when, outline.ring.shape, outline.ring.tobytes()), outline)
+    return list(kept.values())
 
 
 def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline]:

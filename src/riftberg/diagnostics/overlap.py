@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import shapely
@@ -135,9 +135,14 @@ def axis_difference(first: float, second: float) -> float:
 
 def distance(lon1: float, lat1: float, lon2: float, lat2: float, radius: float) -> float:
     """Return the length of the great circle between two points, m."""
+    return float(distances(lon1, lat1, lon2, lat2, radius))
+
+
+def distances(lon1: Any, lat1: Any, lon2: Any, lat2: Any, radius: float) -> Floats:
+    """Return the lengths of the great circles between arrays of points (degrees), m."""
     a, b = np.radians(lat1), np.radians(lat2)
     half = np.sin(0.5 * (a - b)) ** 2 + np.cos(a) * np.cos(b) * np.sin(0.5 * np.radians(lon1 - lon2)) ** 2
-    return float(2.0 * radius * np.arcsin(np.sqrt(half)))
+    return np.asarray(2.0 * radius * np.arcsin(np.sqrt(half)))
 
 
 def polygon_moments(ring: Floats) -> tuple[float, float, float]:

@@ -17,10 +17,10 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
-from datetime import datetime, timedelta
+from datetime import datetime
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 import shapely
@@ -34,6 +34,7 @@ from riftberg.diagnostics.overlap import (
     REACH,
     axis_difference,
     distance,
+    distances,
     group_fragments,
     intersection_over_union,
     polygon_moments,
@@ -50,6 +51,8 @@ from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
+
+Seen = TypeVar("Seen", Outline, Fix)
 
 SMALLEST: Final = 0.005
 """Fragments below this part of the whole area are not matched one by one."""
@@ -211,25 +214,33 @@ def score_run(
     judge = _Judge(scene, tuple(together))
     start: datetime = scene.times[0].astype("datetime64[s]").item()
     wanted = start.hour + start.minute / 60.0 if hour is None else hour
-    fixes = [f for f in observed.fixes if interpolated or not f.interpolated]
-    names = judge.name_fragments(fixes, wanted)
-    strangers = judge.strangers(fixes, wanted) - set(names)
-    groups: dict[datetime, list[Outline | Fix]] = {}
-    items: list[Outline | Fix] = [*observed.outlines, *(f for f in fixes if f.name not in strangers)]
-    for item in items:
-        when = item.when + timedelta(hours=wanted) if item.day_only else item.when
-        groups.setdefault(when, []).append(item)
-    days = []
-    for when in sorted(groups):
-        record = judge.record(when)
-        if record is not None and (between is None or between[0] <= when <= between[1]):
-            days.append(judge.day(when, record, groups[when], names))
+    wished = [f for f in observed.fixes if interpolated or not f.interpolated]
+    fixes = judge.in_run(wished, wanted)
+    outlines = judge.in_run(observed.outlines, wanted)
+    found: list[tuple[datetime, int, Outline | Fix]] = [*outlines, *fixes]
+    for what, count in (("outlines", len(outlines)), ("positions", len(fixes))):
+        if count > MOST_COMPARED[what]:
+            raise InputError(
+                f"{count} {what} during the run; the most that are compared is {MOST_COMPARED[what]}",
+                where=observed.source, remedy="Give the rows of one berg, or one of an hour",
+            )  # fmt: skip
+    names = judge.name_fragments(fixes)
+    strangers = judge.strangers(fixes) - set(names)
+    groups: dict[tuple[datetime, int], list[Outline | Fix]] = {}
+    for when, record, item in found:
+        if item.name not in strangers and (between is None or between[0] <= when <= between[1]):
+            groups.setdefault((when, record), []).append(item)
+    days = [judge.day(when, record, groups[when, record], names) for when, record in sorted(groups)]
     if not days:
         span = f"{scene.times[0]} to {scene.times[-1]}"
         raise InputError(
             "nothing was observed during the run", where=observed.source, remedy=f"The run goes from {span}"
         )
     return Score(observed.source, days, melt_lines(run))
+
+
+MOST_COMPARED: Final = {"outlines": 2000, "positions": 100_000}
+"""What is compared with one run: half a minute of computing. Nobody sees bergs more often."""
 
 
 class _Judge:
@@ -240,25 +251,37 @@ class _Judge:
         self._before: list[tuple[Floats, int]] = []  # outlines of the time before (degrees), and the fragment of each
         steps = np.diff(scene.seconds)
         self.patience = float(max(3600.0, 0.51 * steps.max())) if len(steps) else 3600.0
+        self._fragments: dict[int, list[int]] = {}
+        self._positions: dict[tuple[int, tuple[int, ...]], Position] = {}
 
-    def record(self, when: datetime) -> int | None:
-        """Return the record nearest to a time, None outside of the run."""
-        apart = np.abs(self.scene.times - np.datetime64(when)) / np.timedelta64(1, "s")
-        nearest = int(np.argmin(apart))
-        return nearest if apart[nearest] <= self.patience else None
+    def in_run(self, items: Sequence[Seen], hour: float) -> list[tuple[datetime, int, Seen]]:
+        """Return what was seen during the run, with its time and the record nearest to it: a table may hold decades."""
+        seen = np.array([item.when for item in items], "datetime64[us]")
+        day_only = np.array([item.day_only for item in items], bool)
+        seen = np.where(day_only, seen + np.timedelta64(round(hour * 3.6e9), "us"), seen)
+        times = self.scene.times.astype("datetime64[us]")
+        after = np.clip(np.searchsorted(times, seen), 1, max(1, len(times) - 1))
+        nearest = np.where(seen - times[after - 1] <= times[after % len(times)] - seen, after - 1, after % len(times))
+        near = np.abs(times[nearest] - seen) <= np.timedelta64(round(self.patience * 1e6), "us")
+        return [(seen[k].item(), int(nearest[k]), items[k]) for k in np.flatnonzero(near).tolist()]
 
     def position(self, record: int, numbers: Iterable[int]) -> Position:
-        """Return place and heading of some fragments together."""
-        s = self.scene
-        rows = np.isin(s.berg[record], list(numbers))
-        return berg_position(s.x[record][rows], s.y[record][rows], s.area[rows], radius=s.radius)
+        """Return place and heading of some fragments together; those of a record are asked for again and again."""
+        s, key = self.scene, (record, tuple(numbers))
+        if key not in self._positions:
+            rows = np.isin(s.berg[record], key[1])
+            self._positions[key] = berg_position(s.x[record][rows], s.y[record][rows], s.area[rows], radius=s.radius)
+        return self._positions[key]
 
     def fragments(self, record: int) -> list[int]:
         """Return the fragments large enough to be matched, largest first."""
+        if record in self._fragments:
+            return self._fragments[record]
         number, index = np.unique(self.scene.berg[record], return_inverse=True)
         area = np.bincount(index, weights=np.where(self.scene.there[record], self.scene.area_at(record), 0.0))
         order = np.argsort(-area, kind="stable")
-        return [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
+        large = [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
+        return self._fragments.setdefault(record, large)
 
     def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> ScoredDay:
         """Compare at one time."""
@@ -327,7 +350,7 @@ class _Judge:
 
     # --- positions -------------------------------------------------------------------------------------------------
 
-    def name_fragments(self, fixes: list[Fix], hour: float) -> dict[str, int]:
+    def name_fragments(self, fixes: list[tuple[datetime, int, Fix]]) -> dict[str, int]:
         """Return which fragment goes by which name.
 
         Of the names that are seen first the largest fragment has the one nearest to it, and comes first here. The others
@@ -335,10 +358,8 @@ class _Judge:
         `FIX_REACH`; the time between the break-off and the first sight counts as distance at `DRIFT`.
         """
         seen: dict[str, list[tuple[int, Fix]]] = {}
-        for fix in fixes:
-            record = self.record(fix.when + timedelta(hours=hour) if fix.day_only else fix.when)
-            if record is not None:
-                seen.setdefault(fix.name, []).append((record, fix))
+        for _, record, fix in fixes:
+            seen.setdefault(fix.name, []).append((record, fix))
         if not seen:
             return {}
         largest, *others = self.fragments(len(self.scene.times) - 1)
@@ -355,16 +376,16 @@ class _Judge:
         alone = float(cost[np.isfinite(cost)].max(initial=FIX_REACH))
         return {main: largest} | {rest[k]: others[i] for k, i in best_pairs(cost, alone)}
 
-    def strangers(self, fixes: list[Fix], hour: float) -> set[str]:
+    def strangers(self, fixes: list[tuple[datetime, int, Fix]]) -> set[str]:
         """Return the bergs that never came within `STRANGE` of the run's largest fragment: tables may hold all there are."""
-        near: set[str] = set()
-        for fix in fixes:
-            record = self.record(fix.when + timedelta(hours=hour) if fix.day_only else fix.when)
-            if record is not None and fix.name not in near:
-                here = self.position(record, self.fragments(record)[:1])
-                if distance(here.lon, here.lat, fix.lon, fix.lat, self.scene.radius) <= STRANGE:
-                    near.add(fix.name)
-        return {fix.name for fix in fixes} - near
+        here = [(self.position(record, self.fragments(record)[:1]), fix) for _, record, fix in fixes]
+        near = {fix.name for (_, fix), apart in zip(here, self._apart(here), strict=True) if apart <= STRANGE}
+        return {fix.name for _, _, fix in fixes} - near
+
+    def _apart(self, pairs: list[tuple[Position, Fix]]) -> Floats:
+        """Return the distances (m) of what was seen from places of the run."""
+        lon1, lat1, lon2, lat2 = np.array([(p.lon, p.lat, fix.lon, fix.lat) for p, fix in pairs]).reshape(-1, 4).T
+        return distances(lon1, lat1, lon2, lat2, self.scene.radius)
 
     def _wait(self, number: int, record: int) -> float:
         """Return the time between the birth of a fragment and a record, s."""
@@ -373,12 +394,9 @@ class _Judge:
 
     def _mean_distance(self, number: int, seen: list[tuple[int, Fix]]) -> float:
         """Return the mean distance (m) of a fragment from where a berg was seen; infinite if never both were there."""
-        apart = []
-        for record, fix in seen:
-            if (self.scene.berg[record] == number).any():
-                place = self.position(record, [number])
-                apart.append(distance(place.lon, place.lat, fix.lon, fix.lat, self.scene.radius))
-        return float(np.mean(apart)) if apart else math.inf
+        there = {record for record, _ in seen if (self.scene.berg[record] == number).any()}
+        both = [(self.position(record, [number]), fix) for record, fix in seen if record in there]
+        return float(np.mean(self._apart(both))) if both else math.inf
 
     def _fix(self, record: int, fix: Fix, names: dict[str, int]) -> Match:
         number = names.get(fix.name)

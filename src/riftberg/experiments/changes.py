@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from riftberg.errors import InputError, nearest
+from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.values import allowed, plain_value
 
@@ -34,21 +34,33 @@ def parse_settings(settings: Iterable[str]) -> Changes:
         Naming the setting, and what is allowed.
     """
     changes: Changes = {}
+    faults = []
     for setting in settings:
-        key, equals, text = setting.partition("=")
-        group, dot, name = key.strip().partition(".")
-        if not equals or not dot:
-            raise InputError(
-                f"{setting!r} is not of the form group.name=value",
-                where="--set",
-                remedy="For example --set stepping.time_step=900",
-            )
-        field = find_field(group, name, where=f"--set {setting}")
         try:
-            changes.setdefault(group, {})[name] = plain_value(text.strip(), field)
-        except ValueError as error:
-            raise InputError(str(error), where=f"--set {setting}", remedy=allowed(field)) from error
+            group, name, value = _parsed(setting)
+            changes.setdefault(group, {})[name] = value
+        except InputError as error:
+            faults.append(error)
+    if faults:
+        raise together(faults)
     return changes
+
+
+def _parsed(setting: str) -> tuple[str, str, Any]:
+    """Return group, name and value of a setting."""
+    key, equals, text = setting.partition("=")
+    group, dot, name = key.strip().partition(".")
+    if not equals or not dot:
+        raise InputError(
+            f"{setting!r} is not of the form group.name=value",
+            where="--set",
+            remedy="For example --set stepping.time_step=900",
+        )
+    field = find_field(group, name, where=f"--set {setting}")
+    try:
+        return group, name, plain_value(text.strip(), field)
+    except ValueError as error:
+        raise InputError(str(error), where=f"--set {setting}", remedy=allowed(field)) from error
 
 
 def find_field(group: str, name: str, *, where: str) -> FieldInfo:

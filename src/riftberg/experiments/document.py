@@ -6,12 +6,14 @@ itself, so that a date such as the 31st of February is reported with its line.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import yaml
 
-from riftberg.errors import InputError
+from riftberg.errors import InputError, together
 from riftberg.input_files import check_file, shown, value_shown
 from riftberg.limits import MOST_YAML
 
@@ -49,6 +51,10 @@ class Document:
     ----------
     values : dict
         What the file says.
+    faults : dict of place to InputError
+        What is wrong so far; all are told together (`settle`).
+    meant : set of place
+        Keys that were misspelt, and so are not missing.
 
     Raises
     ------
@@ -59,6 +65,8 @@ class Document:
     def __init__(self, path: Path, sections: str = "") -> None:
         self.path, self._sections = path, sections
         self.lines: dict[Place, int] = {}
+        self.faults: dict[Place, InputError] = {}
+        self.meant: set[Place] = set()
         self._nodes = 0
         self.values = self._load(self._text())
 
@@ -195,6 +203,39 @@ class Document:
             what = "no date that exists" if kind == "timestamp" else f"no {kind} that can be read"
             remedy = "Dates are such as 2020-12-09 13:00" if kind == "timestamp" else "Write a plain value"
             raise self._wrong(f"{value_shown(text)} is {what}", line, remedy) from error
+
+    def one_of_list(self, place: Place) -> None:
+        """Note that one section stands where a list of them may stand: it is the first of the list."""
+        n = len(place)
+        self.lines |= {(*place, 0, *p[n:]): line for p, line in self.lines.items() if p[:n] == place}
+
+    @contextmanager
+    def noting(self, place: Place) -> Iterator[None]:
+        """Note an error at a place, and go on behind the block."""
+        try:
+            yield
+        except InputError as error:
+            self.note(place, error)
+
+    def note(self, place: Place, error: InputError) -> None:
+        """Note an error, to be told with the others."""
+        self.faults[place] = error
+
+    def noted(self, place: Place) -> bool:
+        """Whether something is noted of a place, of a part of it or of what it is a part of."""
+        known = (*self.faults, *self.meant)
+        return any(other[: len(place)] == place or place[: len(other)] == other for other in known)
+
+    def settle(self) -> None:
+        """Raise one error for all that was noted, in the order of the file."""
+        if self.faults:
+            faults = sorted(self.faults.items(), key=lambda item: self._line_of(item[0]))
+            raise together([error for _, error in faults])
+
+    def _line_of(self, place: Place) -> int:
+        while place and place not in self.lines:
+            place = place[:-1]
+        return self.lines.get(place, 0)
 
     def where(self, place: Place) -> str:
         """Return file, line and key of a place, or of the section around it."""

@@ -23,22 +23,24 @@ from riftberg.sections import Section, key
 
 
 class FormulaForcing(Section):
-    """Forcing by formulas, which are added."""
+    """Forcing by formulas, which are added; each may be a section or a list of sections."""
 
     kind: Literal["formula"]
-    uniform: UniformPart | None = None
-    eddy: list[EddyPart] = key([], "", "eddies, a list of sections")
-    jet: list[JetPart] = key([], "", "jets, a list of sections")
-    shear: list[ShearPart] = key([], "", "shear layers, a list of sections")
-    front: list[FrontPart] = key([], "", "fronts, a list of sections")
-    tide: list[TidePart] = key([], "", "tides, a list of sections")
-    seamount: list[SeamountPart] = key([], "", "seamounts, a list of sections; the shallowest sea floor counts")
-    slope: list[SlopePart] = key([], "", "sloping sea floors, a list of sections")
-    turning_wind: list[TurningWindPart] = key([], "", "winds that turn, a list of sections")
+    uniform: list[UniformPart] = key([], "", "the same everywhere, a section or a list of sections")
+    eddy: list[EddyPart] = key([], "", "eddies, a section or a list of sections")
+    jet: list[JetPart] = key([], "", "jets, a section or a list of sections")
+    shear: list[ShearPart] = key([], "", "shear layers, a section or a list of sections")
+    front: list[FrontPart] = key([], "", "fronts, a section or a list of sections")
+    tide: list[TidePart] = key([], "", "tides, a section or a list of sections")
+    seamount: list[SeamountPart] = key(
+        [], "", "seamounts, a section or a list of sections; the shallowest sea floor counts"
+    )
+    slope: list[SlopePart] = key([], "", "sloping sea floors, a section or a list of sections")
+    turning_wind: list[TurningWindPart] = key([], "", "winds that turn, a section or a list of sections")
 
     @model_validator(mode="after")
     def _something(self) -> FormulaForcing:
-        if not self.model_fields_set - {"kind"}:
+        if not any(getattr(self, name) for name in _CLASSES):
             raise ValueError(f"no formula is given; give one or more of {', '.join(_CLASSES)}")
         return self
 
@@ -75,8 +77,7 @@ def sum_of(forcing: FormulaForcing, *, latlon: bool, latitude: float | None) -> 
     """
     parts = []
     for name, kind in _CLASSES.items():
-        value = getattr(forcing, name)
-        for section in value if isinstance(value, list) else [value] if value is not None else []:
+        for section in getattr(forcing, name):
             values: dict[str, Any] = {k: v for k, v in section.model_dump().items() if v is not None}
             parts.append(kind(**values, latlon=latlon, latitude=latitude))
     return formulas.Sum(parts)

@@ -36,6 +36,8 @@ class Options:
         Fetch missing data files first.
     grid : float or None
         Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment.
+    files : tuple
+        Files or patterns in place of those of the experiment, as ``forcing.files`` takes them.
     """
 
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -45,6 +47,7 @@ class Options:
     numerics: Numerics | None = None
     fetch: bool = False
     grid: float | None = None
+    files: tuple[Any, ...] = ()
 
     @property
     def own(self) -> bool:
@@ -104,6 +107,8 @@ class Info:
         Whether the run file holds the mean force of each medium between records.
     output_cells : float or None
         Width (degrees) of the cells of the gridded output; None for none.
+    made : str
+        What became of the shape that was asked for, in a line.
     story : Story or None
         What a test case tells and draws instead of break-ups and a map.
     """
@@ -117,6 +122,7 @@ class Info:
     notices: tuple[str, ...] = ()
     output_forces: bool = False
     output_cells: float | None = None
+    made: str = ""
     story: Story | None = None
 
 

@@ -5,7 +5,7 @@ Quantities may carry units (``thickness: 200 m``, ``time_step: 30 min``); plain 
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -15,6 +15,7 @@ from riftberg.experiments.formula_schema import FormulaForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.sections import Pair, Section, key
+from riftberg.values import in_utc
 
 SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""
@@ -105,13 +106,15 @@ class Berg(BergKeys):
     """The iceberg: one shape, thickness, elements, place and weak bonds."""
 
     name: str | None = key(None, "", "name of the berg, which its fragments bear too", min_length=1, max_length=60)
-    outline: OutlineFile | None = None
-    mask: Mask | None = None
-    shelf: Shelf | None = None
+    outline: OutlineFile | None = key(None, "", "shape from a polygon: a file, or a section of its own")
+    mask: Mask | None = key(None, "", "shape from a grid: a file, or a section of its own")
+    shelf: Shelf | None = key(None, "", "ice shelf that calves: a file, or a section of its own")
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
     field: FieldOfBergs | None = None
-    rifts: list[Rift] = key([], "", "weak or missing bonds where the berg lies at the start, a list of sections")
+    rifts: list[Rift] = key(
+        [], "", "weak or missing bonds where the berg lies at the start, a section or a list of them"
+    )
     strength: Strength | None = key(None, "", "scatter of the strength of the bonds, a section of its own")
 
     @model_validator(mode="after")
@@ -144,16 +147,17 @@ class ExperimentForcing(Section):
 Forcing = Annotated[ConstantForcing | FileForcing | ExperimentForcing | FormulaForcing, Field(discriminator="kind")]
 
 
-def _in_utc(moment: datetime) -> datetime:
-    return moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
-
-
 class Experiment(Section):
     """A whole experiment file."""
 
-    name: str = key("experiment", "", "short name, also of the output folder", pattern=r"^[A-Za-z0-9][\w.-]*$")
+    name: str = key(
+        "experiment",
+        "",
+        "short name of letters, digits, dots and dashes, also of the output folder",
+        pattern=r"^[A-Za-z0-9][\w.-]*$",
+    )
     title: str = key("", "", "heading of the map")
-    start: Annotated[datetime, AfterValidator(_in_utc)] = key(..., "", "date and time of the start (UTC)")
+    start: Annotated[datetime, AfterValidator(in_utc)] = key(..., "", "date and time of the start (UTC)")
     days: float = key(..., "day", "length of the run", gt=0)
     output_every_hours: float = key(1.0, "h", "interval of the records, at least the long step", gt=0)
     output_forces: bool = key(False, "", "write the mean force of each medium on each element between records")

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from riftberg.bergs.keys import FieldOfBergs
+from riftberg.bergs.report import lost_in_lattice
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
@@ -40,6 +41,8 @@ from riftberg.values import (
     check_degrees,
     check_kind,
     check_place,
+    finding_text,
+    given,
     kinds_of,
     plain_value,
 )
@@ -86,21 +89,33 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
     values = dict(document.values)
     values.setdefault("name", _name_of(path))
     values = _prepared(values, Experiment, (), document)
+    groups = values.get("parameters")
+    changes = _changes(groups if isinstance(groups, dict) else {}, document)
     try:
         experiment = Experiment(**values)
     except ValidationError as error:
-        raise _explained(error, document) from error
-    parameters = _parameters(experiment, document)
-    check_span(experiment.start, experiment.days, where=document.where(("days",)))
-    if parameters.earth.latlon:
-        for place, berg in experiment.all_bergs:
-            _check_place(berg, document, tuple(int(p) if p.isdigit() else p for p in place.split(".")))
-        if parameters.earth.radius < SMALLEST_SPHERE:
-            raise document.error(
-                f"{parameters.earth.radius:g} m is no radius of the Earth", ("parameters", "earth", "radius"),
-                f"Give {SMALLEST_SPHERE:g} m or more, usually 6.371e6",
-            )  # fmt: skip
+        _explain(error, document)
+        document.settle()
+        raise
+    with document.noting(("days",)):
+        check_span(experiment.start, experiment.days, where=document.where(("days",)))
+    for place, berg in experiment.all_bergs if _in_degrees(changes) else []:
+        name: Place = tuple(int(p) if p.isdigit() else p for p in place.split("."))
+        with document.noting(name):
+            _check_place(berg, document, name)
+    document.settle()
+    parameters = _parameters(experiment, changes, document)
+    if parameters.earth.latlon and parameters.earth.radius < SMALLEST_SPHERE:
+        raise document.error(
+            f"{parameters.earth.radius:g} m is no radius of the Earth", ("parameters", "earth", "radius"),
+            f"Give {SMALLEST_SPHERE:g} m or more, usually 6.371e6",
+        )  # fmt: skip
     return experiment, parameters, document
+
+
+def _in_degrees(changes: Mapping[str, Any]) -> bool:
+    """Whether positions are degrees; all presets have them so."""
+    return changes.get("earth", {}).get("latlon", True) is not False
 
 
 SMALLEST_SPHERE = 1e6
@@ -136,28 +151,37 @@ def _keys(section: type[BaseModel]) -> str:
 
 def _prepared(values: Any, section: type[BaseModel], place: Place, document: Document) -> dict[str, Any]:
     """Check the keys of a section and of those within, and turn quantities into numbers."""
+    if isinstance(values, str) and "file" in section.model_fields and values not in section.model_fields:
+        values = {"file": values}  # outline: berg.geojson
     if not isinstance(values, dict):
         raise document.error(f"{value_shown(values)} is not a section", place, f"It has the keys {_keys(section)}")
     result: dict[str, Any] = {}
+    choices = list(section.model_fields)
     for name, value in values.items():
         inner = (*place, str(name))
-        field = section.model_fields.get(str(name))
-        if field is None:
-            choices = list(section.model_fields)
-            raise document.error(
-                "there is no such key", inner, f"{nearest(str(name), choices)}Allowed here: {', '.join(choices)}"
-            )
-        result[str(name)] = _value(value, field, inner, document)
+        with document.noting(inner):
+            if str(name) not in choices:
+                hint = nearest(str(name), choices)
+                document.meant |= {(*place, choice) for choice in choices if repr(choice) in hint}
+                raise document.error("there is no such key", inner, f"{hint}Allowed here: {', '.join(choices)}")
+            result[str(name)] = _value(value, section.model_fields[str(name)], inner, document)
     return result
 
 
 def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> Any:
     items = _sections_in(field)
+    if get_origin(field.annotation) is list and isinstance(value, dict | str) and (
+        items is not None or get_args(field.annotation) == (str,)
+    ):  # fmt: skip
+        document.one_of_list(place)
+        value = [value]
     if items is not None:
         only = get_args(field.annotation) == (items,)
         if only and not isinstance(value, list):
             raise document.error(
-                f"{value_shown(value)} is no list of sections", place, f"Each has the keys {_keys(items)}"
+                f"{value_shown(value)} is no section and no list of sections",
+                place,
+                f"Each has the keys {_keys(items)}",
             )
         if isinstance(value, list):
             prepared = [only or isinstance(item, dict) for item in value]
@@ -213,21 +237,17 @@ def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) 
     return _KINDS[kind]
 
 
-def _explained(error: ValidationError, document: Document) -> InputError:
-    """Turn the first finding of pydantic into a message with its place."""
-    errors = error.errors()
-    # Of an entry that is a text or a section, what is wrong with the section tells more.
-    first = next((finding for finding in errors if "NamedFiles" in str(finding["loc"])), errors[0])
-    loc = tuple(first["loc"])
-    loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
-    place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))
-    field = _field_at(place)
-    if first["type"] == "missing":
-        return document.error("this key is missing", place, allowed(field) if field else "")
-    message = str(first["msg"]).removeprefix("Value error, ")
-    if field is None or first["type"] == "value_error":
-        return document.error(message, place)
-    return document.error(f"{value_shown(first['input'])} is not possible ({message})", place, allowed(field))
+def _explain(error: ValidationError, document: Document) -> None:
+    """Note the findings of pydantic with their places, but for those that follow from what is noted already."""
+    # Of an entry that is a text or a section, what is wrong with the section tells more: it lies deeper.
+    for finding in sorted(error.errors(), key=lambda finding: -len(finding["loc"])):
+        loc = tuple(finding["loc"])
+        loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
+        place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))
+        field = _field_at(place)
+        remedy = "" if field is None or finding["type"] == "value_error" else allowed(field)
+        if not document.noted(place):
+            document.note(place, document.error(finding_text(finding), place, remedy))
 
 
 def _field_at(place: Place) -> FieldInfo | None:
@@ -247,15 +267,25 @@ def _field_at(place: Place) -> FieldInfo | None:
     return None
 
 
-def _parameters(experiment: Experiment, document: Document) -> Parameters:
+def _changes(groups: Mapping[Any, Any], document: Document) -> dict[str, Any]:
+    """Return the changes of the parameters by group, each value checked."""
+    changes: dict[str, Any] = {}
+    for group, values in groups.items():
+        place = ("parameters", str(group))
+        with document.noting(place):
+            if group != "preset":
+                changes[str(group)] = _group(str(group), values, document)
+            elif not isinstance(values, str) or values not in PRESETS:
+                raise document.error(f"preset {value_shown(values)} is not known", place,
+                                     f"{nearest(str(values), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
+    return changes
+
+
+def _parameters(experiment: Experiment, changes: dict[str, Any], document: Document) -> Parameters:
     """Return the preset with the changes of the file; packing follows the berg."""
-    groups = dict(experiment.parameters)
-    preset = groups.pop("preset", "default")
-    if not isinstance(preset, str) or preset not in PRESETS:
-        raise document.error(f"preset {value_shown(preset)} is not known", ("parameters", "preset"),
-                             f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
-    base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[preset]
-    changes = {group: _group(group, values, document) for group, values in groups.items()}
+    base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[
+        experiment.parameters.get("preset", "default")
+    ]
     packing = "hexagonal" if any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs) else "square"
     shape: dict[str, Any] = {"packing": packing, "max_bonds": 6 if packing == "hexagonal" else 4}
     changes["bonds"] = {**shape, **changes.get("bonds", {})}
@@ -280,11 +310,16 @@ def _group(group: str, values: Any, document: Document) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise document.error(f"{value_shown(values)} is not a group of parameters", place)
     fields, result = fields_of(groups[group]), {}
+    section: Any = groups[group].annotation
     for name, value in values.items():
-        if name not in fields:
-            raise document.error("there is no such parameter", (*place, str(name)),
-                                 f"{nearest(str(name), fields)}{group} has {', '.join(fields)}")  # fmt: skip
-        result[str(name)] = _value(value, fields[name], (*place, str(name)), document)
+        inner = (*place, str(name))
+        with document.noting(inner):
+            if name not in fields:
+                raise document.error("there is no such parameter", inner,
+                                     f"{nearest(str(name), fields)}{group} has {', '.join(fields)}")  # fmt: skip
+            plain = _value(value, fields[name], inner, document)
+            is_section = _section_of(value, fields[name], inner, document) is not None
+            result[str(name)] = plain if is_section else given(plain, section, name, where=document.where(inner))
     return result
 
 
@@ -318,6 +353,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
         notices=notices,
         output_forces=experiment.output_forces,
         output_cells=experiment.output_cells,
+        made=lost_in_lattice(berg),
     )
     return Model(berg, forcing, parameters, experiment.start), info
 
@@ -458,6 +494,8 @@ def build_forcing(
 
         if options.grid is not None:
             forcing = forcing.model_copy(update={"spacing": options.grid})
+        if options.files:
+            forcing = forcing.model_copy(update={"files": list(options.files)})
         run = Run.of(
             experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled
         )

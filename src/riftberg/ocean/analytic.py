@@ -70,6 +70,8 @@ class Steady(Formula):
         ice_fraction: float = 0.0,
     ) -> None:
         self._water = _checked_water(temperature, salinity, ice_fraction)
+        self.temperature = None if temperature is None else self._water[0]
+        self.salinity = None if salinity is None else self._water[1]
         said = (("sst", temperature), ("sss", salinity))
         self.provides = frozenset(name for name, value in said if value is not None)
         self.current: tuple[float, float] = steady("current", current)

@@ -248,7 +248,9 @@ def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | Non
     for entry, matches in files:
         if not matches:
             raise ForcingError(
-                f"no file matches {entry.file!r}", where=str(folder), remedy="Correct forcing.files or --data"
+                f"no file matches {entry.file!r}",
+                where=f"the folder {folder.absolute()}",
+                remedy="Correct forcing.files or --data",
             )
     return [(path, entry.product) for entry, matches in files for path in matches]
 

@@ -155,6 +155,11 @@ class GriddedForcing(ShownForcing):
         return getattr(self.rules, name)
 
     @property
+    def times(self) -> list[float] | None:
+        """Times of the records, s since the start of the run; None for a constant state."""
+        return None if self._times is None else list(self._times)
+
+    @property
     def cover(self) -> tuple[float, float]:
         """First and last time served, s since the start of the run; infinite for a constant state."""
         if self._times is None:

@@ -38,8 +38,15 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Span = tuple[float, float]
 
-NEEDED = ("uo", "vo", "ssh", "ua", "va")
-"""Fields that a drift and break-up run needs; sea ice is optional (none = open water), depth only for grounding."""
+NEEDED = ("uo", "vo")
+"""Fields without which no run starts; sea ice is optional (none = open water), depth only for grounding."""
+
+ASSUMED = {
+    "ssh": "no slope of the sea surface, which balances most of the Coriolis force on a large berg",
+    "ua": "calm air",
+    "va": "calm air",
+}
+"""What a run takes where no file gives a field that it should have."""
 
 WHERE_FROM = {
     "uo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
@@ -74,6 +81,7 @@ def doctor(
     product: str | Mapping[str, str | None] | None = None,
     max_gap: float | None = None,
     hold: float | None = None,
+    wished: Sequence[str] | None = None,
 ) -> Report:
     """Tell what files are and whether they serve an experiment; never raises for bad files, it reports them.
 
@@ -93,6 +101,8 @@ def doctor(
         Name of the product, instead of recognising it; or of each file or pattern of ``files``.
     max_gap, hold : float, optional
         What the run allows, s: the longest gap that is interpolated across, and how long the ends are held.
+    wished : sequence of str, optional
+        Fields that a run should have and starts without; by default those of `ASSUMED`, and none if ``needed`` is given.
 
     Returns
     -------
@@ -113,7 +123,8 @@ def doctor(
         except Exception as error:  # values that a damaged file does not give up
             report.unreadable[str(ds.attrs["source"])] = f"its values cannot be read ({error}). Fetch the file again"
     report.notes += idle_fields(opened)
-    _conclude(report, list(dict.fromkeys(needed)))
+    wishes = (ASSUMED if needed is NEEDED else ()) if wished is None else wished
+    _conclude(report, list(dict.fromkeys(needed)), [name for name in wishes if name not in needed])
     return report
 
 
@@ -402,7 +413,9 @@ def _judge(finding: FieldFinding, points: int) -> None:
     ):
         finding.problems.append(f"{doubt} If so, correct the file; it is a doubt {HARMLESS}")
     if finding.low == finding.high == 0.0:
-        finding.problems.append("is zero everywhere in the experiment: check that the right variable was written")
+        finding.problems.append(
+            f"is zero everywhere in the experiment: check that the right variable was written, {HARMLESS}"
+        )
     if finding.missing_on_path:
         text = f"missing (land, ice or gap) at {finding.missing_on_path} of {points} positions of the berg: "
         finding.problems.append(text + _effect(finding))
@@ -424,7 +437,7 @@ def _effect(finding: FieldFinding) -> str:
     return f"values from the nearest water will be used there, {HARMLESS}"
 
 
-def _conclude(report: Report, needed: Sequence[str]) -> None:
+def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> None:
     """Say what is missing and what to do, the most pressing first."""
     for name in QUANTITIES:
         holders = [finding for finding in report.data if any(item.name == name for item in finding.fields)]
@@ -435,15 +448,19 @@ def _conclude(report: Report, needed: Sequence[str]) -> None:
             )
     good = {item.name for finding in report.data for item in finding.fields if item.missing_share < 1.0}
     report.missing = [name for name in needed if name not in good]
-    for name in report.missing:
+    for name in (*report.missing, *(name for name in wished if name not in good)):
         source = WHERE_FROM.get(name, "any CF file with standard name " + QUANTITIES[name].standard_name)
-        report.advice.append(f"No file gives {name} ({QUANTITIES[name].long_name}). Get {source}")
+        text = f"o file gives {name} ({QUANTITIES[name].long_name}). Get {source}"
+        if name in needed:
+            report.advice.append(f"N{text}")
+        else:
+            report.assumed.append(f"{ASSUMED[name]}, for n{text}")
     # A stray file beside a complete set is mentioned, but does not stop the run.
     if report.missing:
         report.advice += [f"{Path(name).name}: {reason}" for name, reason in report.unreadable.items()]
     report.advice += report.clashes
     for finding in report.data:
-        wanted = [item for item in finding.fields if item.name in needed]
+        wanted = [item for item in finding.fields if item.name in (*needed, *wished)]
         if wanted or not finding.fields:
             report.advice += [f"{Path(finding.files[0]).name}: {problem}" for problem in finding.problems]
         for item in wanted:

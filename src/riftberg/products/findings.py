@@ -59,6 +59,10 @@ class Report:
         Needed fields that no dataset gives.
     advice : list of str
         What to do, the most pressing first.
+    assumed : list of str
+        What a run takes for that which no file gives.
+    refusal : str or None
+        Why a run with these files does not start, empty if it does; None where none was tried, and the advice decides.
     """
 
     data: list[DataFinding] = field(default_factory=list)
@@ -67,11 +71,13 @@ class Report:
     notes: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    refusal: str | None = None
 
     @property
     def ready(self) -> bool:
-        """Whether the files suffice for the experiment."""
-        return not self.advice
+        """Whether the files suffice for the experiment: where a run was tried, whether it starts."""
+        return not self.advice if self.refusal is None else not (self.refusal or self.missing)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as plain numbers, texts, lists and dicts."""
@@ -87,8 +93,16 @@ class Report:
         for name, reason in self.unreadable.items():
             lines += [f"{name}", f"  cannot be used: {reason}", ""]
         lines += [f"Note: {note}" for note in self.notes]
-        lines.append("Ready: these files give all that was asked for." if self.ready else "Not ready. What to do:")
-        lines += [f"  {number}. {text}" for number, text in enumerate(self.advice, 1)]
+        lines += [f"Assumed: {text}" for text in self.assumed]
+        if self.ready:
+            lines.append(
+                "Ready: " + ("these files give all that was asked for." if self.refusal is None else "the run starts.")
+            )
+            lines += ["Worth a look:"] if self.advice else []
+        else:
+            lines.append("Not ready. What to do:")
+        steps = [self.refusal, *self.advice] if self.refusal else self.advice
+        lines += [f"  {number}. {text}" for number, text in enumerate(steps, 1)]
         return "\n".join(lines)
 
 

@@ -27,6 +27,7 @@ from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
 from riftberg.stepping.media import FORCES
+from riftberg.values import finding_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -157,7 +158,7 @@ def read_parameters(text: Any, file: Path) -> Parameters:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise _error(
-            f"no parameters of Riftberg ({key}: {str(first['msg'])[:100]})" if key else "no JSON of parameters",
+            f"no parameters of Riftberg ({key}: {finding_text(first)})" if key else "no JSON of parameters",
             file,
             place,
             "The file is damaged, or was written by another version of Riftberg",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -15,10 +16,13 @@ from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
+from riftberg.usual import of_records
 from riftberg.values import number, required
 
 if TYPE_CHECKING:
     import xarray as xr
+
+_LOG = logging.getLogger(__name__)
 
 OWN_EXTRAS = ("substeps", "next_element", "next_bond")
 """What a restart file holds beside the state that no recorder has left there."""
@@ -119,6 +123,8 @@ class Model(BareModel):
         hours = number(every_hours, "h", where="every_hours")
         left = self._number_of_steps(days, steps) * self.parameters.stepping.time_step
         length, end = left / SECONDS_PER_DAY, self.time + left
+        for text in of_records(hours, length, self.parameters):
+            _LOG.warning(text)
         shown = [ProgressRecorder(length)] if progress else []
         with held(), memory_run(output, hours, forces) as writer:
             try:

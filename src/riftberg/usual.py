@@ -1,0 +1,229 @@
+"""Usual ranges of what a run is given, and what is said of a value outside: a slip of units is seldom impossible.
+
+One table for all numbers that have a usual magnitude; what is physically impossible is refused where the parameter or key is
+defined. Names are those of parameters (``group.name``), of a berg and its elements (``berg.name``), and of formulas of
+forcing (``Class.name``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from riftberg.values import unit_of
+
+
+class Usual(NamedTuple):
+    """Smallest and largest usual value, their unit where no field tells it, and where the range comes from.
+
+    A value of 0 that leaves a law out (``off``) is as usual.
+    """
+
+    low: float
+    high: float
+    source: str
+    unit: str = ""
+    off: bool = False
+
+
+_CURRENT: Final = Usual(-3.0, 3.0, "the Gulf Stream reaches 2.5 m s-1", "m s-1")
+_WIND: Final = Usual(-50.0, 50.0, "a hurricane begins at 33 m s-1", "m s-1")
+_ACROSS: Final = Usual(1e3, 5e5, "fronts and eddies are some to some hundred km wide", "m")
+_DEPTH: Final = Usual(1.0, 11_000.0, "the deepest sea floor", "m", off=True)
+_SPRING: Final = Usual(1e-9, 10.0, "E / (rho (R1 + R2)^2) of elements of 10 m to 10 km")
+_SIZE: Final = Usual(5.0, 2e4, "elements of lattices are some m to some km wide", off=True)
+_SEA: Final = Usual(-2.0, 15.0, "freezing point of sea water, and where the last bergs melt", "degree_Celsius")
+_SALT: Final = Usual(20.0, 37.0, "from fjords to the open Atlantic", "1e-3")
+
+USUAL: Final[dict[str, Usual]] = {
+    "ice.density": Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
+    "drag.ocean_scale": Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
+    "drag.coastal_drift": Usual(0.01, 1.0, "speeds of coastal currents", off=True),
+    "drag.tidal_drift": Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
+    "grounding.coefficient": Usual(1e2, 1e6, "1e4 in Huth et al. 2022", off=True),
+    "grounding.quadratic_coefficient": Usual(
+        1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
+    ),
+    "grounding.ramp_height": Usual(0.1, 100.0, "KID's h_to_init_grounding: a part of the draft", off=True),
+    "contact.spring": _SPRING,
+    "contact.distance": Usual(1.0, 1e4, "4000 m in Huth et al. 2022", off=True),
+    "contact.tolerance": Usual(1e-12, 1e-2, "1e-4 in KID"),
+    "bonds.spring": _SPRING,
+    "bonds.youngs_modulus": Usual(1e6, 1e10, "5 MPa in Huth et al. 2022, 9 GPa in laboratories"),
+    "bonds.poisson": Usual(0.2, 0.4, "0.3 of ice in laboratories"),
+    "bonds.damping": Usual(0.01, 2.0, "1 is critical damping", off=True),
+    "bonds.constant_length": _SIZE,
+    "bonds.constant_width": _SIZE,
+    "fracture.normal_strength": Usual(
+        1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"
+    ),
+    "fracture.shear_strength": Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"),
+    "fracture.distance": Usual(1.0, 1e4, "from a crevasse to some elements", off=True),
+    "fracture.toughness": Usual(3e4, 5e5, "5e4 to 1.5e5 in laboratories (Petrovic 2003)", off=True),
+    "damage.time_scale": Usual(60.0, 3.2e7, "from a minute to a year"),
+    "damage.exponent": Usual(0.5, 10.0, "laws of creep and fatigue have 1 to 4"),
+    "stepping.time_step": Usual(0.1, 7200.0, "steps of an hour resolve tides and inertial motion"),
+    "stepping.fixed_velocity": Usual(-3.0, 3.0, "bergs drift at some dm s-1"),
+    "earth.radius": Usual(6.35e6, 6.39e6, "the radius of the Earth"),
+    "melt.temperature": _SEA,
+    "melt.salinity": _SALT,
+    "melt.gamma_t": Usual(1e-3, 0.1, "0.011 to 0.031 under ice shelves (Jenkins et al. 2010)"),
+    "melt.friction_drag": Usual(5e-4, 0.02, "1e-3 to 1e-2 under ice shelves", off=True),
+    "melt.least_friction": Usual(1e-5, 0.05, "1e-3 in KID", off=True),
+    "melt.tide": Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
+    "melt.least_gap": Usual(0.1, 100.0, "some m in ocean models", off=True),
+    "rolling.tip": Usual(0.5, 1.5, "0.8 to 1 by the densities of ice and water", off=True),
+    "footloose.youngs": Usual(1e6, 1e10, "10 MPa in KID, 9 GPa in laboratories"),
+    "footloose.strength": Usual(1e4, 2e6, "250 kPa in KID, 1 MPa in laboratories"),
+    "footloose.berg_mass": Usual(1e6, 1e14, "1e12 kg in KID"),
+    "calving.length_over_width": Usual(1.0, 4.0, "1.5 in KID"),
+    "calving.smoothing_time": Usual(3600.0, 3.2e8, "from an hour to ten years", off=True),
+    "berg.thickness": Usual(20.0, 600.0, "tabular bergs are 100 to 400 m thick", "m"),
+    "berg.radius": Usual(5.0, 1e4, "half the width of an element: some m to some km", "m"),
+    "berg.area": Usual(100.0, 1.2e10, "B-15, the largest berg seen, had 1.1e10 m2", "m2"),
+    "berg.speed": Usual(0.0, 3.0, "bergs drift at some dm s-1", "m s-1"),
+    "berg.spin": Usual(0.0, 1e-3, "a turn in two hours", "rad s-1"),
+    "berg.latitude": Usual(
+        35.0, 88.0, "bergs are rarely seen closer to the equator; longitude stands first", "degrees N or S"
+    ),
+    "Steady.current": _CURRENT,
+    "Steady.wind": _WIND,
+    "Steady.slope": Usual(-1e-4, 1e-4, "4e-5 holds a current of 3 m s-1 in balance at 60 degrees", "1"),
+    "Steady.sea_ice": Usual(-2.0, 10.0, "sea ice drifts at some dm s-1 and is some m thick", "m s-1 or m"),
+    "Steady.water": _DEPTH,
+    "Steady.temperature": _SEA,
+    "Steady.salinity": _SALT,
+    "Uniform.current": _CURRENT,
+    "Uniform.wind": _WIND,
+    "Uniform.sea_ice": Usual(-2.0, 10.0, "sea ice drifts at some dm s-1 and is some m thick", "m s-1 or m"),
+    "Uniform.water": _DEPTH,
+    "Eddy.radius": _ACROSS,
+    "Eddy.speed": _CURRENT,
+    "Eddy.velocity": Usual(-1.0, 1.0, "eddies travel at some cm s-1", "m s-1"),
+    "Stream.speed": _CURRENT,
+    "Straight.width": _ACROSS,
+    "Front.step": Usual(-2.0, 2.0, "the Gulf Stream has 1 m", "m"),
+    "Front.temperature": Usual(-2.0, 30.0, "sea water", "degree_Celsius"),
+    "Tide.major": _CURRENT,
+    "Tide.minor": _CURRENT,
+    "Tide.period": Usual(1e4, 2.6e6, "from overtides of 3 hours to the month", "s"),
+    "Seamount.height": Usual(1.0, 6000.0, "from shoals to volcanoes", "m"),
+    "Seamount.width": Usual(50.0, 3e5, "from rocks to plateaus", "m"),
+    "Seamount.plain": _DEPTH,
+    "Slope.gradient": Usual(-0.3, 0.3, "continental slopes have 0.05 to 0.1", "1"),
+    "Slope.middle": _DEPTH,
+    "TurningWind.speed": Usual(0.0, 50.0, "a hurricane begins at 33 m s-1", "m s-1"),
+    "TurningWind.turning": Usual(-60.0, 60.0, "fronts and lows turn it by some degrees in an hour", "degree h-1"),
+}
+
+STEPS_IN_A_TIDE: Final = 10.0
+"""Long steps in the period of a tide below which its current is poorly followed."""
+
+
+def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True) -> dict[str, str]:
+    """Return what lies outside its usual range, a sentence for each name.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Of a run.
+    elements : Elements
+        The bergs.
+    forcing : Forcing
+        Its formulas are looked at, and the times of its records; fields of files are judged where they are read.
+    placed : bool
+        The bergs are at their start; later they may have melted to any size.
+    """
+    said: dict[str, str] = {}
+    given = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
+    for name, values, unit in given:
+        usual, array = USUAL[name], np.ravel(np.asarray(values, np.float64))
+        low, high = usual.low, usual.high
+        bad = array[((array < low) | (array > high)) & ~((array == 0.0) & usual.off)]
+        if bad.size:
+            value = bad[np.argmax(np.abs(bad))]
+            unit = "" if unit == "1" else f" {unit}"
+            said[name] = (
+                f"{_label(name)} = {value:g}{unit} is unusual: from {low:g} to {high:g}{unit} would be usual ({usual.source})"
+            )
+    step = parameters.stepping.time_step
+    for what, seconds, most in _changes(forcing):
+        if step > most:
+            said[what] = (
+                f"the long step of {step / 3600.0:g} h is too long for {what} {seconds / 3600.0:.4g} h, which it passes over: "
+                f"set stepping.time_step to {most:g} s or less"
+            )
+    return said
+
+
+def of_records(hours: float, days: float, parameters: Any) -> list[str]:
+    """Return what is unusual about the interval of the records of a run of some days, a sentence each."""
+    steps = 3600.0 * hours / parameters.stepping.time_step
+    said = []
+    if steps > 1.0 and abs(steps - round(steps)) > 1e-6 * steps:
+        said.append(
+            f"records every {hours:g} h are no whole number of long steps ({parameters.stepping.time_step / 3600.0:g} h): each "
+            "comes with the first step that ends at its time or later"
+        )
+    if hours > 24.0 * days * (1.0 + 1e-9):
+        said.append(
+            f"records every {hours:g} h, but the run ends after {24.0 * days:g} h: it has its start and its end alone"
+        )
+    return said
+
+
+_DEPTHS: Final = ("water", "plain", "middle")
+"""What the classes of forcing call the depth that they are given."""
+
+
+def _label(name: str) -> str:
+    """Return a name as whoever gave the value knows it."""
+    kind, _, key = name.partition(".")
+    return f"forcing, {kind}: {'depth' if key in _DEPTHS else key}" if kind[0].isupper() else name
+
+
+def _of_parameters(parameters: Any) -> Iterator[tuple[str, Any, str]]:
+    """Give the parameters that have a usual range and are neither left open nor as by default."""
+    for name in USUAL:
+        group, _, key = name.partition(".")
+        section = getattr(parameters, group) if group in type(parameters).model_fields else None
+        value = getattr(section, key, None)
+        if section is None or value is None or (name == "earth.radius" and not section.latlon):
+            continue
+        yield name, value, unit_of(type(section).model_fields[key])
+
+
+def _of_forcing(forcing: Any) -> Iterator[tuple[str, Any, str]]:
+    """Give the values of formulas that have a usual range."""
+    for part in getattr(forcing, "parts", (forcing,)):
+        for kind in type(part).__mro__:
+            for name, usual in USUAL.items():
+                value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind.__name__}.") else None
+                if value is not None and value != np.inf:
+                    yield name, value, usual.unit
+
+
+def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Any, str]]:
+    """Give what the bergs and their elements are like."""
+    body, place = elements.body, elements.place
+    area = body.length * body.width
+    values = {
+        "thickness": body.thickness, "radius": 0.5 * np.sqrt(area),
+        "area": np.bincount(np.unique(body.berg, return_inverse=True)[1], area), "spin": np.abs(elements.spin),
+        "speed": np.hypot(elements.u, elements.v), "latitude": np.abs(place.lat) if parameters.earth.latlon else [],
+    }  # fmt: skip
+    for key, value in values.items():
+        yield f"berg.{key}", value, USUAL[f"berg.{key}"].unit
+
+
+def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
+    """Give what changes in a forcing, its period or interval (s), and the longest step that follows it."""
+    for part in getattr(forcing, "parts", (forcing,)):
+        times = getattr(getattr(part, "records", part), "times", None)
+        if times is not None and len(times) > 1:
+            interval = float(np.median(np.diff(times)))
+            yield f"{getattr(part, 'shown', '') or 'forcing'} with records every", interval, interval
+        if any(kind.__name__ == "Tide" for kind in type(part).__mro__):
+            yield "a tide with a period of", part.period, part.period / STEPS_IN_A_TIDE

@@ -1,0 +1,172 @@
+"""Magnitudes without sense: possible, but hardly meant. They are told with the usual range, once, and refused by nobody."""
+
+from __future__ import annotations
+
+import logging
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+from typer.testing import CliRunner
+
+from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
+from riftberg.cli.main import app
+from riftberg.experiments import Options, build
+from riftberg.ocean import formulas
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import GriddedForcing
+from riftberg.usual import USUAL
+
+NUMBERS_OF_METHOD = {
+    "contact.radial_damping", "contact.tangential_damping", "contact.max_iterations", "bonds.max_bonds", "stepping.substeps",
+    "stepping.safety", "stepping.threads", "stepping.landing_steps", "earth.period", "earth.reference_latitude",
+    "footloose.seed",
+}  # fmt: skip
+"""Numbers that have no usual magnitude: of the method, or of where a run is."""
+
+SHARES = {"damage.threshold", "melt.sea_ice_shift", "melt.bits_fraction"}
+"""Numbers whose limits leave only what is usual."""
+
+EXPERIMENT = """\
+start: 2020-12-09 13:00
+days: 0.25
+berg:
+  rectangle: {length: 12 km, width: 6 km}
+  placement: [-39.0, -55.5]
+forcing:
+  kind: formula
+  uniform: {current: [0.2, 0.0]}
+"""
+
+
+def berg(**options: Any) -> Iceberg:
+    """Return a berg of 4 x 2 elements."""
+    given = {"length": 12e3, "width": 6e3, "thickness": 200.0, "placement": (-39.0, -55.0), **options}
+    return Iceberg.rectangle(**given)
+
+
+def numeric_parameters() -> set[str]:
+    """All parameters that are numbers, by group and name."""
+    names = set()
+    for group, holder in Parameters.model_fields.items():
+        assert isinstance(holder.annotation, type)
+        assert issubclass(holder.annotation, BaseModel)
+        for name, field in holder.annotation.model_fields.items():
+            if re.search(r"\b(float|int)\b", str(field.annotation)):
+                names.add(f"{group}.{name}")
+    return names
+
+
+def test_every_number_has_a_usual_range_or_none_with_a_reason() -> None:
+    known = {name for name in USUAL if not name.startswith("berg.") and name[0].islower()}
+    assert known | NUMBERS_OF_METHOD | SHARES == numeric_parameters()
+    assert all(usual.low < usual.high and usual.source for usual in USUAL.values())
+
+
+@pytest.mark.parametrize("name", [name for name in USUAL if name[0].isupper()])
+def test_every_range_of_a_formula_is_of_a_value_that_it_holds(name: str) -> None:
+    """A name that no formula has would be looked for in vain, and nothing would ever be told."""
+    everything = [
+        Steady(temperature=1.0, salinity=34.0),
+        formulas.Uniform(depth=500.0), formulas.Eddy((-39, -55), 3e4, 0.3), formulas.Jet((-39, -55), 90, 0.3, 3e4),
+        formulas.Front((-39, -55), 90, 0.2, 3e4, temperature=(1.0, 5.0)), formulas.Tide(0.1),
+        formulas.Seamount((-39, -55), 300, 5e3, 1000), formulas.Slope((-39, -55), 90, 0.01, 500), formulas.TurningWind(5.0),
+    ]  # fmt: skip
+    kind, _, key = name.partition(".")
+    holders = [part for part in everything if kind in [c.__name__ for c in type(part).__mro__]]
+    assert holders
+    assert all(getattr(part, key) is not None for part in holders)
+
+
+@pytest.mark.parametrize("parameters", [Parameters(), A68A_2022])
+def test_defaults_and_presets_are_usual(parameters: Parameters) -> None:
+    assert Model(berg(), Steady(current=(0.2, 0.0)), parameters).notices == ()
+
+
+@pytest.mark.parametrize("name", ["supported-beam", "cantilever", "collision", "grounding-fracture"])
+def test_test_cases_are_as_they_are_meant(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from riftberg.cli.run import notices_of
+
+    options = Options()
+    model, info = build(name, options)
+    assert not [text for text in notices_of(model=model, info=info, options=options, hours=1.0) if "unusual" in text]
+    options = Options(changes={"ice": {"density": 100.0}})
+    model, info = build(name, options)
+    told = [text for text in notices_of(model=model, info=info, options=options, hours=1.0) if "unusual" in text]
+    assert len(told) == 1
+    assert "ice.density = 100" in told[0]
+
+
+TIDE = Forcing.uniform(current=(0.1, 0.0)) + Forcing.tide(0.2)
+SLIPS: list[tuple[dict[str, Any], Any, dict[str, Any], str]] = [
+    # what the issue names
+    ({"thickness": 0.3}, None, {}, "berg.thickness = 0.3 m is unusual: from 20 to 600 m"),
+    ({"thickness": 3000.0}, None, {}, "berg.thickness = 3000 m"),
+    ({}, None, {"fracture": {"normal_strength": 18.0}}, "fracture.normal_strength = 18 Pa is unusual: from 1000 to 2e+06 Pa"),
+    ({}, TIDE, {"stepping": {"time_step": 43200.0}}, "the long step of 12 h is too long for a tide with a period of 12.42 h"),
+    # its sisters
+    ({}, None, {"bonds": {"youngs_modulus": 5.0}}, "bonds.youngs_modulus = 5 Pa"),
+    ({}, None, {"ice": {"density": 0.85}}, "ice.density = 0.85 kg m-3"),
+    ({}, None, {"drag": {"ocean_scale": 1e3}}, "drag.ocean_scale = 1000 is unusual"),
+    ({}, None, {"melt": {"enabled": True, "temperature": 35.0, "salinity": 34.0}}, "melt.temperature = 35 degree_Celsius"),
+    ({}, None, {"stepping": {"time_step": 0.01}}, "stepping.time_step = 0.01 s"),
+    ({"placement": (-39.0, 5.0)}, None, {}, "berg.latitude = 5"),
+    ({"velocity": (9.0, 0.0)}, None, {}, "berg.speed = 9 m s-1"),
+    ({"length": 12.0, "width": 6.0, "radius": 1.5}, None, {}, "berg.radius = 1.5 m"),
+    ({}, Steady(wind=(0.0, 120.0)), {}, "forcing, Steady: wind = 120 m s-1"),
+    ({}, Steady(current=(8.0, 0.0)), {}, "forcing, Steady: current = 8 m s-1"),
+    ({}, Forcing.eddy((-39.0, -55.0), 30.0, 0.5), {}, "forcing, Eddy: radius = 30 m"),
+    ({}, Forcing.tide(0.2, period=12.42), {}, "forcing, Tide: period = 12.42 s"),
+    ({}, Steady(temperature=25.0, salinity=34.0), {}, "forcing, Steady: temperature = 25"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("made", "forcing", "changes", "words"), SLIPS, ids=lambda value: value if isinstance(value, str) else ""
+)
+def test_slips_of_magnitude_are_told_with_the_usual_range(
+    made: dict[str, Any], forcing: Any, changes: dict[str, Any], words: str
+) -> None:
+    model = Model(berg(**made), forcing or Steady(current=(0.2, 0.0)), Parameters().changed(**changes))
+    assert [text for text in model.notices if words in text], model.notices
+
+
+def test_a_law_that_is_left_out_by_zero_is_as_usual() -> None:
+    for group, name in (("grounding", "coefficient"), ("drag", "ocean_scale"), ("contact", "distance")):
+        assert Model(berg(), Steady(), Parameters().changed(**{group: {name: 0.0}})).notices == ()
+
+
+def test_a_step_that_passes_over_records_is_told() -> None:
+    lon, lat = np.meshgrid(-40.0 + 0.125 * np.arange(1, 17), -56.0 + 0.125 * np.arange(1, 17))
+    grid = Grid.from_corners(lon, lat, radius_for_metrics=A68A_2022.earth.radius)
+    ocean = GriddedForcing(grid, [grid.fields(uo=0.2, depth=500.0) for _ in range(5)], 600.0 * np.arange(5))
+    told = Model(berg(), ocean, Parameters(stepping={"time_step": 1200.0})).notices
+    assert "with records every 0.1667 h, which it passes over: set stepping.time_step to 600 s or less" in told[0]
+    assert Model(berg(), ocean, Parameters(stepping={"time_step": 600.0})).notices == ()
+
+
+def test_python_logs_notices_once(caplog: pytest.LogCaptureFixture) -> None:
+    model = Model(berg(thickness=0.3), Steady(current=(0.2, 0.0)))
+    with caplog.at_level(logging.WARNING, "riftberg"):
+        model.run(steps=3, every_hours=0.75)
+    assert [record.message.split(" is ")[0] for record in caplog.records if "unusual" in record.message] == [
+        "berg.thickness = 0.3 m"
+    ]
+    assert sum("records every 0.75 h are no whole number of long steps" in r.message for r in caplog.records) == 1
+
+
+def test_run_and_doctor_tell_the_same_once(tmp_path: Path) -> None:
+    path = tmp_path / "slip.yaml"
+    text = EXPERIMENT.replace("  placement", "  thickness: 0.3\n  placement")
+    path.write_text(text.replace("days: 0.25", "days: 0.0625\noutput_every_hours: 0.75"))
+    run = CliRunner().invoke(app, ["run", str(path), "-q", "--no-map", "-o", str(tmp_path / "out")])
+    asked = CliRunner().invoke(app, ["doctor", "--for", str(path)])
+    assert (run.exit_code, asked.exit_code) == (0, 0), run.output + asked.output
+    for words in (
+        "berg.thickness = 0.3 m is unusual",
+        "records every 0.75 h are no whole number of long steps (0.5 h)",
+    ):
+        assert run.stderr.count(words) == asked.output.count(words) == 1
