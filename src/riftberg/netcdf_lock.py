@@ -162,7 +162,8 @@ def _close(file: netCDF4.Dataset, close: Callable[[], object]) -> None:
     try:
         close()
     finally:
-        file._isopen = 0
+        with suppress(AttributeError):  # set in the usual way it would become an attribute in the file
+            netCDF4.Dataset._isopen.__set__(file, 0)
 
 
 def _read(path: str | Path, **options: Any) -> netCDF4.Dataset:

@@ -36,8 +36,6 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
         except RiftbergError as error:
             say(f"Error: {error}")
             raise typer.Exit(EXIT_ERROR) from error
-        except BrokenPipeError:
-            raise  # the reader of the output has gone: nobody is there to be told
         except OSError as error:
             say(f"Error: {_refused(error)}")
             raise typer.Exit(EXIT_ERROR) from error

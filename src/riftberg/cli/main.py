@@ -97,6 +97,13 @@ class App(typer.Typer):
             return []
         return [info for name in SUMMARIES for info in _alone(name).registered_commands]
 
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the command line."""
+        from riftberg.cli.streams import make_streams_last
+
+        make_streams_last()
+        return super().__call__(*args, **kwargs)
+
     @registered_commands.setter
     def registered_commands(self, commands: list[CommandInfo]) -> None:
         """Leave out what typer begins with."""
