@@ -162,8 +162,8 @@ def _close(file: netCDF4.Dataset, close: Callable[[], object]) -> None:
     try:
         close()
     finally:
-        with suppress(AttributeError):  # set in the usual way it would become an attribute in the file
-            netCDF4.Dataset._isopen.__set__(file, 0)
+        with suppress(KeyError):  # set in the usual way it would become an attribute in the file
+            vars(netCDF4.Dataset)["_isopen"].__set__(file, 0)
 
 
 def _read(path: str | Path, **options: Any) -> netCDF4.Dataset:
@@ -220,16 +220,15 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None
 
     _LOG.debug("writing %s", path)
     dataset = dataset.compute()
-    with replacing(Path(path)) as part:
+    with replacing(Path(path)) as part, _told_truly(part):
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
-        with _told_truly(part):
-            store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)  # type: ignore[no-untyped-call]
-            file = store.ds
-            try:
-                dataset.dump_to_store(store, **options)
-            finally:
-                _close(file, store.close)
+        store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)  # type: ignore[no-untyped-call]
+        file = store.ds
+        try:
+            dataset.dump_to_store(store, **options)
+        finally:
+            _close(file, store.close)
 
 
 def _is_netcdf(source: Any) -> bool:

@@ -22,6 +22,7 @@ R = TypeVar("R")
 EXIT_ERROR: Final = 2
 EXIT_INTERRUPTED: Final = 130
 
+
 def reported(command: Callable[P, R]) -> Callable[P, R]:
     """Turn errors that Riftberg raises on purpose, and what the machine refuses, into a message and exit code 2.
 

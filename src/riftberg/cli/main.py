@@ -90,19 +90,19 @@ def _loaded(name: str) -> Any:
 class App(typer.Typer):
     """The application, which lists its commands to who asks for them."""
 
-    @property
-    def registered_commands(self) -> list[CommandInfo]:
-        """All commands, loaded; none for typer itself, which would load them all before it runs one (`Commands` does that)."""
-        if sys._getframe(1).f_globals.get("__name__") == "typer.main":
-            return []
-        return [info for name in SUMMARIES for info in _alone(name).registered_commands]
-
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run the command line."""
         from riftberg.cli.streams import make_streams_last
 
         make_streams_last()
         return super().__call__(*args, **kwargs)
+
+    @property
+    def registered_commands(self) -> list[CommandInfo]:
+        """All commands, loaded; none for typer itself, which would load them all before it runs one (`Commands` does that)."""
+        if sys._getframe(1).f_globals.get("__name__") == "typer.main":
+            return []
+        return [info for name in SUMMARIES for info in _alone(name).registered_commands]
 
     @registered_commands.setter
     def registered_commands(self, commands: list[CommandInfo]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -343,6 +343,9 @@ class State(Protocol):
     extra: dict[str, Any]
     forcing: str
 
+    def fragment_rows(self) -> list[Any]:
+        """Rows of the family tree."""
+
 
 def check_restart(state: State, path: Path) -> None:
     """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be.
@@ -448,13 +451,19 @@ def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
             f"a run that started at {state.start:%Y-%m-%d %H:%M}, but {named} starts at {fresh.start:%Y-%m-%d %H:%M}",
             where=where, remedy=remedy,
         )  # fmt: skip
+    # Bergs that melt or calve are told by what they were at the start, where both know it.
+    born = [_at_start(rows) for rows in (state.fragment_rows(), getattr(fresh.fragments, "rows", ()))]
     ours, theirs = state.elements, fresh.elements
     # The run may have changed the density of the ice (--set), which the named experiment does not know.
     denser = state.parameters.ice.density / fresh.parameters.ice.density
-    if ours.mass.size != theirs.mass.size or not all(
-        np.allclose(getattr(ours, name), factor * getattr(theirs, name), rtol=1e-6)
-        for name, factor in (("mass", denser), ("length", 1.0), ("width", 1.0))
-    ):
+    if born[0].size and born[1].size:
+        same = born[0].shape == born[1].shape and np.allclose(born[0], born[1] * [1.0, 1.0, denser], rtol=1e-6)
+    else:
+        same = ours.mass.size == theirs.mass.size and all(
+            np.allclose(getattr(ours, name), factor * getattr(theirs, name), rtol=1e-6)
+            for name, factor in (("mass", denser), ("length", 1.0), ("width", 1.0))
+        )
+    if not same:
         raise InputError(
             f"a berg of {ours.mass.size} elements and {ours.mass.sum() / 1e12:.4g} Gt, but that of {named} has "
             f"{theirs.mass.size} and {theirs.mass.sum() / 1e12:.4g} Gt",
@@ -466,6 +475,12 @@ def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
             f"a run in another ocean ({value_shown(before)}) than that of {named} ({value_shown(now)})",
             where=where, remedy=remedy,
         )  # fmt: skip
+
+
+def _at_start(rows: Iterable[Any]) -> Floats:
+    """Return number of elements, area and mass of each berg of the start."""
+    born = [(row.elements, row.area, row.mass) for row in rows if row.parent <= 0 and row.birth_time <= 0.0]
+    return np.array(born, np.float64).reshape(-1, 3)
 
 
 def _first_line(text: str) -> str:

@@ -259,7 +259,8 @@ class RunWriter:
                 kept[self._key(name)] = value
             kept[self._key("times")] = np.array([model.time, self._next])
             layout = self._layout
-            kept[self._key("rows_of_elements")], kept[self._key("rows_of_bonds")] = layout.ids, layout.bond_ids
+            rows: dict[str, Any] = {"rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
+            kept.update({self._key(name): ids for name, ids in rows.items()})
             kept[self._key("rows_change")] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
 
     def _key(self, name: str) -> str:
