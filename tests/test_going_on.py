@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import shutil
@@ -29,8 +30,12 @@ output_every_hours: 2
 berg:
   rectangle: {length: 24 km, width: 9 km}
   placement: [-39.0, -55.5]
-forcing: {kind: constant, current: [0.3, 0.1], wind: [12.0, 5.0], depth: 190}
-parameters: {fracture: {normal_strength: 4 kPa, shear_strength: 4 kPa}}
+forcing:
+  kind: formula
+  uniform: {current: [0.1, 0.0], wind: [8.0, 3.0]}
+  eddy:
+    - {centre: [-39.4, -55.4], radius: 15 km, speed: 1.0, velocity: [0.2, 0.0]}
+parameters: {fracture: {normal_strength: 0.15 kPa, shear_strength: 0.15 kPa}}
 """,
     "melts": """\
 start: 2020-12-30 20:00
@@ -79,7 +84,8 @@ def lost(words: list[str], monkeypatch: pytest.MonkeyPatch, after: int) -> None:
         patch.setattr(StateKeeper, "record", cut)
         patch.setattr(model, "finish_all", lambda *_: None)  # a killed process finishes nothing
         with pytest.raises(Cut):
-            CliRunner().invoke(app, words, catch_exceptions=False)
+            pytest.fail(CliRunner().invoke(app, words, catch_exceptions=False).output)
+    gc.collect()  # as the end of the process does, it lets go of the file
 
 
 def assert_same_files(whole: Path, other: Path) -> None:
@@ -103,20 +109,23 @@ def assert_same_files(whole: Path, other: Path) -> None:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-@pytest.mark.parametrize("after", [70, pytest.param(101, marks=pytest.mark.slow), pytest.param(49, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "after", [70, pytest.param(101, marks=pytest.mark.slow), pytest.param(49, marks=pytest.mark.slow)]
+)
 def test_a_lost_run_goes_on_without_a_gap(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, after: int
 ) -> None:
     """Records, forces, months and moments on cells, the daily track: all of the part before are there."""
     ended(command(tmp_path, name, "-o", str(tmp_path / "whole")))
-    words = command(tmp_path, name, "--keep-days", "0.45")
+    words = command(tmp_path, name, "--keep-days", "0.3")  # 15 long steps
     lost([*words, "-o", str(tmp_path / "part")], monkeypatch, after)
     kept = sorted(path.name for path in (tmp_path / "part").glob("*.restart.nc"))
     assert kept == ["kept-1.restart.nc", "kept-2.restart.nc"]
     ended([*words, "--resume", str(tmp_path / "part")])
     assert_same_files(tmp_path / "whole", tmp_path / "part")
     with xr.open_dataset(tmp_path / "whole" / "run.nc") as run:
-        assert run.sizes["fragment"] > 1 or name == "melts"
+        steps = (run.fragment_birth_time.values[1:] - run.time.values[0]) / np.timedelta64(30, "m")
+        assert np.floor(steps).tolist() == ([] if name == "melts" else [39, 42])
 
 
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])
@@ -149,7 +158,7 @@ def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     for path in (tmp_path / "later").glob("*.restart.nc"):
         shutil.copyfile(path, tmp_path / "part" / f"later-{path.name}")
     said = ended([*words, "--resume", str(tmp_path / "part")])
-    assert said.count("its records end before") == 2
+    assert "its records end before" in said
     for path in (tmp_path / "part").glob("later-*"):
         path.unlink()
     assert_same_files(tmp_path / "whole", tmp_path / "part")
@@ -203,7 +212,7 @@ def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path, monkeyp
     """States of an earlier run lie there; the run file is that of a run with other parameters."""
     words = command(tmp_path, "breaks", "-o", str(tmp_path / "part"))
     lost([*words, "--keep-days", "0.7"], monkeypatch, 36)
-    lost([*words, "--keep-minutes", "0", "--set", "ice.density=900"], monkeypatch, 40)
+    ended([*words, "--days", "2", "--set", "ice.density=900"])
     result = CliRunner().invoke(app, command(tmp_path, "breaks", "--resume", str(tmp_path / "part")))
     assert result.exit_code == 2
     assert "other parameters" in result.stderr
