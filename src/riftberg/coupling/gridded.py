@@ -234,8 +234,8 @@ class GridRecorder:
             for size, rows in zip(sizes, (ROWS, 2), strict=True):
                 parts.append(_Sums(cells[:size].astype(np.int64), values[: rows * size].reshape(rows, size)))
                 cells, values = cells[size:], values[rows * size :]
-            ends = (model.start + timedelta(seconds=moment) for moment in (since, end))
-            (self._moments if kind else self._months).append(_Span(*ends, parts[0], parts[1]))
+            began, ended = (model.start + timedelta(seconds=moment) for moment in (since, end))
+            (self._moments if kind else self._months).append(_Span(began, ended, parts[0], parts[1]))
 
     def finish(self, model: BareModel) -> None:
         """Write both files; nothing where no step was taken."""
