@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 
 def on_small_disk(program: str, folder: Path, megabytes: float, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a program with a small disk of its own at ``folder``, which is seen by nobody else and gone with it."""
-    mount = f"mount -t tmpfs -o size={int(megabytes * 1024)}k tmpfs {folder} && exec \"$@\""
+    mount = f'mount -t tmpfs -o size={int(megabytes * 1024)}k tmpfs {folder} && exec "$@"'
     alone = ["unshare", "-rm", "bash", "-c", mount, "bash"]
     if subprocess.run([*alone, "true"], capture_output=True, check=False).returncode != 0:
         pytest.skip("no small disk can be made here: unshare -rm and a tmpfs are needed")
@@ -46,7 +46,7 @@ def tell():
 try:
 {body}
 except Exception as error:
-    print("said", type(error).__name__, error if "full" in str(error) else refusal(error), flush=True)
+    print("said", type(error).__name__, refusal(error) if isinstance(error, OSError) else error, flush=True)
 gc.collect()
 print("left", sorted(p.name for p in out.iterdir() if p.name.startswith(".") and p.name.endswith(".part")))
 (out / "filler").unlink()

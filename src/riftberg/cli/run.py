@@ -376,7 +376,6 @@ class Session:
         The numbers of a run file are compressed, to half their size or less. What is written goes into a copy of it; of the
         states that are kept there are two, and one more while it is written.
         """
-        from riftberg.runs.applied import force_variables
         from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
         elements, bonds = len(self.model.elements.id), len(self.model.bonds.first)
