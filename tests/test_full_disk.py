@@ -136,7 +136,8 @@ from pathlib import Path
 from typer.testing import CliRunner
 from riftberg.cli.main import app
 out = Path(sys.argv[1])
-result = CliRunner().invoke(app, ["run", sys.argv[2], "-o", str(out / "out"), "-q", "--no-map", "--keep-days", "3", *sys.argv[3:]])
+words = ["run", sys.argv[2], "-o", str(out / "out"), "-q", "--no-map", "--keep-days", "3", *sys.argv[3:]]
+result = CliRunner().invoke(app, words)
 print(result.exit_code, result.stderr)
 if result.exit_code:
     assert "the results take about" in result.stderr, result.stderr

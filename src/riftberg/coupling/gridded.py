@@ -208,6 +208,10 @@ class GridRecorder:
         kept = model.remembered
         now, month, passed = kept.get(self._times, np.full(3, np.nan)).tolist()
         if now != model.time:
+            if self.goes_on:
+                raise InputError(
+                    "the run had no output on these cells", where="gridded output", remedy="Leave --cells as it was"
+                )
             return
         self._month_began, self._passed_began = (model.start + timedelta(seconds=s) for s in (month, passed))
         self._month, self._passed = (
