@@ -18,8 +18,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, Final
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl-C, and what batch systems send before they kill."""
+SIGNALS: Final = (signal.SIGINT, *(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)))
+"""Ctrl-C, what batch systems send before they kill, and what comes when a terminal is closed or a connection drops."""
 
 AGAIN: Final = 1.0
 """Seconds after which a Ctrl-C that a library has lost comes again."""
@@ -40,7 +40,7 @@ class Hold:
         self._then: Callable[[], None] | None = None
 
     def take(self) -> None:
-        """Take over the signals; a program that ignores them, or handles them itself, goes on doing so."""
+        """Take over the signals; a program that ignores them (``nohup``), or handles them itself, goes on doing so."""
         for number in SIGNALS:
             handler = signal.getsignal(number)
             if handler in (signal.SIG_DFL, signal.default_int_handler) or _insists(handler):
@@ -65,12 +65,12 @@ class Hold:
         KeyboardInterrupt
             For Ctrl-C.
         SystemExit
-            For a request to terminate, so that what is open is closed on the way out.
+            For a request to terminate or a hang-up, so that what is open is closed on the way out.
         """
-        if self.requested == signal.SIGTERM:
-            raise SystemExit(128 + signal.SIGTERM)
-        if self.requested:
+        if self.requested == signal.SIGINT:
             raise KeyboardInterrupt
+        if self.requested:
+            raise SystemExit(128 + self.requested)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.requested:
@@ -149,9 +149,13 @@ def insisting() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """Write to the error stream, from a signal handler too, which may have come in the middle of another line."""
-    with suppress(RuntimeError):
-        print(text, file=sys.stderr, flush=True)
+    """Write to the error stream, from a signal handler too, which may have come in the middle of another line.
+
+    A stream that is closed, or whose terminal or reader has gone, ends nothing: there is nobody to be told.
+    """
+    if sys.stderr is not None:
+        with suppress(RuntimeError, OSError, ValueError):
+            print(text, file=sys.stderr, flush=True)
 
 
 _holding: Hold | None = None

@@ -431,6 +431,7 @@ class BareModel(RunState):
     def _record_steps(self, count: int, recorders: Sequence[Recorder], hold: Hold) -> None:
         """Take steps until they are done or a signal waits."""
         started: list[Recorder] = []
+        failed: BaseException | None = None
         known = len(self.fragments.rows)
         _LOG.info("%d steps from %s, %d sub-steps in each", count, f"{self.date:%Y-%m-%d %H:%M}", self.substeps)
         try:
@@ -444,10 +445,12 @@ class BareModel(RunState):
                 known = self._log_breakups(known)
                 for recorder in recorders:
                     recorder.record(self)
+        except BaseException as error:
+            failed = error
+            raise
         finally:
             _LOG.info("stands at %s", f"{self.date:%Y-%m-%d %H:%M}")
-            for recorder in started:
-                recorder.finish(self)
+            finish_all(started, self, failed)
 
     def _log_breakups(self, known: int) -> int:
         """Log the fragments that are new, and return how many there have been now."""
@@ -514,6 +517,19 @@ class BareModel(RunState):
             f"({self.substeps} sub-steps, scheme {p.stepping.scheme})",
             f"  {self.elements.mass.size} elements, {self.bonds.first.size} bonds, {self.bonds_broken} broken",
         ]
+
+
+def finish_all(recorders: Sequence[Recorder], model: BareModel, failed: BaseException | None) -> None:
+    """Let every recorder finish; the first error is raised at the end, unless another one has ended the run before."""
+    first: Exception | None = None
+    for recorder in recorders:
+        try:
+            recorder.finish(model)
+        except Exception as error:
+            _LOG.info("at the end of the run: %s", error)
+            first = first or error
+    if first is not None and failed is None:
+        raise first
 
 
 def _nothing(model: BareModel) -> None:

@@ -17,15 +17,16 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import netCDF4
 
+from riftberg.errors import RiftbergError
 from riftberg.input_files import no_plain_file
 from riftberg.stuck import opening
-from riftberg.whole_files import replacing
+from riftberg.whole_files import FULL, refused, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -116,21 +117,53 @@ def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[n
     ------
     OSError
         If what should be read is a pipe, a device or a folder, for which the library would wait for ever; if the machine does
-        not let the file be written: the library says RuntimeError where a disk is full or a file may not grow, and nothing
-        that could be told from an error of the program.
+        not let the file be written, with what the system says.
     """
     _LOG.debug("opening %s (%s)", path, mode)
-    try:
-        with NETCDF, _read(path, **options) if mode == "r" else _written(path, mode, **options) as file:
+    if mode == "r":
+        with NETCDF, _read(path, **options) as file:
             yield file
-    except RuntimeError as error:
-        if mode == "r" or not str(error).startswith("NetCDF"):
+        return
+    with _told_truly(path), NETCDF, _written(path, mode, **options) as file:
+        yield file
+
+
+@contextmanager
+def _told_truly(path: str | Path) -> Iterator[None]:
+    """Say what the system says where a file cannot be written: the libraries say "HDF error" or -101 to a full disk."""
+    try:
+        yield
+    except (RuntimeError, OSError) as error:
+        if isinstance(error, RiftbergError) or getattr(error, "errno", None) in FULL:
+            raise
+        told = refused(path)
+        if told is not None:
+            raise told from error
+        if not str(error).startswith("NetCDF") and "[Errno -" not in str(error):
             raise
         raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
 
 
-def _written(path: str | Path, mode: str, **options: Any) -> netCDF4.Dataset:
-    return netCDF4.Dataset(str(path), mode, **options)  # type: ignore[arg-type]
+@contextmanager
+def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Dataset]:
+    file = netCDF4.Dataset(str(path), mode, **options)  # type: ignore[arg-type]
+    try:
+        yield file
+    except BaseException:
+        with suppress(RuntimeError, OSError):  # what failed first is what is told
+            # A classic file that could not be written is not closed: that frees its memory twice and ends the process.
+            _close(file, file.close if file.data_model.startswith("NETCDF4") else file.isopen)
+        raise
+    _close(file, file.close)
+
+
+def _close(file: netCDF4.Dataset, close: Callable[[], object]) -> None:
+    """Close a file once: where that fails, netCDF4 would do it again as the object goes, in memory that is free by then."""
+    try:
+        close()
+    finally:
+        with suppress(KeyError):  # set in the usual way it would become an attribute in the file
+            vars(netCDF4.Dataset)["_isopen"].__set__(file, 0)
 
 
 def _read(path: str | Path, **options: Any) -> netCDF4.Dataset:
@@ -187,14 +220,15 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None
 
     _LOG.debug("writing %s", path)
     dataset = dataset.compute()
-    with replacing(Path(path)) as part:
+    with replacing(Path(path)) as part, _told_truly(part):
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
         store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)  # type: ignore[no-untyped-call]
+        file = store.ds
         try:
             dataset.dump_to_store(store, **options)
         finally:
-            store.close()
+            _close(file, store.close)
 
 
 def _is_netcdf(source: Any) -> bool:

@@ -1,4 +1,4 @@
-"""A file that a run is writing is taken: a second run that wants it is refused.
+"""A file that is being written is taken: whoever else wants to write it, a second run for example, is refused.
 
 The mark is a lock that the system gives back when the process ends, however it ends, on a hidden file beside it.
 """
@@ -6,7 +6,8 @@ The mark is a lock that the system gives back when the process ends, however it 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from riftberg.errors import InputError
@@ -18,7 +19,7 @@ except ImportError:  # Windows: no such locks, runs are not kept apart there
 
 
 class OneWriter:
-    """Holds a file for one run.
+    """Holds a file for one writer.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ class OneWriter:
         Raises
         ------
         InputError
-            If another run holds it, in this process or another one.
+            If another one holds it, in this process or another one.
         """
         if fcntl is None:
             return
@@ -61,9 +62,10 @@ class OneWriter:
             if self._is_mark(handle):
                 break
             os.close(handle)  # its last holder removed it meanwhile
-        os.ftruncate(handle, 0)
-        os.write(handle, str(os.getpid()).encode())
         self._handle = handle
+        with suppress(OSError):  # a full disk; the number is a courtesy to whoever is refused
+            os.ftruncate(handle, 0)
+            os.write(handle, str(os.getpid()).encode())
 
     def _is_mark(self, handle: int) -> bool:
         try:
@@ -81,3 +83,22 @@ class OneWriter:
 
     def __del__(self) -> None:
         self.give_back()
+
+
+@contextmanager
+def only_writer(*paths: str | Path) -> Iterator[None]:
+    """Hold files for a block.
+
+    Raises
+    ------
+    InputError
+        If another one holds one of them; none is held then.
+    """
+    writers = [OneWriter(path) for path in paths]
+    try:
+        for writer in writers:
+            writer.take()
+        yield
+    finally:
+        for writer in writers:
+            writer.give_back()

@@ -6,6 +6,7 @@ the next writer of the same file removes. Passing names are unique, so that two 
 
 from __future__ import annotations
 
+import errno
 import itertools
 import logging
 import os
@@ -19,6 +20,36 @@ from typing import Final
 
 _LOG = logging.getLogger(__name__)
 _COUNTER: Final = itertools.count(1)
+
+FULL: Final = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the quota of the disk is used up",
+    errno.EFBIG: "the file would become larger than it may (ulimit -f)",
+    errno.EROFS: "the place is read-only",
+    errno.EMFILE: "too many files are open (ulimit -n)",
+}
+
+
+def refusal(error: Exception) -> str:
+    """Return in words why the machine refuses a file."""
+    number, text = getattr(error, "errno", None), getattr(error, "strerror", None)
+    return FULL.get(number or 0) or (text or str(error) or "cannot be used").lower()
+
+
+def refused(path: str | Path) -> OSError | None:
+    """Return what the system says to one more megabyte behind a file, None where it takes it.
+
+    For libraries that do not say why they could not write: the disk is still full when they have given up.
+    """
+    left = 1 << 20
+    try:
+        with open(path, "ab", buffering=0) as file:
+            while left:
+                left -= file.write(bytes(left))
+            os.fsync(file.fileno())
+    except OSError as error:
+        return OSError(error.errno, refusal(error), str(path))
+    return None
 
 
 @contextmanager
@@ -48,8 +79,14 @@ def replacing(path: str | Path, *, copy: bool = False, to_disk: bool = False, en
                 os.fsync(handle.fileno())
         os.replace(part, path)
         _LOG.debug("wrote %s", path)
+    except BaseException:
+        # HDF5 keeps a file that it could not write open until the process ends, and with it its room on the disk.
+        with suppress(OSError):
+            os.truncate(part, 0)
+        raise
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # what failed first is what is told
+            part.unlink()
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -79,7 +79,7 @@ BERGS: dict[str, tuple[Change, str]] = {
     "whole numbers beyond 32 bits": (lambda v: v.update(start_year=np.array([2**40, 1])), "whole number of 32 bits"),
     "half a year": (lambda v: v.update(start_year=np.array([1.5, 1.0])), "start_year = 1.5 of record 1"),
     "infinite speed": (lambda v: v.update(uvel=np.array([np.inf, 0.0])), "uvel = inf of record 1"),
-    "speeds in cm/s": (lambda v: v.update(uvel=np.array([22.0, 22.0])), "variable uvel: uvel = 22 of record 1 is not a speed of ice"),
+    "speeds in cm/s": (lambda v: v.update(uvel=np.array([22.0, 22.0])), "uvel = 22 of record 1 is not a speed of ice"),
 }  # fmt: skip
 
 

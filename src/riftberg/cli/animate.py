@@ -39,8 +39,10 @@ def animate(
 
     positive(hours, "--hours", "hours", most=1e6)
     shown = outlines(observed)
-    with open_run(run) as dataset:
-        goal = picture_path(run, output, "film" + default_ending(), observed=observed)
+    with (
+        open_run(run) as dataset,
+        picture_path(run, output, "film" + default_ending(), observed=observed) as goal,
+    ):
         check_frames(dataset["time"].values, hours)
         path = _filmed(dataset, goal, hours, fps, dpi, shown, quiet)
     typer.echo(path)

@@ -41,7 +41,8 @@ def compare(
     else:
         show(result)
     if output is not None:
-        with results_folder(output, ("comparison.json", "comparison.png")):
+        names = ("comparison.json", "comparison.png")
+        with results_folder(output, names, taken=names):
             written = [result.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
         say("Written: " + ", ".join(str(path) for path in written))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import functools
 import os
 import sys
@@ -15,20 +14,13 @@ from riftberg.errors import RiftbergError
 from riftberg.interrupts import insisting
 from riftberg.interrupts import say as say
 from riftberg.stuck import advice, when_stuck
+from riftberg.whole_files import refusal
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 EXIT_ERROR: Final = 2
 EXIT_INTERRUPTED: Final = 130
-
-_FULL: Final = {
-    errno.ENOSPC: "the disk is full",
-    errno.EDQUOT: "the quota of the disk is used up",
-    errno.EFBIG: "the file would become larger than it may (ulimit -f)",
-    errno.EROFS: "the place is read-only",
-    errno.EMFILE: "too many files are open (ulimit -n)",
-}
 
 
 def reported(command: Callable[P, R]) -> Callable[P, R]:
@@ -45,8 +37,6 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
         except RiftbergError as error:
             say(f"Error: {error}")
             raise typer.Exit(EXIT_ERROR) from error
-        except BrokenPipeError:
-            raise  # the reader of the output has gone: nobody is there to be told
         except OSError as error:
             say(f"Error: {_refused(error)}")
             raise typer.Exit(EXIT_ERROR) from error
@@ -73,6 +63,5 @@ def _give_up(path: str) -> None:
 
 def _refused(error: OSError) -> str:
     """Say what the machine refused, and for which file."""
-    reason = _FULL.get(error.errno or 0) or (error.strerror or str(error) or "cannot be used").lower()
     place = f"{error.filename}: " if error.filename is not None else ""
-    return f"{place}{reason}. Name a place that can be used, with room on its disk"
+    return f"{place}{refusal(error)}. Name a place that can be used, with room on its disk"

@@ -1,7 +1,7 @@
 """Where results go: found out before any work whether they can, and cleared away again where there are none.
 
 A run may take hours; that its file cannot be written is to be said first. A folder that was made for a run that was
-refused is removed. (Two runs into one file are kept apart by `riftberg.one_writer`.)
+refused is removed. Two commands that write one file are kept apart (`riftberg.one_writer`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Final
 from riftberg.errors import InputError
 from riftberg.input_files import shown
 from riftberg.limits import human
+from riftberg.one_writer import only_writer
 
 LEAST_SPACE: Final = 2e6
 """Bytes that must be free at least."""
@@ -80,20 +81,24 @@ def check_output(path: Path, *, option: str = "--output", inputs: Iterable[Path 
 
 @contextmanager
 def results_folder(
-    folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE
-) -> Iterator[Path]:
+    folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE,
+    taken: Iterable[str] = (),
+) -> Iterator[Path]:  # fmt: skip
     """Make a folder; remove what was made where an error leaves it empty.
 
     Parameters
     ----------
     folder, names, option, needed
         As in `check_folder`.
+    taken : iterable of str
+        Files there that nobody else may write meanwhile.
     """
     check_folder(folder, names, option=option, needed=needed)
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        yield folder
+        with only_writer(*(folder / name for name in taken)):
+            yield folder
     except BaseException:
         for parent in made:
             with suppress(OSError):  # one with something in it stays

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +12,7 @@ import typer
 from riftberg.cli.output import check_output
 from riftberg.errors import InputError
 from riftberg.input_files import is_folder
+from riftberg.one_writer import only_writer
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,11 +56,14 @@ def folder_beside(run: Path, wished: Path | None) -> Path:
     return wished if wished is not None else run if is_folder(run) else run.parent
 
 
-def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | None = None) -> Path:
-    """Return where a picture goes: where it was asked for, else beside the run; refused where it cannot be written."""
+@contextmanager
+def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | None = None) -> Iterator[Path]:
+    """Give where a picture goes: where it was asked for, else beside the run; refused where it cannot be written."""
     path = wished if wished is not None else folder_beside(run, None) / name
     check_output(path, inputs=[run, run / "run.nc", observed])
-    return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with only_writer(path):
+        yield path
 
 
 def seen(path: Path | None) -> Observations:

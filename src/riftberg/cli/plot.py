@@ -43,14 +43,14 @@ def plot(
             raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
     check_picture_format(picture)
     observations = seen(observed)
-    with (
-        open_run(run) as dataset,
-        results_folder(folder_beside(run, output), [f"{name}.{picture}" for name in KINDS]) as folder,
-    ):
+    with open_run(run) as dataset:
+        kinds = kind or usual_kinds(dataset)
+        files = [f"{name}.{picture}" for name in dict.fromkeys(kinds)]
         when = moments(date, dataset, observations)
         shown = observations.rings_by_day()
-        for name in kind or usual_kinds(dataset):
-            typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, dpi))
+        with results_folder(folder_beside(run, output), files, taken=files) as folder:
+            for name in kinds:
+                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, dpi))
 
 
 def usual_kinds(run: xr.Dataset) -> list[str]:

@@ -32,14 +32,11 @@ def replay(
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
     shown = outlines(observed)
-    with open_run(run) as dataset:
-        path = write_replay(
-            dataset,
-            picture_path(run, output, "replay.html", observed=observed),
-            title=title,
-            observed=shown,
-            largest=largest * 1e6,
-        )
+    with (
+        open_run(run) as dataset,
+        picture_path(run, output, "replay.html", observed=observed) as goal,
+    ):
+        path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6)
     typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))

@@ -13,13 +13,14 @@ import typer
 from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
 from riftberg.cli.output import check_folder, results_folder
-from riftberg.cli.spans import positive
+from riftberg.cli.spans import positive, within
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
-from riftberg.input_files import check_file, is_folder
+from riftberg.input_files import check_file, is_folder, shown
 from riftberg.interrupts import held
 from riftberg.limits import allow_large, large_allowed
 from riftberg.usual import of_records
+from riftberg.whole_files import refusal
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -52,6 +53,9 @@ NumericsName = Annotated[
 RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
 """Files that a run may write into its folder."""
 
+KEEP_MINUTES: Final = 10.0
+"""Minutes of computing between two states that are kept on the way; shorter runs keep none."""
+
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 
@@ -83,7 +87,19 @@ def run(
             "--cells", help="Write fresh water, heat and mass on cells this wide (degrees), by month and day."
         ),
     ] = None,
-    resume: Annotated[Path | None, typer.Option("--resume", help="Go on from a restart file.")] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            "--resume",
+            help="Go on with the run in a folder, from its last good state; or from a restart file, elsewhere.",
+        ),
+    ] = None,
+    keep_days: Annotated[
+        float | None, typer.Option("--keep-days", help="Simulated days between states kept for --resume.")
+    ] = None,
+    keep_minutes: Annotated[
+        float, typer.Option("--keep-minutes", help="Minutes of computing between states kept for --resume; 0 for none.")
+    ] = KEEP_MINUTES,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
     large: Annotated[
@@ -94,7 +110,10 @@ def run(
     with allow_large(large):
         options = make_options(settings, days, data, without, numerics, fetch, grid)
         positive(every, "--every", "hours", most=1e6)
-        _run(experiment, options, Wishes(output, every, forces, map_, quiet, cells), resume, both=numerics == "both")
+        positive(keep_days, "--keep-days", "days", most=1e6)
+        within(keep_minutes, "--keep-minutes", 0.0, 1e6)
+        wishes = Wishes(output, every, forces, map_, quiet, cells, (keep_days, keep_minutes))
+        _run(experiment, options, wishes, resume, both=numerics == "both")
 
 
 class Wishes(NamedTuple):
@@ -114,6 +133,8 @@ class Wishes(NamedTuple):
         Show no progress.
     cells : float or None
         Width (degrees) of the cells of the gridded output; None for none.
+    keep : tuple of float
+        Simulated days (or None), and minutes of computing, between two states that are kept.
     """
 
     output: Path | None
@@ -122,6 +143,7 @@ class Wishes(NamedTuple):
     draw: bool
     quiet: bool
     cells: float | None = None
+    keep: tuple[float | None, float] = (None, KEEP_MINUTES)
 
     def added_to(self, info: Info) -> Info:
         """Return an experiment with the files that were asked for on the command line."""
@@ -156,13 +178,21 @@ def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None,
             raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
         _run_both(experiment, options, wishes)
         return
-    model, info = _built(experiment, options, resume)
+    goes_on = resume is not None and is_folder(resume)
+    if goes_on and wishes.output not in (None, resume):
+        raise InputError(
+            f"the run in {shown(resume)} goes on there",
+            where="--output",
+            remedy="Leave --output out, or name a file to resume",
+        )
+    model, info = _built(experiment, options, resume, wishes)
     info = wishes.added_to(info)
     days = options.days if options.days is not None else info.days
     _tell(info, model, options, wishes)
     command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
-    folder = output_folder(wishes.output, info.name)
-    session = Session(model, info, folder, command, wishes.output is not None, wishes.shown())
+    folder = resume if goes_on and resume is not None else output_folder(wishes.output, info.name)
+    placed = goes_on or wishes.output is not None
+    session = Session(model, info, folder, command, placed, wishes.shown(), goes_on=goes_on, keep=wishes.keep)
     session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
 
 
@@ -182,7 +212,7 @@ def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
-        session = Session(model, info, folders[-1], command, True, wishes.shown())
+        session = Session(model, info, folders[-1], command, True, wishes.shown(), keep=wishes.keep)
         days = options.days if options.days is not None else info.days
         session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
     assert folder is not None
@@ -297,7 +327,7 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Model, Info]:
+def _built(experiment: str, options: Options, resume: Path | None, wishes: Wishes) -> tuple[Model, Info]:
     from riftberg.experiments import build
 
     if resume is None:
@@ -307,13 +337,20 @@ def _built(experiment: str, options: Options, resume: Path | None) -> tuple[Mode
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
         )
     from riftberg.runs.checks import check_same_run
+    from riftberg.runs.kept import last_good
     from riftberg.runs.model import Model
     from riftberg.runs.restart import load_state
 
-    check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc)")
+    if not is_folder(resume):
+        check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
     fresh, info = build(experiment, options)
-    state = load_state(resume)
-    check_same_run(state, fresh, resume, named=experiment)
+    if is_folder(resume):
+        interval = 3600.0 * wishes.hours(info)
+        resume = last_good(resume, interval, lambda state, path: check_same_run(state, fresh, path, named=experiment))
+        if not wishes.quiet:
+            say(f"Going on from {resume}")
+    else:
+        check_same_run(load_state(resume), fresh, resume, named=experiment)
     return Model.resume(resume, fresh.forcing), info
 
 
@@ -335,6 +372,10 @@ class Session:
         The folder was given.
     shown : str
         Options of what is shown, as given.
+    goes_on : bool
+        The run in the folder goes on.
+    keep : tuple of float
+        Simulated days (or None), and minutes of computing, between two states that are kept.
     """
 
     model: Model
@@ -343,6 +384,8 @@ class Session:
     experiment: str
     placed: bool = False
     shown: str = ""
+    goes_on: bool = False
+    keep: tuple[float | None, float] = (None, KEEP_MINUTES)
     gridded: list[Path] = field(default_factory=list)
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
@@ -350,19 +393,34 @@ class Session:
     def run_and_report(self, days: float, every_hours: float, quiet: bool = False, draw: bool = True) -> None:
         """Run and report in a folder of its own, which is not left behind by a run that was refused."""
         check_start(self.model, days, every_hours)
-        with results_folder(self.folder, RESULTS, needed=self._size(days, every_hours)):
+        needed = self._size(days, every_hours)
+        with results_folder(self.folder, RESULTS, needed=needed, taken=["summary.json"]):
             self.run(days, every_hours, quiet)
             self.report(draw=draw)
 
     def _size(self, days: float, every_hours: float) -> float:
-        """Return the least size (bytes) of the run file: half of what its numbers take, for they are compressed."""
+        """Return the least room (bytes) that the run takes beyond what its folder holds.
+
+        The numbers of a run file are compressed, to half their size or less. What is written goes into a copy of it; of the
+        states that are kept there are two, and one more while it is written.
+        """
+        from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
+
+        elements, bonds = len(self.model.elements.id), len(self.model.bonds.first)
         records = days * 24.0 / every_hours
-        return 0.5 * records * (90.0 * len(self.model.elements.id) + 12.0 * len(self.model.bonds.first))
+        state = 8.0 * (elements * len(ELEMENT_VARIABLES) + bonds * len(BOND_VARIABLES))
+        there = self.folder / "run.nc"
+        return (
+            2.0 * 0.5 * records * (90.0 * elements + 12.0 * bonds)
+            + 3.0 * state
+            - (there.stat().st_size if there.is_file() else 0.0)
+        )
 
     def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
         from riftberg.cli.progress import Interrupt
         from riftberg.diagnostics.summary import Stopwatch
+        from riftberg.runs.kept import StateKeeper
         from riftberg.runs.progress import ProgressRecorder
         from riftberg.runs.run_file import RunWriter
         from riftberg.runs.track import DailyTrack
@@ -375,7 +433,9 @@ class Session:
             experiment=self.info.name,
             seed=self.info.seed,
             forces=self.info.output_forces,
+            goes_on=self.goes_on,
         )
+        keeper = StateKeeper(writer, every_days=self.keep[0], minutes=self.keep[1])
         recorders: list[Recorder] = [
             writer,
             self.track,
@@ -389,19 +449,20 @@ class Session:
             say(berg_line(self.model))
         try:
             with held() as hold:
-                self._advance(remaining, [*recorders, Interrupt(hold)])
+                self._advance(remaining, [*recorders, keeper, Interrupt(hold)])
+            keeper.remove()
         except typer.Exit:
             raise
         except RiftbergError as error:
             if self.model.step_number == before and not isinstance(error, RunError):
                 raise  # refused before the first step: there is nothing to save
             if self.model.step_number == before:
-                writer.path.unlink(missing_ok=True)
+                writer.discard()
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
             raise RunError(f"the run failed at {self._date()}: {error}. {self._saved('failed')}") from error
         except Exception:
             if self.model.step_number == before:
-                writer.path.unlink(missing_ok=True)
+                writer.discard()
                 raise
             say(f"The run failed at {self._date()}. {self._saved('failed')}")
             raise
@@ -410,7 +471,8 @@ class Session:
         """Return the recorder of fresh water, heat and mass on cells."""
         from riftberg.coupling.gridded import GridRecorder
 
-        recorder = GridRecorder(self.folder / "bergs", width, every_hours=max(24.0, every_hours))
+        hours = max(24.0, every_hours)
+        recorder = GridRecorder(self.folder / "bergs", width, every_hours=hours, goes_on=self.goes_on)
         self.gridded = [recorder.path.with_name(name) for name in recorder.names()]
         return recorder
 
@@ -427,7 +489,10 @@ class Session:
 
     def _saved(self, why: str) -> str:
         """Save the state and say how to go on."""
-        path = self.model.save(self.folder / f"{why}.restart.nc")
+        try:
+            path = self.model.save(self.folder / f"{why}.restart.nc")
+        except (OSError, RiftbergError) as error:  # it must not hide why the run ended
+            return f"The state cannot be saved ({refusal(error)})"
         place = f" --output {shlex.quote(str(_beside(self.folder)))}" if self.placed else ""
         return f"Go on with: riftberg run {self.experiment}{place} --resume {shlex.quote(str(path))}{self.shown}"
 

@@ -65,7 +65,7 @@ def score(
     within(hour, "--hour", 0.0, 24.0)
     check_picture_format(picture)
     names = ("score.json", f"score.{picture}") if figure else ("score.json",)
-    with open_run(run) as dataset, results_folder(folder_beside(run, output), names) as folder:
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
         seen = read_observed(observed, date=date, variable=variable)
         result = score_run(
             dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated

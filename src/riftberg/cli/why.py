@@ -51,7 +51,7 @@ def why(
 
     check_picture_format(picture)
     names = ("why.json", f"why.{picture}") if figure else ("why.json",)
-    with open_run(run) as dataset, results_folder(folder_beside(run, output), names) as folder:
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
         check_recorded(dataset, SURROUNDINGS)
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
         if controls:

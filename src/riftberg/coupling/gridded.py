@@ -96,7 +96,8 @@ class GridRecorder:
     """Recorder of a run: gathers on cells what the bergs give, and writes it at the end.
 
     A restart keeps the sums of the month and of the time since the last moment, so that a resumed run goes on with both: its
-    files hold the months and moments that end in it, as the run that never stopped has them.
+    files hold the months and moments that end in it, as the run that never stopped has them; with ``goes_on`` those from
+    before too.
 
     Parameters
     ----------
@@ -106,6 +107,8 @@ class GridRecorder:
         Cells (`riftberg.coupling.exchange.ocean_grid`), or their width in degrees.
     every_hours : float, optional
         Time between moments; fluxes of a moment are means since the one before.
+    goes_on : bool, optional
+        Write the months and moments from before the restart too.
 
     Examples
     --------
@@ -117,8 +120,10 @@ class GridRecorder:
     ('fields-monthly.nc', 'fields-instantaneous.nc')
     """
 
-    def __init__(self, path: str | Path, grid: Grid | float, *, every_hours: float = 24.0) -> None:
-        self.path = Path(path)
+    def __init__(
+        self, path: str | Path, grid: Grid | float, *, every_hours: float = 24.0, goes_on: bool = False
+    ) -> None:
+        self.path, self.goes_on = Path(path), goes_on
         self.grid = grid if isinstance(grid, Grid) else cells_of(grid)
         self.every = timedelta(hours=number(every_hours, "h", where="every_hours"))
         if self.every <= timedelta(0):
@@ -130,6 +135,7 @@ class GridRecorder:
         self._seen: tuple[Shares, Floats] | None = None
         self._before: Callable[[LifeModel], None] | None = None
         self._times = self._sums = ""
+        self._kept = -1
 
     def names(self) -> tuple[str, str]:
         """Return the names of the two files."""
@@ -184,6 +190,17 @@ class GridRecorder:
         for name, sums in (("month", self._month), ("passed", self._passed)):
             kept[f"{self._sums}_{name}_cells"] = sums.cells.astype(float)
             kept[f"{self._sums}_{name}_rows"] = sums.rows
+        spans = [*((0, span) for span in self._months), *((1, span) for span in self._moments)]
+        if len(spans) == self._kept:
+            return
+        self._kept = len(spans)
+        parts = [part for _, span in spans for part in (span.sums, span.state)]
+        kept[f"{self._sums}_spans"] = np.array(
+            [[kind, *((moment - model.start).total_seconds() for moment in span[:2]), *(len(p.cells) for p in span[2:])]
+             for kind, span in spans], float,
+        ).reshape(-1, 5)  # fmt: skip
+        kept[f"{self._sums}_spans_cells"] = np.concatenate([np.zeros(0), *(part.cells for part in parts)])
+        kept[f"{self._sums}_spans_values"] = np.concatenate([np.zeros(0), *(part.rows.ravel() for part in parts)])
 
     def _take_up(self, model: BareModel) -> None:
         """Go on with the month and the time to the next moment of the run that stopped here."""
@@ -191,6 +208,10 @@ class GridRecorder:
         kept = model.remembered
         now, month, passed = kept.get(self._times, np.full(3, np.nan)).tolist()
         if now != model.time:
+            if self.goes_on:
+                raise InputError(
+                    "the run had no output on these cells", where="gridded output", remedy="Leave --cells as it was"
+                )
             return
         cells = self.grid.arrays.area.size
         for name in (f"{self._sums}_{part}" for part in ("month", "passed")):
@@ -205,6 +226,28 @@ class GridRecorder:
             _Sums(kept[f"{self._sums}_{name}_cells"].astype(np.int64), kept[f"{self._sums}_{name}_rows"])
             for name in ("month", "passed")
         )
+        if self.goes_on:
+            self._take_up_spans(model)
+
+    def _take_up_spans(self, model: BareModel) -> None:
+        """Take up the months and moments that ended before."""
+        name = f"{self._sums}_spans"
+        table, cells, values = (
+            model.remembered.get(key, np.zeros((0, 5))) for key in (name, f"{name}_cells", f"{name}_values")
+        )
+        counts = table[:, 3:].astype(np.int64)
+        if (counts < 0).any() or cells.size != counts.sum() or values.size != (counts @ [ROWS, 2]).sum():
+            raise InputError(
+                "months and moments that are not whole", where=f"restart file, extra/{name}",
+                remedy="The file is damaged: resume from another restart",
+            )  # fmt: skip
+        for (kind, since, end), sizes in zip(table[:, :3].tolist(), counts.tolist(), strict=True):
+            parts = []
+            for size, rows in zip(sizes, (ROWS, 2), strict=True):
+                parts.append(_Sums(cells[:size].astype(np.int64), values[: rows * size].reshape(rows, size)))
+                cells, values = cells[size:], values[rows * size :]
+            began, ended = (model.start + timedelta(seconds=moment) for moment in (since, end))
+            (self._moments if kind else self._months).append(_Span(began, ended, parts[0], parts[1]))
 
     def finish(self, model: BareModel) -> None:
         """Write both files; nothing where no step was taken."""

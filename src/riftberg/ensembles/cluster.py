@@ -11,7 +11,7 @@ from typing import Any
 
 from riftberg.ensembles.member import Job, Outcome, run_member
 from riftberg.errors import InputError
-from riftberg.interrupts import Hold
+from riftberg.interrupts import SIGNALS, Hold
 
 WAIT_SECONDS = 0.1
 """Wall time between two looks for members that are done."""
@@ -101,7 +101,7 @@ def _reached(distributed: Any, address: str) -> Iterator[Any]:
 
 
 def _deaf_worker(distributed: Any) -> Any:
-    """Return what makes workers leave Ctrl-C to the process that started the sweep, which asks the members to stop.
+    """Return what makes workers leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop.
 
     A plugin and no call, because a worker that takes the place of a lost one must be deaf too.
     """
@@ -111,7 +111,9 @@ def _deaf_worker(distributed: Any) -> Any:
 
         def setup(self, worker: Any) -> None:
             with suppress(ValueError):  # not the main thread
-                signal.signal(signal.SIGINT, signal.SIG_IGN)
+                for number in SIGNALS:
+                    if number != signal.SIGTERM:  # by which the cluster ends its workers
+                        signal.signal(number, signal.SIG_IGN)
 
     return Deaf()
 

@@ -23,6 +23,7 @@ from riftberg.experiments.options import Options
 from riftberg.input_files import check_file, is_folder, reading, value_shown
 from riftberg.interrupts import Hold, held
 from riftberg.limits import large_allowed
+from riftberg.one_writer import only_writer
 from riftberg.runs.progress import SweepBar
 from riftberg.values import check_names, native, number
 from riftberg.whole_files import write_text
@@ -415,7 +416,12 @@ def run_sweep(
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
     alone = (workers == 0 and scheduler is None) or not jobs
     result = xr.Dataset()
-    with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client:
+    store.folder.mkdir(parents=True, exist_ok=True)
+    with (
+        only_writer(store.folder / PLAN),
+        held() as hold,
+        nullcontext() if alone else connected(scheduler, workers) as client,
+    ):
         store.begin()
         try:
             _collect(store, jobs, client, hold, bar)

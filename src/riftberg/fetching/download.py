@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import re
 import shutil
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from riftberg.errors import ForcingError
 from riftberg.fetching.parts import PartFile, Version, content_range, seconds
+from riftberg.interrupts import say
+from riftberg.one_writer import only_writer
 
 if TYPE_CHECKING:
     import pooch  # type: ignore[import-untyped, unused-ignore]
@@ -37,7 +38,7 @@ def missing_package(package: str, extra: str, what: str) -> ForcingError:
 
 def tell_terminal(text: str) -> None:
     """Write a word to the person at the terminal, beside the results."""
-    print(text, file=sys.stderr, flush=True)
+    say(text)
 
 
 WITHOUT_NETWORK: Final = 2
@@ -93,6 +94,10 @@ class Resuming:
             raise missing_package("requests or tqdm", "fetch", "to fetch files")
         target = Path(output_file)
         path = part_of(target.parent, url)
+        with only_writer(path):
+            self._fetch_to(target, path, url)
+
+    def _fetch_to(self, target: Path, path: Path, url: str) -> None:
         large = self.large_files(url) if self.large_files is not None else url
         part = PartFile(path, large)
         if part.version is None:

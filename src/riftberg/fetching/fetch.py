@@ -17,6 +17,8 @@ from riftberg.errors import ForcingError
 from riftberg.fetching.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.fetching.services import fetch_product
 from riftberg.netcdf_lock import open_lazily, open_netcdf
+from riftberg.one_writer import only_writer
+from riftberg.whole_files import refusal
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
 
@@ -148,8 +150,9 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
     if target.exists():
         check_hourly(target, field)
         return target
-    parts = [fetch_one(name, None, folder, base_url, downloader) for name in field.names]
-    merge_hourly(parts, target, field)
+    with only_writer(target):
+        parts = [fetch_one(name, None, folder, base_url, downloader) for name in field.names]
+        merge_hourly(parts, target, field)
     if not keep_parts:
         for part in parts:
             part.unlink()
@@ -177,7 +180,7 @@ def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
     except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
         unfinished.unlink(missing_ok=True)
         remedy = "Free some space, or choose another folder: the parts are kept"
-        raise ForcingError(f"could not be written ({error})", where=str(target), remedy=remedy) from error
+        raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
     try:
         check_hourly(unfinished, field)
     except ForcingError:

@@ -21,6 +21,7 @@ from riftberg.fetching import logins
 from riftberg.fetching.direct import GEBCO_URL, NCEP_URL, fetch_gebco, fetch_ncep
 from riftberg.fetching.download import Progress, Tell, made, missing_package, tell_terminal
 from riftberg.netcdf_lock import open_netcdf
+from riftberg.one_writer import only_writer
 from riftberg.products.window import utc
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
@@ -148,7 +149,8 @@ def fetch_product(
         years = range(int(wanted.days[0][:4]), int(wanted.days[1][:4]) + 1)
         return fetch_ncep(folder, years, progress=progress, tell=tell, base_url=addresses.get("ncep_url", NCEP_URL))
     clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
-    return clients.get(name, _fetch_copernicus)(wanted)
+    with only_writer(wanted.file(*chosen)):
+        return clients.get(name, _fetch_copernicus)(wanted)
 
 
 def _fields(name: str, asked: Sequence[str]) -> tuple[str, ...]:

@@ -10,11 +10,10 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.errors import InputError
+from riftberg.errors import InputError, RunError
 from riftberg.kid.ncfile import Column
 from riftberg.netcdf_lock import open_netcdf
-from riftberg.one_writer import OneWriter
-from riftberg.whole_files import replacing
+from riftberg.whole_files import refusal, replacing
 
 BLOCK_RECORDS: Final = 20_000
 """Records held in memory at most, as long as writing them takes little time."""
@@ -44,7 +43,7 @@ class BlockWriter:
     Parameters
     ----------
     path : pathlib.Path
-        File to make; an existing one is replaced.
+        File to make; an existing one is replaced. Who makes it sees to it that nobody else does (`riftberg.one_writer`).
     columns : list of Column
         Variables in their order.
     """
@@ -54,16 +53,15 @@ class BlockWriter:
         self._waiting: list[dict[str, NDArray[Any]]] = []
         self._waiting_size = 0
         self._written = 0
+        self._good = ""
         self._pause = 0.0
         self._last = time.monotonic()
-        self._taken = OneWriter(self.path)
         try:
-            self._taken.take()
             with replacing(self.path) as part, open_netcdf(part, "w", format="NETCDF4_CLASSIC") as dataset:
                 self._define(dataset)
         except OSError as error:
             raise InputError(
-                f"cannot be written ({error.strerror or error})", where=str(path), remedy="Choose another output file"
+                f"cannot be written ({refusal(error)})", where=str(path), remedy="Choose another output file"
             ) from error
 
     def _define(self, dataset: netCDF4.Dataset) -> None:
@@ -92,8 +90,16 @@ class BlockWriter:
     def _write(self) -> None:
         began = time.monotonic()
         if self._waiting:
-            with replacing(self.path, copy=True) as part, open_netcdf(part, "a") as dataset:
-                self._write_block(dataset)
+            try:
+                with replacing(self.path, copy=True) as part, open_netcdf(part, "a") as dataset:
+                    self._write_block(dataset)
+            except OSError as error:
+                raise RunError(
+                    f"cannot write {self.path} ({refusal(error)}); it holds {self._good or 'no records yet'}"
+                ) from error
+            last = self._waiting[-1]
+            if "day" in last:
+                self._good = f"good records up to day {last['day'][-1]:g} of year {last['year'][-1]}"
             self._written, self._waiting, self._waiting_size = self._written + self._waiting_size, [], 0
         self._last = time.monotonic()
         took = self._last - began
@@ -107,8 +113,5 @@ class BlockWriter:
             dataset.variables[item.name][self._written : end] = block
 
     def close(self) -> None:
-        """Write what waits and let go of the file."""
-        try:
-            self._write()
-        finally:
-            self._taken.give_back()
+        """Write what waits."""
+        self._write()

@@ -29,7 +29,7 @@ from riftberg.kid.parameters import namelist_period, time_step, to_parameters
 from riftberg.kid.restart import read_restart
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.limits import MOST_STEPS, refuse_large
-from riftberg.model import Recorder
+from riftberg.model import Recorder, finish_all
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
@@ -170,6 +170,7 @@ class CoupledRun:
         """Take all steps, calling the recorders; Ctrl-C takes effect between two steps."""
         with held() as hold:
             started: list[Recorder] = []
+            failed: BaseException | None = None
             try:
                 for recorder in recorders:
                     recorder.start(self.model)
@@ -178,9 +179,11 @@ class CoupledRun:
                     self._step()
                     for recorder in recorders:
                         recorder.record(self.model)
+            except BaseException as error:
+                failed = error
+                raise
             finally:
-                for recorder in started:
-                    recorder.finish(self.model)
+                finish_all(started, self.model, failed)
             hold.check()
 
     def _step(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import InputError, RunError, SpeedError
+from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.input_files import is_folder
 from riftberg.interrupts import held, say
 from riftberg.kid.a68 import place_note
@@ -28,15 +28,19 @@ from riftberg.kid.restart import read_restart, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid
+from riftberg.one_writer import only_writer
 from riftberg.parameters import Parameters, element_radius
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
+from riftberg.whole_files import refusal
 
 _LOG = logging.getLogger(__name__)
 
 NAMELIST: Final = "input.nml"
 RESTART: Final = "icebergs.res.nc"
 BOND_RESTART: Final = "bonds_iceberg.res.nc"
+
+Writer = TrajectoryRecorder | BondRecorder
 
 
 @dataclass
@@ -234,18 +238,24 @@ def _run(case_dir: Path | KidCase, output: Path, progress: Recorder | None, rank
     for note in case.notes:
         _LOG.warning(note)
     paths = _output_paths(case, Path(output))
-    recorders, files = _recorders(case, paths)
-    if progress is not None:
-        recorders.append(progress)
+    writers = _writers(case, paths)
+    files, restarts = [writer.path for writer in writers], _restart_paths(case, paths)
+    with only_writer(*files, *restarts):
+        _advance(case, [*writers, *([] if progress is None else [progress])], paths, writers)
+        _write_restarts(case, paths)
+    return KidReport(case, (*files, *restarts), (*case.namelist.report(), *case.notes))
+
+
+def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], writers: list[Writer]) -> None:
+    """Take all steps; where the run ends before, write its state and say how to go on."""
     try:
         if case.coupled is None:
             case.model.advance(steps=case.clock.steps, recorders=recorders)
         else:
             case.coupled.advance(recorders)
     except (KeyboardInterrupt, SystemExit):
-        saved = _write_restarts(case, paths)
         done = f"{case.model.step_number} of {case.clock.steps} steps"
-        say(f"Stopped after {done}; the state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}")
+        say(f"Stopped after {done}; {_rescued(case, paths)}")
         raise
     except Exception as error:
         if isinstance(error, SpeedError):
@@ -254,18 +264,22 @@ def _run(case_dir: Path | KidCase, output: Path, progress: Recorder | None, rank
                 f"{error} or --allow-extreme; by KID's names it is id_cnt = {counter[0]}, id_ij = {cell[0]}"
             )
         if case.model.step_number == 0:
-            for path in files:  # nothing was run: no file may look like a result
-                path.unlink(missing_ok=True)
+            for writer in writers:  # nothing was run: no file may look like a result
+                writer.discard()
             if isinstance(error, RunError):
                 raise RunError(f"the run failed in its first step: {error}. Nothing was written") from error
         if not isinstance(error, RunError):
             raise
+        raise RunError(f"{error}; {_rescued(case, paths, 'last good ')}") from error
+
+
+def _rescued(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
+    """Write the state and say how to go on from it."""
+    try:
         saved = _write_restarts(case, paths)
-        raise RunError(
-            f"{error}; the last good state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
-        ) from error
-    files += _write_restarts(case, paths)
-    return KidReport(case, tuple(files), (*case.namelist.report(), *case.notes))
+    except (OSError, RiftbergError) as error:  # it must not hide why the run ended
+        return f"the {which}state cannot be saved ({refusal(error)})"
+    return f"the {which}state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
 
 
 def _how_to_go_on(saved: list[Path]) -> str:
@@ -297,18 +311,20 @@ def _output_paths(case: KidCase, output: Path) -> dict[str, Path]:
     return {"trajectory": main, **beside}
 
 
-def _recorders(case: KidCase, paths: dict[str, Path]) -> tuple[list[Recorder], list[Path]]:
+def _writers(case: KidCase, paths: dict[str, Path]) -> list[Writer]:
     group = case.namelist.icebergs
-    recorders: list[Recorder] = []
-    files: list[Path] = []
     if group.flag("ignore_traj"):
-        return recorders, files
-    recorders.append(TrajectoryRecorder(paths["trajectory"], group, case.clock))
-    files.append(paths["trajectory"])
+        return []
+    writers: list[Writer] = [TrajectoryRecorder(paths["trajectory"], group, case.clock)]
     if group.flag("save_bond_traj") and group.flag("iceberg_bonds_on"):
-        recorders.append(BondRecorder(paths["bonds"], group, case.clock))
-        files.append(paths["bonds"])
-    return recorders, files
+        writers.append(BondRecorder(paths["bonds"], group, case.clock))
+    return writers
+
+
+def _restart_paths(case: KidCase, paths: dict[str, Path]) -> list[Path]:
+    if case.coupled is not None:
+        return [paths["restart"], paths["calving"], paths["ocean"]]
+    return [paths["restart"], *([] if case.parameters.bonds.law == "none" else [paths["bonds_restart"]])]
 
 
 def _write_restarts(case: KidCase, paths: dict[str, Path]) -> list[Path]:
@@ -316,9 +332,7 @@ def _write_restarts(case: KidCase, paths: dict[str, Path]) -> list[Path]:
     write_restart(paths["restart"], model.elements, case.grid, p)
     if case.coupled is not None:
         case.coupled.write(paths["ocean"], paths["calving"])
-        return [paths["restart"], paths["calving"], paths["ocean"]]
-    if p.bonds.law == "none":
-        return [paths["restart"]]
-    dem = case.namelist.icebergs.flag("dem")
-    write_bonds(paths["bonds_restart"], model.elements, model.bonds, case.grid, dem=dem)
-    return [paths["restart"], paths["bonds_restart"]]
+    elif p.bonds.law != "none":
+        dem = case.namelist.icebergs.flag("dem")
+        write_bonds(paths["bonds_restart"], model.elements, model.bonds, case.grid, dem=dem)
+    return _restart_paths(case, paths)

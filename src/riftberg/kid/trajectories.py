@@ -197,6 +197,7 @@ class _Sampler:
         self.hours = sampling_hours(group)
         self.block_hours = group.number("traj_write_hrs")
         self._writer: BlockWriter | None = None
+        self._made = False
 
     def _columns(self, model: BareModel) -> list[Column]:
         raise NotImplementedError
@@ -207,6 +208,7 @@ class _Sampler:
     def start(self, model: BareModel) -> None:
         """Make the file."""
         self._writer = BlockWriter(self.path, self._columns(model))
+        self._made = True
 
     def record(self, model: BareModel) -> None:
         """Take a record if the step that just ended started at a sampling time."""
@@ -222,6 +224,11 @@ class _Sampler:
         if self._writer is not None:
             self._writer.close()
             self._writer = None
+
+    def discard(self) -> None:
+        """Remove the file of a run that came to nothing; one that this run did not make stays."""
+        if self._made:
+            self.path.unlink(missing_ok=True)
 
 
 class TrajectoryRecorder(_Sampler):

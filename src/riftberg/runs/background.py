@@ -16,7 +16,7 @@ from riftberg.errors import RiftbergError, RunError
 from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.runs.scene import filled_forward, on_one_branch, zonal_period
 from riftberg.state import Floats
-from riftberg.whole_files import replacing
+from riftberg.whole_files import refusal, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,7 +87,7 @@ def append_background(path: str | Path, model: BareModel) -> bool:
         with replacing(path, copy=True) as copy, open_netcdf(copy, "a") as file:
             _write(file.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
     except OSError as error:
-        raise RunError(f"cannot add the background to {path} ({error}); the run itself is complete") from error
+        raise RunError(f"cannot add the background to {path} ({refusal(error)}); the run itself is complete") from error
     return True
 
 

@@ -46,6 +46,12 @@ class Layout:
         """Take note that a file has been laid out like this."""
         self.outgrown = False
 
+    def taken_up(
+        self, shape: dict[str, Floats], latest: dict[str, NDArray[Any]], *, gaps: bool, moving: list[str]
+    ) -> None:
+        """Take up the rows (``ids``, ``bond_ids``) of a file that goes on, with what it knows of them."""
+        self.shape, self.latest, self.gaps, self.moving, self._begun = shape, latest, gaps, moving, True
+
     def follow(self, elements: Elements, bonds: Bonds, shape: Sequence[str], latest: Sequence[str]) -> None:
         """Take in the elements and bonds of a record, and see whether their shape has changed."""
         same = np.array_equal(elements.id, self.ids) and np.array_equal(bonds.id, self.bond_ids)

@@ -18,6 +18,7 @@ from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
 from riftberg.usual import of_records
 from riftberg.values import number, required
+from riftberg.whole_files import refusal
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -148,7 +149,10 @@ class Model(BareModel):
         if output is None:
             return "The model is left at its last good state: save it with model.save(path)"
         path = Path(output)
-        saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
+        try:
+            saved = self.save(path.with_name(f"{path.stem}.{why}.restart.nc"))
+        except (OSError, RiftbergError) as error:  # it must not hide why the run ended
+            return f"The state cannot be saved ({refusal(error)}); the model is left at it: model.save(path)"
         left = round((end - self.time) / self.parameters.stepping.time_step)
         return f"Go on with Model.resume({str(saved)!r}, forcing).run(steps={left})"
 

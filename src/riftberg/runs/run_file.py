@@ -24,8 +24,9 @@ from __future__ import annotations
 
 import os
 import time as clock
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
@@ -34,7 +35,7 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.errors import RunError
+from riftberg.errors import InputError, RunError
 from riftberg.input_files import is_folder
 from riftberg.netcdf_lock import open_netcdf
 from riftberg.one_writer import OneWriter
@@ -48,7 +49,7 @@ from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.texts import define_texts, texts
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.values import required
-from riftberg.whole_files import replacing
+from riftberg.whole_files import refusal, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -105,6 +106,7 @@ MISSING: Final = -1
 _REGISTRY: Final = {v.name: v for v in ELEMENT_VARIABLES}
 _VALUES_PER_CHUNK = 2048
 _PATIENCE = 20.0  # records are held at least this many times as long as writing takes
+_ANEW = "Go on from the restart into another folder (--resume FILE --output FOLDER)"
 _ROUND = 1e-6  # s; a record is due although the sum of steps misses its time by round-off
 
 
@@ -128,6 +130,9 @@ class RunWriter:
 
     forces : bool, optional
         Write the mean force of each medium on each element since the record before (`riftberg.runs.applied`).
+    goes_on : bool, optional
+        Go on with the file that is there: its records from before the state of the model stay, and the file becomes that of
+        the run that never stopped.
 
     Examples
     --------
@@ -144,18 +149,20 @@ class RunWriter:
         flush_seconds: float = 1.0,
         background: bool = True,
         forces: bool = False,
+        goes_on: bool = False,
     ) -> None:
         self.path = Path(path)
         self.interval = 3600.0 * every_hours
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
-        self.forces = forces
+        self.forces, self.goes_on = forces, goes_on
         self._applied: AppliedForces | None = None
         self.records = 0
+        self._made = False
         self._held: list[_Record] = []
         self._last_flush = self._pause = 0.0
         self._next = 0.0
-        self._latest = float("nan")
+        self._latest = self._flushed = float("nan")
         self._peak: Floats = np.zeros(0)
         self._peak_ids: Ints = np.zeros(0, np.int64)
         self._layout = Layout()
@@ -164,20 +171,28 @@ class RunWriter:
         self._taken = OneWriter(self.path)
 
     def start(self, model: BareModel) -> None:
-        """Create the file and hold the first record."""
+        """Create the file and hold the first record; or take up the file that is there."""
         os.makedirs(self.path.parent, exist_ok=True)
         self._taken.take()
         self._names = position_names(model.parameters.earth.latlon)
         self._layout = Layout()
-        self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
-        self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
-        # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
-        with replacing(self.path) as part, open_netcdf(part, "w") as file:
-            self._define(file, model)
         self.records, self._held = 0, []
+        self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
         self._applied = AppliedForces(model) if self.forces else None
-        self._take_up(model)
-        self._flush(model)
+        try:
+            if self.goes_on:
+                self._take_up_file(model)
+            else:
+                self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
+                # A new file, not the old one emptied: HDF5 refuses to write what this process still has open for reading.
+                with replacing(self.path) as part, open_netcdf(part, "w") as file:
+                    self._define(file, model)
+                self._made = True
+            self._take_up(model)
+            self._flush(model)
+        except BaseException:
+            self._taken.give_back()
+            raise
 
     def record(self, model: BareModel) -> None:
         """Hold a record where one is due, and write what has been held for long enough."""
@@ -206,6 +221,16 @@ class RunWriter:
         finally:
             self._taken.give_back()
 
+    def flush(self, model: BareModel) -> None:
+        """Write what is held, so that the file is complete up to this moment."""
+        if self._held:
+            self._flush(model)
+
+    def discard(self) -> None:
+        """Remove the file of a run that came to nothing; one that this run did not make stays."""
+        if self._made:
+            self.path.unlink(missing_ok=True)
+
     def _take(self, model: BareModel) -> None:
         self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
         self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means(model)))
@@ -233,6 +258,10 @@ class RunWriter:
             for name, value in self._applied.kept.items() if self._applied is not None else ():
                 kept[self._key(name)] = value
             kept[self._key("times")] = np.array([model.time, self._next])
+            layout = self._layout
+            rows: dict[str, Any] = {"rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
+            kept.update({self._key(name): ids for name, ids in rows.items()})
+            kept[self._key("rows_change")] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
 
     def _key(self, name: str) -> str:
         return f"record_{name}_every_{self.interval:g}_s"
@@ -252,13 +281,50 @@ class RunWriter:
             impulse = kept.get(self._key("impulse"), np.zeros(0))
             if self._applied is not None and len(impulse) == model.elements.size and self._key("seconds") in kept:
                 self._applied.go_on(impulse, kept[self._key("seconds")])
+        elif self.goes_on:
+            raise InputError("the restart file does not know its last record", where=str(self.path), remedy=_ANEW)
         else:
             self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
         self._peak_ids = model.bonds.id.copy()
         self._remember(model)
-        self._take(model)
-        if model.time >= self._next - _ROUND:
+        due = model.time >= self._next - _ROUND
+        if due or not self.goes_on:  # a file that goes on has the records of the run that never stopped
+            self._take(model)
+        if due:
             self._schedule(model)
+
+    def _take_up_file(self, model: BareModel) -> None:
+        """Lay the file out as it was when the state of the model was saved, with the records from before."""
+        kept: dict[str, Any] = getattr(model, "remembered", {})
+        layout, place = self._layout, f"{self.path}, going on with it"
+        with open_netcdf(self.path) as old:
+            old.set_auto_mask(False)
+            gap = missing_records(old["time"][:], kept, self.interval)
+            if gap:
+                raise InputError(gap, where=place, remedy=_ANEW)
+            if self.forces != (force_variables()[0].name in old.variables):
+                raise InputError(
+                    f"its records have {'no ' if self.forces else ''}forces", where=place,
+                    remedy=f"{'Leave out' if self.forces else 'Give'} --forces, as for the run that made it",
+                )  # fmt: skip
+            layout.ids, layout.bond_ids = kept[self._key("rows_of_elements")], kept[self._key("rows_of_bonds")]
+            elements, bonds = layout.ids.size, layout.bond_ids.size
+            if not np.array_equal(old["trajectory"][:elements], layout.ids) or old.dimensions["bond"].size < bonds:
+                raise InputError("its elements are not those of the restart file", where=place, remedy="Name another")
+            if old.getncattr("parameters_json") != self._attributes["parameters_json"]:
+                raise InputError(
+                    "a run with other parameters than those of the restart file", where=place,
+                    remedy=_ANEW,
+                )  # fmt: skip
+            change = kept[self._key("rows_change")].tolist()
+            layout.taken_up(
+                {name: _first_seen(old[name][:elements]) for name in SHAPE},
+                {name: old[name][:bonds] for name in BOND_LATEST},
+                gaps=bool(change[0]), moving=[name for name, moves in zip(SHAPE, change[1:], strict=True) if moves],
+            )  # fmt: skip
+            self.records = int(np.searchsorted(old["time"][:], model.time - _ROUND))
+            self._latest = self._flushed = float(old["time"][self.records - 1])
+        self._lay_out_anew(model)
 
     def _flush(self, model: BareModel) -> None:
         before = clock.monotonic()
@@ -269,15 +335,19 @@ class RunWriter:
                 file.set_auto_mask(False)
                 self._write(file, model)
         except (OSError, RuntimeError) as error:  # HDF5 says the latter where a file may not grow
-            raise RunError(
-                f"cannot write {self.path} ({error}); its last {len(self._held)} records are missing. "
-                "Is the disk full, or was the file removed?"
-            ) from error
+            raise RunError(f"cannot write {self.path} ({refusal(error)}); {self._good(model)}") from error
         self.records += len(self._held)
+        self._flushed = self._held[-1].time if self._held else self._flushed
         self._held = []
         self._last_flush = clock.monotonic()
         # Files of gigabytes take longer to copy; then records are held longer, so that writing stays a small part.
         self._pause = max(self.flush_seconds, _PATIENCE * (self._last_flush - before)) if self.flush_seconds else 0.0
+
+    def _good(self, model: BareModel) -> str:
+        """Say up to when the file holds records."""
+        if not self.records:
+            return "it holds no records yet"
+        return f"it holds good records up to {model.start + timedelta(seconds=self._flushed):%Y-%m-%d %H:%M}"
 
     def _lay_out_anew(self, model: BareModel) -> None:
         """Write the file as it was, with room for what has come since."""
@@ -285,15 +355,17 @@ class RunWriter:
             old.set_auto_mask(False)
             file.set_auto_mask(False)
             self._define(file, model)
-            block = slice(0, old.dimensions["time"].size)
-            file["time"][block] = old["time"][:]
-            there = np.isfinite(old[self._names.get("lon", "lon")][:])
+            block = slice(0, self.records)
+            file["time"][block] = old["time"][block]
+            there = np.isfinite(old[self._names.get("lon", "lon")][:, block])
             for name, variable in old.variables.items():
-                rows = slice(0, variable.shape[0] if variable.ndim else 0)
+                if name not in file.variables or file[name].dimensions[1:] != ("time",):
+                    continue  # written with the latest state, or fixed since it was laid out
+                rows = slice(0, min(variable.shape[0], file[name].shape[0]))
                 if variable.dimensions[1:] == ("time",):
-                    file[name][rows, block] = variable[:]
-                elif name in self._layout.moving:
-                    file[name][: there.shape[0], block] = np.where(there, variable[:][:, None], np.nan)
+                    file[name][rows, block] = variable[rows, block]
+                else:
+                    file[name][rows, block] = np.where(there[rows], variable[rows][:, None], np.nan)
 
     def _write(self, file: netCDF4.Dataset, model: BareModel) -> None:
         _write_latest(file, model, self._names, self._layout)
@@ -314,6 +386,35 @@ class RunWriter:
             columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
             file[name][:, block] = np.stack(columns, axis=1)
         file["time"][block] = [r.time for r in self._held]
+
+
+def missing_records(times: Floats, kept: Mapping[str, Any], interval: float) -> str:
+    """Say which records of a run file are missing before a state that shall go on with it; nothing where all are there.
+
+    Parameters
+    ----------
+    times : array
+        Of the records in the file, s.
+    kept : mapping
+        What the state remembers of its run.
+    interval : float
+        Interval of the records that is asked for, s.
+    """
+    moment = kept.get(f"record_times_every_{interval:g}_s")
+    if moment is None or f"record_rows_change_every_{interval:g}_s" not in kept:
+        return f"the run had no records every {interval / 3600.0:g} h"
+    due = float(moment[1]) - interval
+    if due > -_ROUND and not (times.size and times[-1] >= due - _ROUND):
+        return f"its records end before {due / 86400.0:.2f} days, when the state was saved"
+    return ""
+
+
+def _first_seen(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the shape of each element at its first record."""
+    if values.ndim == 1:
+        return values
+    first: NDArray[Any] = values[np.arange(len(values)), np.argmax(np.isfinite(values), axis=1)]
+    return first
 
 
 def _peak_so_far(model: BareModel) -> Floats:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from riftberg.model import BareModel
 
 _TOLERANCE: Final = 1e-6  # s
+_REMEMBERED: Final = "daily_track"
 
 
 @dataclass(frozen=True)
@@ -129,16 +130,27 @@ class DailyTrack:
         self._next = 0.0
 
     def start(self, model: BareModel) -> None:
-        """Keep the first position; a resumed run begins at its next full day."""
+        """Keep the first position; a resumed run knows the days before, and goes on at its next full day."""
         day = constants.SECONDS_PER_DAY
-        self.rows, self._next = [], day * math.ceil((model.time - _TOLERANCE) / day)
-        self.record(model)
+        known = getattr(model, "remembered", {}).get(_REMEMBERED, np.zeros((0, 5))).tolist()
+        self.rows = [
+            (model.start + timedelta(seconds=row[0]), Position(*row[1:])) for row in known if row[0] <= model.time
+        ]
+        self._next = day * math.ceil((model.time - _TOLERANCE) / day)
+        if known and known[-1][0] >= self._next - _TOLERANCE:
+            self._next += day
+        else:
+            self.record(model)
 
     def record(self, model: BareModel) -> None:
         """Keep the position where a day is full."""
         if model.time >= self._next - _TOLERANCE:
-            self.rows.append((model.start + timedelta(seconds=model.time), main_position(model)))
+            position = main_position(model)
+            self.rows.append((model.start + timedelta(seconds=model.time), position))
             self._next += constants.SECONDS_PER_DAY
+            if hasattr(model, "remembered"):
+                row = np.array([[model.time, position.lon, position.lat, position.azimuth, position.area]])
+                model.remembered[_REMEMBERED] = np.concatenate([model.remembered.get(_REMEMBERED, row[:0]), row])
 
     def finish(self, model: BareModel) -> None:
         """Do nothing: the last day may be incomplete."""

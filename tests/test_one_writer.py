@@ -1,0 +1,194 @@
+"""A second command that would write what a first one is writing is refused, and takes nothing of the first away."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fakes import FakeModel
+from kid.conftest import write_case
+from riftberg.one_writer import only_writer
+from riftberg.runs.run_file import RunWriter
+
+SLAB = """\
+start: 2020-12-09 13:00
+days: 30
+berg:
+  rectangle: {length: 9 km, width: 6 km}
+  placement: [-39.0, -55.5]
+forcing: {kind: constant, current: [0.2, 0.0]}
+"""
+SEEN = "date,lat,lon\n2020-12-10,-55.0,-39.0\n"
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "riftberg", *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def waited_for(path: Path, process: subprocess.Popen[str]) -> None:
+    end = time.monotonic() + 300.0
+    while not path.exists() and process.poll() is None and time.monotonic() < end:
+        time.sleep(0.02)
+    assert path.exists(), process.communicate()
+
+
+def refused(*words: str) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "riftberg", *words], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert result.returncode == 2, result.stdout + result.stderr
+    assert "is writing this file" in result.stderr, result.stderr
+
+
+def ended(process: subprocess.Popen[str]) -> None:
+    """End a run by a request to terminate; it writes all that it has to write."""
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 128 + signal.SIGTERM, said
+    assert "cannot" not in said
+
+
+@pytest.mark.parametrize("times", [2])
+def test_a_second_kid_leaves_the_first_alone(tmp_path: Path, times: int) -> None:
+    """The second one was refused, and its clean-up removed the files of the first, which died then: 7 of 7 tries."""
+    import netCDF4
+
+    case = write_case(tmp_path / "case", {"ibhrs": 10**6, "nmax": 10**8}, {"traj_sample_hrs": 1.0})
+    words = ("kid", str(case), "--output", str(tmp_path / "KID.nc"), "--quiet")
+    with started(*words) as first:
+        waited_for(tmp_path / "KID_bonds.nc", first)
+        for _ in range(times):
+            refused(*words)
+        ended(first)
+    for name in ("KID.nc", "KID_bonds.nc", "KID_restart.nc", "KID_bonds_restart.nc"):
+        with netCDF4.Dataset(tmp_path / name) as file:
+            assert len(file.dimensions["i"]) >= 2
+
+
+def test_a_second_run_or_one_that_goes_on_leaves_the_first_alone(tmp_path: Path) -> None:
+    from riftberg.runs.run_file import open_run
+
+    (tmp_path / "slab.yaml").write_text(SLAB)
+    words = ("run", str(tmp_path / "slab.yaml"), "--days", "100000", "--allow-large", "--every", "24", "--no-map", "-q")
+    out = tmp_path / "out"
+    with started(*words, "-o", str(out), "--keep-days", "5") as first:
+        waited_for(out / "kept-2.restart.nc", first)
+        refused(*words, "-o", str(out))
+        refused(*words, "--resume", str(out))
+        ended(first)
+    with open_run(out) as run:
+        assert run.sizes["time"] > 5
+    assert {"run.nc", "summary.json", "interrupted.restart.nc", "kept-1.restart.nc", "kept-2.restart.nc"} == {
+        path.name for path in out.iterdir()
+    }
+
+
+def test_a_second_sweep_leaves_the_first_alone(tmp_path: Path) -> None:
+    """It took away the file that asks members to stop, and wrote the members' files beside the first."""
+    (tmp_path / "slab.yaml").write_text(SLAB)
+    out = tmp_path / "sweep"
+    words = ("sweep", str(tmp_path / "slab.yaml"), "--vary", "ice.density=850,870", "--days", "20000", "--workers", "0")
+    with started(*words, "--allow-large", "-q", "--no-map", "-o", str(out)) as first:
+        waited_for(out / "sweep.json", first)
+        refused("sweep", "--resume", str(out), "--allow-large", "-q", "--no-map")
+        ended(first)
+    assert (out / "sweep.nc").exists()
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("finished")
+    model = FakeModel()
+    model.advance(1.0, recorders=[RunWriter(folder / "run.nc", every_hours=6.0)])
+    (folder / "seen.csv").write_text(SEEN)
+    return folder
+
+
+OTHERS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "plot": ("map.png", ("plot", "{run}", "--kind", "map", "-o", "{out}")),
+    "replay": ("page.html", ("replay", "{run}", "-o", "{out}/page.html")),
+    "animate": ("film.gif", ("animate", "{run}", "-o", "{out}/film.gif", "-q")),
+    "score": ("score.json", ("score", "{run}", "{run}/seen.csv", "-o", "{out}", "--no-figure")),
+    "why": ("why.json", ("why", "{run}", "-o", "{out}", "--no-figure")),
+    "compare": ("comparison.json", ("compare", "{run}", "-o", "{out}")),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_every_command_is_refused_what_another_one_writes(finished: Path, tmp_path: Path, name: str) -> None:
+    """The file of the first stays as it is, to the last bit; nothing else is written or left."""
+    from typer.testing import CliRunner
+
+    from riftberg.cli.main import app
+
+    file, words = OTHERS[name]
+    if name == "compare":
+        (finished / "summary.json").write_text(_summary())
+    (tmp_path / file).write_bytes(b"half of it")
+    filled = [word.format(run=finished, out=tmp_path) for word in words]
+    with only_writer(tmp_path / file):
+        result = CliRunner().invoke(app, filled)
+        assert result.exit_code == 2, result.output
+        assert f"(process {os.getpid()}) is writing this file" in result.stderr
+        assert {path.name for path in tmp_path.iterdir()} == {file, f".{file}.lock"}
+        assert (tmp_path / file).read_bytes() == b"half of it"
+    result = CliRunner().invoke(app, filled)
+    assert result.exit_code == 0, result.output  # it is free again
+
+
+def _summary() -> str:
+    import json
+
+    from riftberg.diagnostics.summary import summarize
+
+    model = FakeModel()
+    model.advance(0.5)
+    return json.dumps(summarize(model))
+
+
+@pytest.mark.parametrize("fault", ["a recorder that starts before", "the disk"])
+def test_what_an_earlier_run_wrote_is_not_taken_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    """A run that fails before it has made its file leaves the one that is there."""
+    from typer.testing import CliRunner
+
+    from riftberg.cli.main import app
+
+    (tmp_path / "slab.yaml").write_text(SLAB)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "run.nc").write_bytes(b"the result of last year")
+    before = hashlib.sha256((out / "run.nc").read_bytes()).digest()
+
+    def fails(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(RunWriter, "_define" if fault == "the disk" else "start", fails)
+    result = CliRunner().invoke(app, ["run", str(tmp_path / "slab.yaml"), "-o", str(out), "-q", "--no-map"])
+    assert result.exit_code == 2, result.output
+    assert "the disk is full" in result.stderr
+    assert hashlib.sha256((out / "run.nc").read_bytes()).digest() == before
+    assert [path.name for path in out.iterdir()] == ["run.nc"]
+
+
+def test_a_part_that_another_process_fetches_is_not_thrown_away(tmp_path: Path) -> None:
+    """A second fetch began with dropping what the first had so far."""
+    from riftberg.errors import InputError
+    from riftberg.fetching.download import Resuming, part_of
+
+    url = "http://127.0.0.1:9/big.nc"
+    part = part_of(tmp_path, url)
+    part.write_bytes(b"the first megabytes")
+    with only_writer(part), pytest.raises(InputError, match="is writing this file"):
+        Resuming(attempts=1)(url, tmp_path / "big.nc")
+    assert part.read_bytes() == b"the first megabytes"
