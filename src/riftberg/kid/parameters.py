@@ -110,6 +110,12 @@ def is_plain_kid(group: NamelistGroup) -> bool:
 def _check_scheme(group: NamelistGroup) -> None:
     if group.flag("dem") and scheme(group) == "runge_kutta":
         raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and scheme(group) == "runge_kutta":
+        raise group.error("footloose = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and not group.flag("use_operator_splitting"):
+        raise group.error(
+            "footloose = .true. with use_operator_splitting = .false.", "Set use_operator_splitting = .true."
+        )
 
 
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
