@@ -152,7 +152,7 @@ CHECKS: Final[dict[str, Check]] = {
     "melt_icebergs_as_ice_shelf": lambda before, after: np.array_equal(after.state["width"], START["width"]),
     "bergy_bit_erosion_fraction": grows("mass_of_bits"),
     "Iceberg_melt_without_decay": keeps_mass, "set_melt_rates_to_zero": keeps_mass,
-    "allow_bergs_to_roll": rolled, "use_updated_rolling_scheme": rolled, "tip_parameter": rolled,
+    "allow_bergs_to_roll": rolled, "use_updated_rolling_scheme": rolled,
     # Calving.
     "LoW_ratio": lambda before, after: slimness(before) < slimness(after) < 1.9,
     "calvh0": lambda before, after: newborn("heat_density", after).min() < newborn("heat_density", before).min(),
@@ -162,7 +162,6 @@ CHECKS: Final[dict[str, Check]] = {
     "mass_scaling_n": lambda before, after: set(newborn("mass_scaling", after)) == {2.0},
     "initial_thickness": lambda before, after: newborn("thickness", after).min() > 80.0,
     "calv0": lambda before, after: len(after.state["mass"]) > len(before.state["mass"]),
-    "tau_calving": lambda before, after: len(after.state["mass"]) != len(before.state["mass"]),
     "footloose": lambda before, after: len(after.state["mass"]) > len(before.state["mass"]),
     "fl_strength": lambda before, after: after.state["fl_k"].max() != before.state["fl_k"].max(),
     # Files.

@@ -114,6 +114,7 @@ NO_RUNGE: Final = {"runge": "footloose = .true. with Runge_not_Verlet = .true."}
 CALVES: Final = {
     "initial_mass": [4e7] * 10, "mass_scaling": [1.0] * 10, "interactive_icebergs_on": False,
     "tau_calving": 0.0,
+    "allow_bergs_to_roll": False,
 }  # fmt: skip
 NORTH: Final = {
     "separate_distrib_for_n_hemisphere": True, "initial_mass_n": [3e7] * 10, "mass_scaling_n": [1.0] * 10,

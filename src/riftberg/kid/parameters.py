@@ -139,8 +139,6 @@ def _drag_parameters(group: NamelistGroup) -> dict[str, Any]:
         "ocean_scale": group.number("ocean_drag_scale"),
         "sides_by_bonds": group.flag("internal_bergs_for_drag"),
         "radius_based": group.flag("radius_based_drag") and group.flag("hexagonal_icebergs") and uses_dem(group),
-        "coastal_drift": group.number("coastal_drift"),
-        "tidal_drift": group.number("tidal_drift"),
         "rotational": False,
     }
 
@@ -269,7 +267,5 @@ def _compatibility(group: NamelistGroup) -> Compatibility:
     return Compatibility.kid(
         shared_shear_lever=group.flag("save_bond_forces"),
         grid_position_round_trip=plain,
-        mirrored_bilinear=group.flag("old_bug_bilin"),
-        depth_even_parity=group.flag("rev_mind"),
         plain_kid_branch=plain,
     )
