@@ -110,8 +110,10 @@ def drift(
     return state(model)
 
 
-def shore(groups: Groups, *, steps: int = 6, latlon: bool = False, **berg: Any) -> Any:
-    """Run the bergs on a grid with land to the east, towards which a current that grows carries them."""
+def shore(
+    groups: Groups, *, steps: int = 6, latlon: bool = False, cell: float = 1000.0, edge: bool = False, **berg: Any
+) -> Any:
+    """Run the bergs on a grid with land, or its edge, to the east, towards which a current that grows carries them."""
     made = bergs(latlon=latlon, **berg)
     if latlon:
         # Sea ends a little beyond the single element, in the east and in the south.
@@ -120,9 +122,10 @@ def shore(groups: Groups, *, steps: int = 6, latlon: bool = False, **berg: Any) 
         mask[:, 5:] = mask[:3] = 0.0
         grid = Grid.from_corners(lon, lat, mask=mask)
     else:
-        mask = np.ones((10, 12))
-        mask[:, 6:] = 0.0
-        grid = Grid.cartesian(12, 10, 1000.0, offset=-3000.0, mask=mask)
+        across, sea = round((6e3 if edge else 12e3) / cell), round(6e3 / cell)
+        mask = np.ones((across, across))
+        mask[:, sea:] = 0.0
+        grid = Grid.cartesian(across, across, cell, offset=-3000.0, mask=mask)
     fields = [grid.fields(uo=uo, vo=-0.1, sst=2.0, sss=34.0, depth=500.0) for uo in (1.0, 2.0)]
     model = Model(made, GriddedForcing(grid, fields, [0.0, 3600.0]), Parameters(**groups))
     model.advance(steps=steps)
@@ -361,6 +364,10 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.hemisphere_by_corner": _quirk(CALVES, run=calve),
     "compatibility.elements_stopped_alone": _quirk(run=shore, more={"steps": 8}),
     "compatibility.forcing_lag": _quirk(run=shore),
+    "compatibility.stages_from_start": _quirk(RUNGE),
+    "compatibility.contact_by_cells": _quirk(with_(VERLET, contact={"spring": 1e-6}), run=shore, more={"cell": 200.0}),
+    "compatibility.lost_over_edge": _quirk(run=shore, more={"edge": True, "steps": 8}),
+    "compatibility.imposed_velocity_late": _quirk(with_(RUNGE, stepping={"fixed_velocity": (0.2, 0.1)})),
     "compatibility.grid_position_round_trip": _quirk(VERLET, run=shore),
     "compatibility.unplaced_child_in_metres": _quirk(
         with_(FOOT, earth={"latlon": True}, melt={"temperature": 2.0, "salinity": 33.0}), run=shore, more={**CUT, "latlon": True}

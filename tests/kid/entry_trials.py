@@ -206,7 +206,7 @@ ICEBERGS: Final[dict[str, Trial]] = {
     "poisson": _dem(0.2),
     "ignore_tangential_force": _dem(),
     "orig_dem_moment_of_inertia": _dem(),
-    "save_bond_forces": _dem(),
+    "save_bond_forces": _dem(given={"set_melt_rates_to_zero": True, "allow_bergs_to_roll": False}),
     "dem_beam_test": Trial(2),
     "fracture_criterion": _dem("none", given=BREAKS, refused={"dem": "fracture_criterion = 'none' with positive"}),
     "frac_thres_scaling": _dem(1e3, given=BREAKS),

@@ -78,6 +78,7 @@ FORBIDDEN: Final = (
     ({"fracture_criterion": "none"}, {"frac_thres_t": 30.0}),
     ({"fracture_criterion": "none"}, {"break_bonds_on_sub_steps": True}),
     ({"iceberg_bonds_on": True}, {"scene": "ocean"}),
+    ({"save_bond_forces": False}, {"scheme": "dem"}),
     ({"cdrag_grounding": 2e3}, {"scene": "a68"}),
     ({"ibdt": "half"}, {"scene": "a68"}),
 )
@@ -105,6 +106,8 @@ REFUSED: Final[dict[str, tuple[str, str, Values, Values, tuple[str, ...]]]] = {
     "no criterion, breaking on sub-steps": (
         "berg", "dem", {}, {"break_bonds_on_sub_steps": True},
         ("fracture_criterion = 'none'", "break_bonds_on_sub_steps = .true.")),
+    "bonds by side, melt": (
+        "berg", "dem", {}, {"save_bond_forces": False}, ("save_bond_forces = .false.", "that melt")),
     "bonds, an ocean": ("ocean", "verlet", {}, {"iceberg_bonds_on": True}, ("iceberg_bonds_on = T", "drv_nml")),
     "grounding, A68 data without depth": (
         "a68", "dem", {}, {"cdrag_grounding": 2e3, "A68_test": False}, ("cdrag_grounding > 0", "A68_test")),
