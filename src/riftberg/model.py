@@ -113,6 +113,11 @@ class BareModel(RunState):
         began = start_of(forcing, None if start is None else moment(start, where="start"))
         check_coordinates(berg, forcing, asked)
         check_balance(forcing, asked)
+        if asked.bonds.packing == "hexagonal" and berg.packing == "square" and berg.elements.size:
+            raise InputError(
+                "bonds.packing = 'hexagonal', but the berg has square elements", where="Model",
+                remedy="Make the berg with packing='hexagonal', or leave bonds.packing out: it follows the berg",
+            )  # fmt: skip
         # The berg knows how it is packed; parameters of another packing would give its elements wrong radii.
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)

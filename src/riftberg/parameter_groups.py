@@ -98,8 +98,6 @@ class Drag(Group):
     radius_based: bool = quantity(
         False, "", "side face from the diameter of hexagonal DEM elements", "equations 4, KID's radius_based_drag"
     )
-    coastal_drift: float = quantity(0.0, "m s-1", "current added away from land cells", "equations 3.2", ge=0)
-    tidal_drift: float = quantity(0.0, "m s-1", "amplitude of a random current near land", "equations 3.2", ge=0)
     rotational: bool = quantity(
         True,
         "",
@@ -564,7 +562,6 @@ class Compatibility(Group):
     swapped_implicit_velocity: bool = quantity(
         False, "", "Q1: mid-step v uses the implicit x-acceleration", "equations 6.4"
     )
-    mirrored_bilinear: bool = quantity(False, "", "Q22: bilinear weights mirrored (old_bug_bilin)", "equations 3.2")
     uncentred_half_kicks: bool = quantity(
         False,
         "",
@@ -588,7 +585,6 @@ class Compatibility(Group):
         "contact iteration, sub-steps and constant bond size are common to all bergs of a run, however far apart",
         "equations 6.4",
     )
-    depth_even_parity: bool = quantity(False, "", "Q20: other parity of the depth stencil (rev_mind)", "equations 3.2")
     plain_kid_branch: bool = quantity(
         False, "", "Q40: repulsion by cell search, attraction by bond", "equations 5.1 branch B"
     )
@@ -617,10 +613,6 @@ class Compatibility(Group):
     footloose_sets_density: bool = quantity(
         False, "", "T45: a berg that footloose calving cuts gets the density of the parameters", "files 2.3"
     )
-    stream_of_draws: bool = quantity(
-        False, "", "T10: draws of footloose calving come from one stream that a restart does not keep", "files 2.2"
-    )
-
     heat_of_one_class: bool = quantity(
         False, "", "T16: a new berg gets the heat of all classes over the ice of its own", "files 3.2"
     )
@@ -690,7 +682,6 @@ class Compatibility(Group):
             "unplaced_child_in_metres": True,
             "drop_orphan_bits": True,
             "footloose_sets_density": True,
-            "stream_of_draws": True,
             "heat_of_one_class": True,
             "births_at_centre": True,
             "hemisphere_by_corner": True,

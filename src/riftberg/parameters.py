@@ -7,12 +7,14 @@ tuple of scalars that compiled code reads. The sets of the published run stand a
 from __future__ import annotations
 
 import html
+import json
 import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from pydantic import Field, model_validator
 
+from riftberg.errors import GONE
 from riftberg.parameter_groups import (
     BondLaw,
     BondParameters,
@@ -171,6 +173,17 @@ class Parameters(Group):
     def __init__(self, **given: Any) -> None:
         super().__init__(**_explicit_if_asked(given))
 
+    @classmethod
+    def from_json(cls, text: str) -> Parameters:
+        """Return the parameters that a file holds, without those that never did anything."""
+        try:
+            values = json.loads(text)
+            for group in ("drag", "compatibility"):
+                values[group] = {name: value for name, value in values[group].items() if name not in GONE}
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return cls.model_validate_json(text)  # which says what is wrong
+        return cls.model_validate(values)
+
     @model_validator(mode="after")
     def _combinations(self) -> Parameters:
         if self.bonds.law == "dem" and not self.stepping.explicit_substeps:
@@ -201,6 +214,12 @@ class Parameters(Group):
                 "fracture.enabled = true, or damage.enabled = false"
             )
         self._check_life()
+        quirks = self.compatibility
+        if quirks.births_at_centre and self.stepping.interactions and not quirks.zero_start:
+            raise ValueError(
+                "compatibility.births_at_centre lays bergs on top of each other, and contact would take for ever to part them: "
+                "set stepping.interactions = false with it"
+            )
         return self
 
     def _check_criterion(self) -> None:

@@ -51,7 +51,6 @@ def test_defaults_of_a_silent_namelist(tmp_path: Path) -> None:
     assert not p.drag.rotational
     assert not p.bonds.objective_damping
     assert not p.grounding.implicit
-    assert p.compatibility.mirrored_bilinear
 
 
 @pytest.mark.parametrize(("given", "found"), [(0.0, 1e-5), (-3.0, 1e-5), (2e-7, 2e-7)])
@@ -144,14 +143,13 @@ def test_plain_kid_branch(tmp_path: Path, changes: dict[str, Any], plain: bool) 
 
 def test_switches(tmp_path: Path) -> None:
     p = mapped(
-        tmp_path, orig_dem_moment_of_inertia=True, rev_mind=True, save_bond_forces=False, Static_icebergs=True,
+        tmp_path, orig_dem_moment_of_inertia=True, save_bond_forces=False, Static_icebergs=True,
         override_iceberg_velocities=True, u_override=0.3, v_override=-0.1, hexagonal_icebergs=True,
         short_step_mts_grounding=True, ignore_tangential_force=True,
     )  # fmt: skip
     assert p.bonds.linear_bending
     assert p.bonds.no_shear
     assert p.bonds.packing == "hexagonal"
-    assert p.compatibility.depth_even_parity
     assert not p.compatibility.shared_shear_lever
     assert p.stepping.frozen
     assert p.stepping.fixed_velocity == (0.3, -0.1)

@@ -78,6 +78,18 @@ def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: 
         )
 
 
+def check_footloose(elements: Elements, group: NamelistGroup) -> None:
+    """Refuse footloose calving of elements with bonds, at which the reference stops in its first step (files, 2)."""
+    bonded = (elements.bond_count > 0) & (elements.static < 0.5) & (elements.life.fl_k >= 0.0)
+    if group.flag("footloose") and bonded.any():
+        k = int(np.argmax(bonded))
+        raise group.error(
+            f"footloose = .true. with iceberg_bonds_on = .true.: the element at {elements.lon[k]:g}, {elements.lat[k]:g} has "
+            f"{elements.bond_count[k]} bonds, and the reference stops there too",
+            "Set one of them to .false.",
+        )
+
+
 def order_sides(elements: Elements) -> int:
     """Make length the longer side, as KID does in its first step; return how many elements changed."""
     wrong = elements.width > elements.length

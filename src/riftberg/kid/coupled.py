@@ -275,7 +275,7 @@ def return_rules(group: NamelistGroup) -> ReturnRules:
         hexagonal=group.flag("hexagonal_icebergs"),
         one_cell_wide=group.flag("use_old_spreading"),
         orientation=group.number("initial_orientation"),
-        turned_by_bonds=group.flag("rotate_icebergs_for_mass_spreading") and group.flag("iceberg_bonds_on"),
+        turned_by_bonds=False,  # bergs have no bonds here
         grounding_fraction=max(group.number("grounding_fraction"), 0.0),
     )
     return ReturnRules(

@@ -89,7 +89,7 @@ def _not(
 ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("Runge_not_Verlet", LOGICAL, True, "", "RK4 (T) or velocity Verlet (F) stepping"),
     _yes("use_new_predictive_corrective", LOGICAL, False, "", "drag by the mean of two speeds",
-         "in Runge-Kutta stepping; Verlet always has it"),
+         "in Runge-Kutta stepping; the others always have it"),
     _yes("rho_bergs", REAL, 850.0, "kg m-3", "ice density of all bergs"),
     _yes("LoW_ratio", REAL, 1.5, "1", "length/width of newly calved bergs", CALVING),
     _nil("speed_limit", REAL, 0.0, "1",
@@ -231,7 +231,8 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("pass_fields_to_ocean_model", LOGICAL, False, "", "fill area, velocity, friction velocity grids", OCEAN),
     _yes("hexagonal_icebergs", LOGICAL, False, "", "elements are hexagons"),
     _yes("initial_orientation", REAL, 0.0, "degree", "reference angle of hexagons", OCEAN),
-    _yes("rotate_icebergs_for_mass_spreading", LOGICAL, True, "", "orientation from bonds", OCEAN),
+    _nil("rotate_icebergs_for_mass_spreading", LOGICAL, True, "", "orientation from bonds",
+         "bergs have no bonds in cases that exchange with an ocean"),
     _yes("use_old_spreading", LOGICAL, True, "", "every rectangular berg one cell wide", OCEAN),
     _not("add_iceberg_thickness_to_SSH", LOGICAL, False, "", "replace ssh by berg contribution",
          "the weight of bergs is not added to the sea level", False, "set it to .false."),

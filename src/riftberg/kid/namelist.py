@@ -19,7 +19,8 @@ import f90nml
 from riftberg.errors import NamelistError
 from riftberg.input_files import check_file, reading
 from riftberg.kid.entries import GROUPS, convert, find_entry, refused
-from riftberg.kid.entry_table import CALVING, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
+from riftberg.kid.entry_table import CALVING, HONOURED, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
+from riftberg.kid.needs import lacking
 from riftberg.limits import MOST_YAML
 from riftberg.shared_settings import own_filters
 
@@ -119,6 +120,8 @@ def _group_report(group: NamelistGroup, coupled: bool) -> Iterator[str]:
             known = entry
             if entry.note in (CALVING, OCEAN):  # of effect only with an ocean and a flux of land ice
                 known = replace(entry, note="") if coupled else replace(entry, treatment=REPORTED)
+            if known.treatment == HONOURED and (lack := lacking(entry.name, group.values)):
+                known = replace(entry, treatment=REPORTED, note=lack)
             yield _entry_report(group, known)
 
 

@@ -112,6 +112,12 @@ def is_plain_kid(group: NamelistGroup) -> bool:
 def _check_scheme(group: NamelistGroup) -> None:
     if group.flag("dem") and scheme(group) == "runge_kutta":
         raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and scheme(group) == "runge_kutta":
+        raise group.error("footloose = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and not group.flag("use_operator_splitting"):
+        raise group.error(
+            "footloose = .true. with use_operator_splitting = .false.", "Set use_operator_splitting = .true."
+        )
 
 
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
@@ -135,8 +141,6 @@ def _drag_parameters(group: NamelistGroup) -> dict[str, Any]:
         "ocean_scale": group.number("ocean_drag_scale"),
         "sides_by_bonds": group.flag("internal_bergs_for_drag"),
         "radius_based": group.flag("radius_based_drag") and group.flag("hexagonal_icebergs") and uses_dem(group),
-        "coastal_drift": group.number("coastal_drift"),
-        "tidal_drift": group.number("tidal_drift"),
         "rotational": False,
     }
 
@@ -266,7 +270,5 @@ def _compatibility(group: NamelistGroup) -> Compatibility:
     return Compatibility.kid(
         shared_shear_lever=group.flag("save_bond_forces"),
         grid_position_round_trip=plain,
-        mirrored_bilinear=group.flag("old_bug_bilin"),
-        depth_even_parity=group.flag("rev_mind"),
         plain_kid_branch=plain,
     )

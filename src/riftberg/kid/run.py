@@ -17,7 +17,7 @@ from riftberg.input_files import is_folder
 from riftberg.interrupts import held, say
 from riftberg.kid.a68 import place_note
 from riftberg.kid.bond_restart import read_bonds, write_bonds
-from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, order_sides
+from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, check_footloose, order_sides
 from riftberg.kid.coupled import CoupledRun
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
 from riftberg.kid.identifiers import CALVING_FILE, split_id
@@ -131,6 +131,7 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
     check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
+    check_footloose(elements, namelist.icebergs)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
     check_both_sides(elements, bonds, namelist.icebergs, parameters)
     notes = _prepare_elements(elements, namelist.icebergs, parameters, restarts, grid)
