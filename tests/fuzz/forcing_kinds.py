@@ -284,8 +284,8 @@ def means_without_bounds() -> Iterator[Kind]:
     more: dict[str, Any] = {"told": told, "cause": cause}
     yield forced(f, "daily, stamped at midnight", _means(day + DAY // 2, None, day), **more)
     yield forced(f, "daily, stamped at the end", _means(day + DAY // 2, None, day + DAY), **more)
-    yield forced(f, "monthly, stamped the first", _means(MIDDLES, None, MONTHS[:-1]), ocean=SLOW, **more)
-    yield forced(f, "monthly, stamped the last", _means(MIDDLES, None, MONTHS[1:] - DAY), ocean=SLOW, **more)
+    yield forced(f, "monthly, stamped the first", _means(MIDDLES, None, MONTHS[:-1], ocean=SLOW), ocean=SLOW, **more)
+    yield forced(f, "monthly, stamped the last", _means(MIDDLES, None, MONTHS[1:] - DAY, ocean=SLOW), ocean=SLOW, **more)
     yield forced(f, "five days, stamped the first", _means(stamps("2020-12-03T12", 4, 120.0), None, stamps("2020-12-01", 4, 120.0)), **more)
     yield forced(f, "six hours, stamped at the end", _means(stamps("2020-12-07T03", 20), None, stamps("2020-12-07T06", 20)), **more)
     yield forced(f, "daily by the heading", _means(day + DAY // 2, None, day, methods=None, frequency="day", title="daily mean"), **more)
@@ -301,7 +301,7 @@ def means_without_bounds() -> Iterator[Kind]:
         _means(MIDDLES, (MONTHS[:-1], MONTHS[1:]), files=("ocean.nc", "level.nc"), ocean=SLOW)(parts)
         parts["wind.nc"] = ds.assign_attrs(GRIB_centre="ecmf", institution="European Centre for Medium-Range Weather Forecasts")
 
-    yield forced(f, "monthly winds of ERA5", era5, ocean=SLOW, **more)
+    yield forced(f, "monthly winds of ERA5", era5, ocean=SLOW, told=told, cause=("mean|averag|month|gap",))
 
 
 def means_with_bounds() -> Iterator[Kind]:
@@ -318,8 +318,8 @@ def means_with_bounds() -> Iterator[Kind]:
     yield forced(f, "one month, stamped the last", one(days(31), 1.0), cause=NEVER)
     yield forced(f, "one day alone", one(days(1)), cause=NEVER)
     yield forced(f, "one year, of levels alone", one(days(366), files=("level.nc",)), cause=("mean|366|year|bounds",), told=("mean|year",))
-    yield forced(f, "run in the second half of the last month", _means(MIDDLES[:3], (MONTHS[:3], MONTHS[1:4]), ocean=SLOW), start="2020-12-28 13:00", cause=NEVER, names=(), check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run")
-    yield forced(f, "run in the first half of the first month", _means(MIDDLES[2:], (MONTHS[2:4], MONTHS[3:5]), ocean=SLOW), start="2020-12-04 13:00", cause=NEVER, check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run")
+    yield forced(f, "run in the second half of the last month", _means(MIDDLES[:3], (MONTHS[:3], MONTHS[1:4]), ocean=SLOW), ocean=SLOW, start="2020-12-28 13:00", cause=NEVER, names=(), check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run")
+    yield forced(f, "run in the first half of the first month", _means(MIDDLES[2:], (MONTHS[2:4], MONTHS[3:5]), ocean=SLOW), ocean=SLOW, start="2020-12-04 13:00", cause=NEVER, check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run")
     yield forced(f, "run after the span", one(days(31)), start="2020-12-30 13:00", never=True, cause=("lie outside|record|date|cover",))
     yield forced(f, "bounds that miss their stamps", _means(stamps("2020-12-05T12", 9, 24.0), (stamps("2019-12-05", 9, 24.0), stamps("2019-12-06", 9, 24.0))), cause=("bounds|bnds",), told=("bounds|bnds",))
     yield forced(f, "bounds the wrong way round", _means(stamps("2020-12-05T12", 9, 24.0), (stamps("2020-12-06", 9, 24.0), stamps("2020-12-05", 9, 24.0))), cause=("bounds|bnds",), told=("bounds|bnds",))
@@ -375,7 +375,7 @@ def waves() -> Iterator[Kind]:
         return change
 
     swh, mwp, mwd = ("VHM0", 6.0, {"units": "m", "standard_name": height}), ("VTM02", 9.0, {"units": "s", "standard_name": period}), ("VMDR", 200.0, {"units": "degree", "standard_name": direction})
-    melts = "  melt: {enabled: true, temperature: 2 degC}\n"
+    melts = "  melt: {enabled: true, temperature: 2 degC, salinity: 34}\n"
 
     def used(folder: Path, text: str) -> str:
         """Compare with a run without the waves: equal forces mean that nobody read them."""
@@ -451,7 +451,7 @@ def ice_units() -> Iterator[Kind]:
                 return f"ice_thickness {thick.mean():.3g} for {want.mean():.3g} (or {shared.mean():.3g} over the cell)"
             return ""
 
-        yield forced(f, name, change, ice=True, told=words, cause=cause, check=right, parameters="  melt: {enabled: true, temperature: 2 degC}\n")
+        yield forced(f, name, change, ice=True, told=words, cause=cause, check=right, parameters="  melt: {enabled: true, temperature: 2 degC, salinity: 34}\n")
 
 
 def calendars() -> Iterator[Kind]:
