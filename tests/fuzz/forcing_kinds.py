@@ -15,7 +15,22 @@ import xarray as xr
 
 from fuzz.grids import GRIDS, WGS, _spherical, polar, projected, roms
 from fuzz.judging import NEVER, SOON, Kind, Truth
-from fuzz.oceans import ALL, DAY, PLAIN, RUN, STANDARD, START, Ocean, axes, dataset, differs, experiment, stamps, store_as, truth, written_time
+from fuzz.oceans import (
+    ALL,
+    DAY,
+    PLAIN,
+    RUN,
+    STANDARD,
+    START,
+    Ocean,
+    axes,
+    dataset,
+    experiment,
+    stamps,
+    store_as,
+    truth,
+    written_time,
+)
 
 Parts = dict[str, Any]
 Change = Callable[[Parts], Any]
@@ -23,7 +38,11 @@ Change = Callable[[Parts], Any]
 
 def plain_parts(ocean: Ocean = PLAIN, *, floor: bool = False, ice: bool = False) -> Parts:
     """Return good datasets by the names of their files."""
-    parts: Parts = {"ocean.nc": dataset(("uo", "vo"), ocean), "level.nc": dataset(("ssh",), ocean), "wind.nc": dataset(("ua", "va"), ocean)}
+    parts: Parts = {
+        "ocean.nc": dataset(("uo", "vo"), ocean),
+        "level.nc": dataset(("ssh",), ocean),
+        "wind.nc": dataset(("ua", "va"), ocean),
+    }
     if floor:
         parts["floor.nc"] = dataset(("depth",), ocean, steady=True)
     if ice:
@@ -61,10 +80,16 @@ def forced(
         got = change(parts)
         files = written(folder, got if isinstance(got, dict) else parts)
         files = listed(files) if listed else files
-        (folder / "bad.yaml").write_text(experiment(files, ocean, start=start, days=days, parameters=parameters, **forcing))
+        (folder / "bad.yaml").write_text(
+            experiment(files, ocean, start=start, days=days, parameters=parameters, **forcing)
+        )
         return RUN
 
-    known = Truth(check, told, as_told) if check else truth(ocean, names, told, as_told, slack=slack, doctor=doctor, wanted=wanted)
+    known = (
+        Truth(check, told, as_told)
+        if check
+        else truth(ocean, names, told, as_told, slack=slack, doctor=doctor, wanted=wanted)
+    )
     if never:
         known = Truth(lambda folder, text: "no value of these files can be right", told, as_told)
     return Kind(family, name, make, (*words, ".nc", ".zarr", "bad.yaml"), False, known, cause, seconds=SOON)
@@ -81,27 +106,50 @@ def _each(variables: tuple[str, ...], change: Callable[[xr.Dataset, str], Any], 
     return apply
 
 
-def _attributes(file: str, variables: tuple[str, ...], factor: float = 1.0, offset: float = 0.0, **attributes: Any) -> Change:
+def _attributes(
+    file: str, variables: tuple[str, ...], factor: float = 1.0, offset: float = 0.0, **attributes: Any
+) -> Change:
     """Return a change of numbers and attributes; None takes an attribute away."""
 
     def change(ds: xr.Dataset, name: str) -> xr.Dataset:
         kept = {k: v for k, v in {**ds[name].attrs, **attributes}.items() if v is not None}
         values = ds[name].values
         new = values if factor == 1.0 and offset == 0.0 else (values * factor + offset).astype(values.dtype)
-        return ds.assign({name: (ds[name].dims, new, kept)}) if name not in ds.coords else ds.assign_coords({name: (ds[name].dims, new, kept)})
+        return (
+            ds.assign({name: (ds[name].dims, new, kept)})
+            if name not in ds.coords
+            else ds.assign_coords({name: (ds[name].dims, new, kept)})
+        )
 
     return _each(variables, change, file)
 
 
-def _redated(moments: Any = None, units: str = "hours since 1950-01-01", calendar: str = "standard", raw: Any = None, said: str | None = None, *, files: tuple[str, ...] = ("ocean.nc", "level.nc", "wind.nc"), written_units: str | None = None, **attributes: Any) -> Change:
+def _redated(
+    moments: Any = None,
+    units: str = "hours since 1950-01-01",
+    calendar: str = "standard",
+    raw: Any = None,
+    said: str | None = None,
+    *,
+    files: tuple[str, ...] = ("ocean.nc", "level.nc", "wind.nc"),
+    written_units: str | None = None,
+    **attributes: Any,
+) -> Change:
     """Return a change of the dates of all files."""
 
     def change(parts: Parts) -> None:
         for file in files:
             ds = parts[file]
             values = raw if raw is not None else written_time(stamps() if moments is None else moments, units, calendar)
-            told: dict[str, Any] = {"units": written_units or units, "calendar": calendar if said is None else said, "standard_name": "time", **attributes}
-            parts[file] = ds.assign_coords(time=("time", values, {k: v for k, v in told.items() if v not in (None, "")}))
+            told: dict[str, Any] = {
+                "units": written_units or units,
+                "calendar": calendar if said is None else said,
+                "standard_name": "time",
+                **attributes,
+            }
+            parts[file] = ds.assign_coords(
+                time=("time", values, {k: v for k, v in told.items() if v not in (None, "")})
+            )
 
     return change
 
@@ -120,7 +168,13 @@ def years_beyond() -> Iterator[Kind]:
         ("year 0", "hours since 0000-01-01", written_time(stamps(), "hours since 2020-01-01"), "noleap"), ("one turn later in ocean alone", "seconds since 1970-01-01", written_time(stamps(), "seconds since 1970-01-01") + WRAP, "proleptic_gregorian"),
     ):  # fmt: skip
         files = ("ocean.nc",) if "alone" in name else ("ocean.nc", "level.nc", "wind.nc")
-        yield forced(f, name, _redated(raw=values, units=units, calendar=calendar, files=files), never=True, cause=("record|date|year|calendar",))
+        yield forced(
+            f,
+            name,
+            _redated(raw=values, units=units, calendar=calendar, files=files),
+            never=True,
+            cause=("record|date|year|calendar",),
+        )
 
 
 def depth_signs() -> Iterator[Kind]:
@@ -145,7 +199,9 @@ def depth_signs() -> Iterator[Kind]:
         "bathymetry negative": floor("bathymetry", long_name="bathymetry"), "bathymetry negative, positive up": floor("bathymetry", land=True, long_name="bathymetry", positive="up"), "sea_floor_depth called positive up but positive": floor("deptho", 1.0, standard_name=STANDARD["depth"], positive="up"),
         "kilometres": floor("deptho", 1e-3, standard_name=STANDARD["depth"], units="km"), "metres that are kilometres": floor("deptho", 1e-3, standard_name=STANDARD["depth"]), "height above mean sea level in feet": floor("topo", -1.0 / 0.3048, land=True, standard_name="height_above_mean_sea_level", units="feet"),
     }.items():  # fmt: skip
-        yield forced(f, name, change, floor=True, told=said, cause=("depth|height|sea floor|positive|water|sign|deep|believ",))
+        yield forced(
+            f, name, change, floor=True, told=said, cause=("depth|height|sea floor|positive|water|sign|deep|believ",)
+        )
 
 
 def neighbours() -> Iterator[Kind]:
@@ -161,19 +217,36 @@ def neighbours() -> Iterator[Kind]:
             when = stamps()[:, None, None]
             angle = grid.angle(name) if grid.angle else 0.0
             u, v = PLAIN("uo", lon, lat, when), PLAIN("vo", lon, lat, when)
-            values = {"uo": u * np.cos(angle) + v * np.sin(angle), "vo": -u * np.sin(angle) + v * np.cos(angle), "ssh": PLAIN("ssh", lon, lat, when)}[name]
-            ds[grid.rename[name]] = (("ocean_time", *dims), values.astype("f4"), {"units": "m" if name == "ssh" else "m s-1"})
+            values = {
+                "uo": u * np.cos(angle) + v * np.sin(angle),
+                "vo": -u * np.sin(angle) + v * np.cos(angle),
+                "ssh": PLAIN("ssh", lon, lat, when),
+            }[name]
+            ds[grid.rename[name]] = (
+                ("ocean_time", *dims),
+                values.astype("f4"),
+                {"units": "m" if name == "ssh" else "m s-1"},
+            )
         units = "hours since 1950-01-01"
         ds = ds.assign_coords(ocean_time=("ocean_time", written_time(stamps(), units), {"units": units}))
         return ds, grid.beside[0][1]
 
     def moved(grid: xr.Dataset, degrees: float = 3.0) -> xr.Dataset:
-        return grid.assign_coords({n: (grid[n].dims, grid[n].values + degrees, grid[n].attrs) for n in grid.variables if str(n).startswith("lon_")})
+        return grid.assign_coords(
+            {
+                n: (grid[n].dims, grid[n].values + degrees, grid[n].attrs)
+                for n in grid.variables
+                if str(n).startswith("lon_")
+            }
+        )
 
     def with_beside(*beside: tuple[str, Callable[[xr.Dataset], Any]], heading: str = "") -> Change:
         def change(parts: Parts) -> Parts:
             ds, grid = model(parts)
-            made: Parts = {"ocean_his.nc": ds.assign_attrs(grd_file=heading) if heading else ds, "wind.nc": parts["wind.nc"]}
+            made: Parts = {
+                "ocean_his.nc": ds.assign_attrs(grd_file=heading) if heading else ds,
+                "wind.nc": parts["wind.nc"],
+            }
             for name, content in beside:
                 made[f".{name}"] = content(grid)
             return made
@@ -181,7 +254,9 @@ def neighbours() -> Iterator[Kind]:
         return change
 
     def undecodable(grid: xr.Dataset) -> xr.Dataset:
-        return grid.assign(clock=("t", np.arange(3.0), {"units": "seconds since 2016-01-01", "calendar": "gregorian_proleptic"}))
+        return grid.assign(
+            clock=("t", np.arange(3.0), {"units": "seconds since 2016-01-01", "calendar": "gregorian_proleptic"})
+        )
 
     def deeper(grid: xr.Dataset) -> xr.Dataset:
         return moved(grid).assign(h=(grid["h"].dims, grid["h"].values + 500.0, grid["h"].attrs))
@@ -195,7 +270,16 @@ def neighbours() -> Iterator[Kind]:
         "another depth": (with_beside(("a_grd.nc", deeper), right), False),
     }  # fmt: skip
     for name, (change, wrong) in kinds.items():
-        yield forced(f, name, change, told=told, cause=("grid|position|grd|background|lat_rho",), never=wrong, words=own, slack=2.0)
+        yield forced(
+            f,
+            name,
+            change,
+            told=told,
+            cause=("grid|position|grd|background|lat_rho",),
+            never=wrong,
+            words=own,
+            slack=2.0,
+        )
 
 
 def overlaps() -> Iterator[Kind]:
@@ -231,14 +315,44 @@ def no_units() -> Iterator[Kind]:
     told, cause = ("unit",), ("unit",)
     gone = {"units": None}
     yield forced(f, "currents", _attributes("ocean.nc", ("uo", "vo"), **gone), told=told, cause=cause)
-    yield forced(f, "currents in knots", _attributes("ocean.nc", ("uo", "vo"), 3600 / 1852, **gone), told=told, cause=cause)
-    yield forced(f, "currents in cm/s", _attributes("ocean.nc", ("uo", "vo"), 100.0, **gone), told=told, cause=("unit|believ|beyond",))
-    yield forced(f, "currents by bare names", _attributes("ocean.nc", ("uo", "vo"), 3600 / 1852, standard_name=None, **gone), told=told, cause=cause)
-    yield forced(f, "sea level", _attributes("level.nc", ("ssh",), 100.0, **gone), told=told, cause=("unit|believ|beyond",))
-    yield forced(f, "sea level in decimetres by bare name", _attributes("level.nc", ("ssh",), 10.0, standard_name=None, **gone), told=told, cause=cause)
+    yield forced(
+        f, "currents in knots", _attributes("ocean.nc", ("uo", "vo"), 3600 / 1852, **gone), told=told, cause=cause
+    )
+    yield forced(
+        f,
+        "currents in cm/s",
+        _attributes("ocean.nc", ("uo", "vo"), 100.0, **gone),
+        told=told,
+        cause=("unit|believ|beyond",),
+    )
+    yield forced(
+        f,
+        "currents by bare names",
+        _attributes("ocean.nc", ("uo", "vo"), 3600 / 1852, standard_name=None, **gone),
+        told=told,
+        cause=cause,
+    )
+    yield forced(
+        f, "sea level", _attributes("level.nc", ("ssh",), 100.0, **gone), told=told, cause=("unit|believ|beyond",)
+    )
+    yield forced(
+        f,
+        "sea level in decimetres by bare name",
+        _attributes("level.nc", ("ssh",), 10.0, standard_name=None, **gone),
+        told=told,
+        cause=cause,
+    )
     yield forced(f, "wind in knots", _attributes("wind.nc", ("ua", "va"), 3600 / 1852, **gone), told=told, cause=cause)
-    yield forced(f, "wind in km/h, bare names", _attributes("wind.nc", ("ua", "va"), 3.6, standard_name=None, **gone), told=told, cause=("unit|recognised",))
-    yield forced(f, "one component alone has them", _attributes("ocean.nc", ("vo",), 3600 / 1852, **gone), told=told, cause=cause)
+    yield forced(
+        f,
+        "wind in km/h, bare names",
+        _attributes("wind.nc", ("ua", "va"), 3.6, standard_name=None, **gone),
+        told=told,
+        cause=("unit|recognised",),
+    )
+    yield forced(
+        f, "one component alone has them", _attributes("ocean.nc", ("vo",), 3600 / 1852, **gone), told=told, cause=cause
+    )
 
     def zeros(parts: Parts) -> None:
         ds = parts["ocean.nc"].copy(deep=True)
@@ -251,7 +365,16 @@ def no_units() -> Iterator[Kind]:
     yield forced(f, "still water of exact zeros", zeros, told=told, cause=cause, wanted={"uo": 0.0, "vo": 0.0})
 
 
-def _means(moments: Any, bounds: tuple[Any, Any] | None, told_at: Any = None, *, methods: str | None = "time: mean", files: tuple[str, ...] = ("ocean.nc", "level.nc", "wind.nc"), ocean: Ocean = PLAIN, **heading: Any) -> Change:
+def _means(
+    moments: Any,
+    bounds: tuple[Any, Any] | None,
+    told_at: Any = None,
+    *,
+    methods: str | None = "time: mean",
+    files: tuple[str, ...] = ("ocean.nc", "level.nc", "wind.nc"),
+    ocean: Ocean = PLAIN,
+    **heading: Any,
+) -> Change:
     """Return a change to means: of the values at ``moments``, stamped ``told_at``."""
     names = {"ocean.nc": ("uo", "vo"), "level.nc": ("ssh",), "wind.nc": ("ua", "va")}
 
@@ -285,21 +408,48 @@ def means_without_bounds() -> Iterator[Kind]:
     yield forced(f, "daily, stamped at midnight", _means(day + DAY // 2, None, day), **more)
     yield forced(f, "daily, stamped at the end", _means(day + DAY // 2, None, day + DAY), **more)
     yield forced(f, "monthly, stamped the first", _means(MIDDLES, None, MONTHS[:-1], ocean=SLOW), ocean=SLOW, **more)
-    yield forced(f, "monthly, stamped the last", _means(MIDDLES, None, MONTHS[1:] - DAY, ocean=SLOW), ocean=SLOW, **more)
-    yield forced(f, "five days, stamped the first", _means(stamps("2020-12-03T12", 4, 120.0), None, stamps("2020-12-01", 4, 120.0)), **more)
-    yield forced(f, "six hours, stamped at the end", _means(stamps("2020-12-07T03", 20), None, stamps("2020-12-07T06", 20)), **more)
-    yield forced(f, "daily by the heading", _means(day + DAY // 2, None, day, methods=None, frequency="day", title="daily mean"), **more)
-    yield forced(f, "mean over time and depth", _means(day + DAY // 2, None, day, methods="time: mean depth: mean"), **more)
-    yield forced(f, "mean of hourly values", _means(day + DAY // 2, None, day, methods="time: mean (interval: 1 hour)"), **more)
+    yield forced(
+        f, "monthly, stamped the last", _means(MIDDLES, None, MONTHS[1:] - DAY, ocean=SLOW), ocean=SLOW, **more
+    )
+    yield forced(
+        f,
+        "five days, stamped the first",
+        _means(stamps("2020-12-03T12", 4, 120.0), None, stamps("2020-12-01", 4, 120.0)),
+        **more,
+    )
+    yield forced(
+        f,
+        "six hours, stamped at the end",
+        _means(stamps("2020-12-07T03", 20), None, stamps("2020-12-07T06", 20)),
+        **more,
+    )
+    yield forced(
+        f,
+        "daily by the heading",
+        _means(day + DAY // 2, None, day, methods=None, frequency="day", title="daily mean"),
+        **more,
+    )
+    yield forced(
+        f, "mean over time and depth", _means(day + DAY // 2, None, day, methods="time: mean depth: mean"), **more
+    )
+    yield forced(
+        f, "mean of hourly values", _means(day + DAY // 2, None, day, methods="time: mean (interval: 1 hour)"), **more
+    )
 
     def era5(parts: Parts) -> None:
-        ds = dataset(("ua", "va"), SLOW, moments=MIDDLES).rename(ua="u10", va="v10", time="valid_time", lat="latitude", lon="longitude")
+        ds = dataset(("ua", "va"), SLOW, moments=MIDDLES).rename(
+            ua="u10", va="v10", time="valid_time", lat="latitude", lon="longitude"
+        )
         units = "seconds since 1970-01-01"
-        ds = ds.assign_coords(valid_time=("valid_time", written_time(MONTHS[:-1], units), {"units": units, "standard_name": "time"}))
+        ds = ds.assign_coords(
+            valid_time=("valid_time", written_time(MONTHS[:-1], units), {"units": units, "standard_name": "time"})
+        )
         for name in ("u10", "v10"):
             ds[name].attrs |= {"units": "m s**-1", "GRIB_stepType": "avgua", "GRIB_dataType": "an"}
         _means(MIDDLES, (MONTHS[:-1], MONTHS[1:]), files=("ocean.nc", "level.nc"), ocean=SLOW)(parts)
-        parts["wind.nc"] = ds.assign_attrs(GRIB_centre="ecmf", institution="European Centre for Medium-Range Weather Forecasts")
+        parts["wind.nc"] = ds.assign_attrs(
+            GRIB_centre="ecmf", institution="European Centre for Medium-Range Weather Forecasts"
+        )
 
     yield forced(f, "monthly winds of ERA5", era5, ocean=SLOW, told=told, cause=("mean|averag|month|gap",))
 
@@ -310,19 +460,63 @@ def means_with_bounds() -> Iterator[Kind]:
 
     def one(width: Any, at: float = 0.5, middle: Any = START, **more: Any) -> Change:
         low = np.array([middle - width // 2])
-        return _means(np.array([middle]), (low, low + width), low + (width * at).astype("m8[ns]") if at != 0.5 else None, **more)
+        return _means(
+            np.array([middle]), (low, low + width), low + (width * at).astype("m8[ns]") if at != 0.5 else None, **more
+        )
 
     days = lambda n: np.timedelta64(int(n * 86400), "s").astype("m8[ns]")  # noqa: E731
     yield forced(f, "one month alone", one(days(31)), cause=NEVER)
     yield forced(f, "one month, stamped the first", one(days(31), 0.0), cause=NEVER)
     yield forced(f, "one month, stamped the last", one(days(31), 1.0), cause=NEVER)
     yield forced(f, "one day alone", one(days(1)), cause=NEVER)
-    yield forced(f, "one year, of levels alone", one(days(366), files=("level.nc",)), cause=("mean|366|year|bounds",), told=("mean|year",))
-    yield forced(f, "run in the second half of the last month", _means(MIDDLES[:3], (MONTHS[:3], MONTHS[1:4]), ocean=SLOW), ocean=SLOW, start="2020-12-28 13:00", cause=NEVER, names=(), check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run")
-    yield forced(f, "run in the first half of the first month", _means(MIDDLES[2:], (MONTHS[2:4], MONTHS[3:5]), ocean=SLOW), ocean=SLOW, start="2020-12-04 13:00", cause=NEVER, check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run")
-    yield forced(f, "run after the span", one(days(31)), start="2020-12-30 13:00", never=True, cause=("lie outside|record|date|cover",))
-    yield forced(f, "bounds that miss their stamps", _means(stamps("2020-12-05T12", 9, 24.0), (stamps("2019-12-05", 9, 24.0), stamps("2019-12-06", 9, 24.0))), cause=("bounds|bnds",), told=("bounds|bnds",))
-    yield forced(f, "bounds the wrong way round", _means(stamps("2020-12-05T12", 9, 24.0), (stamps("2020-12-06", 9, 24.0), stamps("2020-12-05", 9, 24.0))), cause=("bounds|bnds",), told=("bounds|bnds",))
+    yield forced(
+        f,
+        "one year, of levels alone",
+        one(days(366), files=("level.nc",)),
+        cause=("mean|366|year|bounds",),
+        told=("mean|year",),
+    )
+    yield forced(
+        f,
+        "run in the second half of the last month",
+        _means(MIDDLES[:3], (MONTHS[:3], MONTHS[1:4]), ocean=SLOW),
+        ocean=SLOW,
+        start="2020-12-28 13:00",
+        cause=NEVER,
+        names=(),
+        check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run",
+    )
+    yield forced(
+        f,
+        "run in the first half of the first month",
+        _means(MIDDLES[2:], (MONTHS[2:4], MONTHS[3:5]), ocean=SLOW),
+        ocean=SLOW,
+        start="2020-12-04 13:00",
+        cause=NEVER,
+        check=lambda folder, text: "" if (folder / "out" / "run.nc").exists() else "no run",
+    )
+    yield forced(
+        f,
+        "run after the span",
+        one(days(31)),
+        start="2020-12-30 13:00",
+        never=True,
+        cause=("lie outside|record|date|cover",),
+    )
+    yield forced(
+        f,
+        "bounds that miss their stamps",
+        _means(stamps("2020-12-05T12", 9, 24.0), (stamps("2019-12-05", 9, 24.0), stamps("2019-12-06", 9, 24.0))),
+        cause=("bounds|bnds",),
+        told=("bounds|bnds",),
+    )
+    yield forced(
+        f,
+        "bounds the wrong way round",
+        _means(stamps("2020-12-05T12", 9, 24.0), (stamps("2020-12-06", 9, 24.0), stamps("2020-12-05", 9, 24.0))),
+        cause=("bounds|bnds",),
+        told=("bounds|bnds",),
+    )
 
 
 def _on_map(mapping: dict[str, Any], **more: Any) -> Change:
@@ -335,7 +529,11 @@ def _on_map(mapping: dict[str, Any], **more: Any) -> Change:
         for file, names in (("ocean.nc", ("uo", "vo")), ("level.nc", ("ssh",)), ("wind.nc", ("ua", "va"))):
             ds = placed.coordinates.copy().assign_coords(time=parts[file]["time"])
             for name in names:
-                ds[name] = (("time", "y", "x"), PLAIN(name, lon, lat, stamps()[:, None, None]).astype("f4"), {**parts[file][name].attrs, **placed.attributes[""]})
+                ds[name] = (
+                    ("time", "y", "x"),
+                    PLAIN(name, lon, lat, stamps()[:, None, None]).astype("f4"),
+                    {**parts[file][name].attrs, **placed.attributes[""]},
+                )
             parts[file] = ds
 
     assert CRS is not None
@@ -347,9 +545,18 @@ def projections() -> Iterator[Kind]:
     f = "projection without a radius"
     sphere = _spherical(PLAIN)
     words = ("projection|sphere|radius|ellipsoid|position|km",)
-    conic = {"grid_mapping_name": "lambert_conformal_conic", "standard_parallel": -50.0, "longitude_of_central_meridian": -30.0, "latitude_of_projection_origin": -50.0}
+    conic = {
+        "grid_mapping_name": "lambert_conformal_conic",
+        "standard_parallel": -50.0,
+        "longitude_of_central_meridian": -30.0,
+        "latitude_of_projection_origin": -50.0,
+    }
     conic_sphere = "+proj=lcc +lat_1=-50 +lat_0=-50 +lon_0=-30 +R=6371000 +units=m"
-    azimuthal = {"grid_mapping_name": "lambert_azimuthal_equal_area", "latitude_of_projection_origin": -90.0, "longitude_of_projection_origin": 0.0}
+    azimuthal = {
+        "grid_mapping_name": "lambert_azimuthal_equal_area",
+        "latitude_of_projection_origin": -90.0,
+        "longitude_of_projection_origin": 0.0,
+    }
     mercator = {"grid_mapping_name": "mercator", "longitude_of_projection_origin": -40.0, "standard_parallel": 0.0}
     for name, mapping, meant, more in (
         ("stereographic, positions of a sphere", polar(PLAIN), sphere, {"positions": True}), ("stereographic, proj4 of a sphere", {**polar(PLAIN), "proj4": sphere}, sphere, {"positions": True}), ("proj4text of a sphere, no positions", {**polar(PLAIN), "proj4text": sphere}, sphere, {}),
@@ -363,18 +570,30 @@ def projections() -> Iterator[Kind]:
 def waves() -> Iterator[Kind]:
     """Give waves: they are used, or the run says that they are not."""
     f = "waves"
-    height, period, direction = "sea_surface_wave_significant_height", "sea_surface_wave_mean_period", "sea_surface_wave_from_direction"
+    height, period, direction = (
+        "sea_surface_wave_significant_height",
+        "sea_surface_wave_mean_period",
+        "sea_surface_wave_from_direction",
+    )
 
     def sea(*fields: tuple[str, float, dict[str, Any]], **heading: Any) -> Change:
         def change(parts: Parts) -> None:
             ds = dataset(("ssh",)).drop_vars("ssh").assign_attrs(heading)
             for name, value, told in fields:
-                ds[name] = (("time", "lat", "lon"), np.full((ds.sizes["time"], ds.sizes["lat"], ds.sizes["lon"]), value, "f4"), told)
+                ds[name] = (
+                    ("time", "lat", "lon"),
+                    np.full((ds.sizes["time"], ds.sizes["lat"], ds.sizes["lon"]), value, "f4"),
+                    told,
+                )
             parts["waves.nc"] = ds
 
         return change
 
-    swh, mwp, mwd = ("VHM0", 6.0, {"units": "m", "standard_name": height}), ("VTM02", 9.0, {"units": "s", "standard_name": period}), ("VMDR", 200.0, {"units": "degree", "standard_name": direction})
+    swh, mwp, mwd = (
+        ("VHM0", 6.0, {"units": "m", "standard_name": height}),
+        ("VTM02", 9.0, {"units": "s", "standard_name": period}),
+        ("VMDR", 200.0, {"units": "degree", "standard_name": direction}),
+    )
     melts = "  melt: {enabled: true, temperature: 2 degC, salinity: 34}\n"
 
     def used(folder: Path, text: str) -> str:
@@ -384,7 +603,9 @@ def waves() -> Iterator[Kind]:
         (folder / "calm.yaml").write_text((folder / "bad.yaml").read_text().replace(', "waves.nc"', ""))
         call(["run", "calm.yaml", "-o", "calm", "-q", "--no-map"])
         with xr.open_dataset(folder / "out" / "run.nc") as one, xr.open_dataset(folder / "calm" / "run.nc") as other:
-            same = np.array_equal(one["lon"].values, other["lon"].values) and np.array_equal(one["mass"].values, other["mass"].values)
+            same = np.array_equal(one["lon"].values, other["lon"].values) and np.array_equal(
+                one["mass"].values, other["mass"].values
+            )
         return "the waves of the file change nothing" if same else ""
 
     for name, change, parameters in (
@@ -421,7 +642,14 @@ def ice_units() -> Iterator[Kind]:
     """Give sea ice in shares, per cent, tenths and flags that the units do not fit."""
     f = "shares and per cent of sea ice"
 
-    def ice(factor: float, units: str | None, *, flags: float | None = None, thick: tuple[float, str | None] = (1.0, "m"), kind: str = "f4") -> Change:
+    def ice(
+        factor: float,
+        units: str | None,
+        *,
+        flags: float | None = None,
+        thick: tuple[float, str | None] = (1.0, "m"),
+        kind: str = "f4",
+    ) -> Change:
         def change(parts: Parts) -> None:
             ds = parts["ice.nc"].copy(deep=True)
             for name, (times, unit) in (("siconc", (factor, units)), ("sithick", thick)):
@@ -451,22 +679,52 @@ def ice_units() -> Iterator[Kind]:
                 return f"ice_thickness {thick.mean():.3g} for {want.mean():.3g} (or {shared.mean():.3g} over the cell)"
             return ""
 
-        yield forced(f, name, change, ice=True, told=words, cause=cause, check=right, parameters="  melt: {enabled: true, temperature: 2 degC, salinity: 34}\n")
+        yield forced(
+            f,
+            name,
+            change,
+            ice=True,
+            told=words,
+            cause=cause,
+            check=right,
+            parameters="  melt: {enabled: true, temperature: 2 degC, salinity: 34}\n",
+        )
 
 
 def calendars() -> Iterator[Kind]:
     """Give calendars that are misspelt: refused as such, or read as what is meant."""
     f = "misspelt calendars"
-    for said in ("gregorian_proleptic", "no_leap", "noLeap", "365", "365day", "standard ", "UTC", "Gregorian (UTC)", "prolepticgregorian", "360"):
-        meant = {"no_leap": "noleap", "noLeap": "noleap", "365": "noleap", "365day": "noleap", "360": "360_day"}.get(said, "standard")
-        yield forced(f, repr(said), _redated(units="days since 2000-01-01", calendar=meant, said=said), cause=("calendar",))
+    for said in (
+        "gregorian_proleptic",
+        "no_leap",
+        "noLeap",
+        "365",
+        "365day",
+        "standard ",
+        "UTC",
+        "Gregorian (UTC)",
+        "prolepticgregorian",
+        "360",
+    ):
+        meant = {"no_leap": "noleap", "noLeap": "noleap", "365": "noleap", "365day": "noleap", "360": "360_day"}.get(
+            said, "standard"
+        )
+        yield forced(
+            f, repr(said), _redated(units="days since 2000-01-01", calendar=meant, said=said), cause=("calendar",)
+        )
 
 
 def scalars() -> Iterator[Kind]:
     """Give stray scalars and bystanders, which say nothing of the field."""
     f = "stray coordinates"
 
-    def scalar(name: str, value: Any, listed: bool = True, files: tuple[str, ...] = ("ocean.nc", "level.nc", "wind.nc"), **told: Any) -> Change:
+    def scalar(
+        name: str,
+        value: Any,
+        listed: bool = True,
+        files: tuple[str, ...] = ("ocean.nc", "level.nc", "wind.nc"),
+        **told: Any,
+    ) -> Change:
         def change(parts: Parts) -> None:
             for file in files:
                 ds = parts[file].assign_coords({name: ((), value, told)})
@@ -493,7 +751,7 @@ def scalars() -> Iterator[Kind]:
         "number 0": scalar("number", np.int32(0)), "crs": scalar("crs", np.int32(0), False), "heightAboveGround of 10 m": scalar("heightAboveGround", 10.0, files=("wind.nc",), units="m"), "surface of 0": scalar("surface", 0.0), "month of 12": scalar("month", np.int32(12)),
         "step of 0": scalar("step", 0.0, units="hours", standard_name="forecast_period"), "meanSea of 0": scalar("meanSea", 0.0, files=("level.nc",)),
     }.items():  # fmt: skip
-        yield forced(f, name, change, cause=NEVER)
+        yield forced(f, name, change, cause=("sigma",) if name == "sigma of 0.995" else NEVER)
 
 
 def archives() -> Iterator[Kind]:
@@ -503,7 +761,11 @@ def archives() -> Iterator[Kind]:
     def packed(suffix: str, pack: Callable[[Path, xr.Dataset], None]) -> Change:
         def change(parts: Parts) -> Parts:
             ds = parts["ocean.nc"]
-            return {f"ocean{suffix}": lambda path: pack(path, ds), "level.nc": parts["level.nc"], "wind.nc": parts["wind.nc"]}
+            return {
+                f"ocean{suffix}": lambda path: pack(path, ds),
+                "level.nc": parts["level.nc"],
+                "wind.nc": parts["wind.nc"],
+            }
 
         return change
 
@@ -573,7 +835,14 @@ def undeclared_fills() -> Iterator[Kind]:
     """Give numbers that mean "missing" and are not declared, at one of the points around the berg or far from it."""
     f = "undeclared fill values"
 
-    def spoilt(value: float, *, far: bool = False, file: str = "ocean.nc", names: tuple[str, ...] = ("uo", "vo"), everywhere: bool = False) -> Change:
+    def spoilt(
+        value: float,
+        *,
+        far: bool = False,
+        file: str = "ocean.nc",
+        names: tuple[str, ...] = ("uo", "vo"),
+        everywhere: bool = False,
+    ) -> Change:
         def change(ds: xr.Dataset, name: str) -> None:
             values = ds[name].values
             if everywhere:
@@ -590,7 +859,9 @@ def undeclared_fills() -> Iterator[Kind]:
         ("1e20 beside", spoilt(1e20), {}), ("9.97e36 beside", spoilt(9.969209968386869e36), {}), ("-9999 beside", spoilt(-9999.0), {}), ("-999 beside", spoilt(-999.0), {}), ("-99 beside", spoilt(-99.0), {}), ("32767 far", spoilt(32767.0, far=True), {}), ("infinite beside", spoilt(np.inf), {}),
         ("-1e34 of the sea level", spoilt(-1e34, file="level.nc", names=("ssh",)), {}), ("99.99 of the wind", spoilt(99.99, file="wind.nc", names=("ua", "va")), {}), ("-999 everywhere", spoilt(-999.0, everywhere=True), {"never": True}),
     ):  # fmt: skip
-        yield forced(f, name, change, told=said, cause=("fill|missing|believ|beyond|finite|value|units",), slack=6.0, **more)
+        yield forced(
+            f, name, change, told=said, cause=("fill|missing|believ|beyond|finite|value|units",), slack=6.0, **more
+        )
 
 
 def magnitudes() -> Iterator[Kind]:
@@ -610,13 +881,32 @@ def packings() -> Iterator[Kind]:
     """Give packing that contradicts itself."""
     f = "packing"
 
-    def raw(scale: Any, *, kind: str = "i2", fill: Any = -32767, offset: Any = 0.0, hole: bool = True, true_scale: float = 1e-3, **more: Any) -> Change:
+    def raw(
+        scale: Any,
+        *,
+        kind: str = "i2",
+        fill: Any = -32767,
+        offset: Any = 0.0,
+        hole: bool = True,
+        true_scale: float = 1e-3,
+        **more: Any,
+    ) -> Change:
         def change(ds: xr.Dataset, name: str) -> xr.Dataset:
-            numbers = np.round((ds[name].values.astype("f8") - (offset if isinstance(offset, float) else 0.0)) / true_scale)
+            numbers = np.round(
+                (ds[name].values.astype("f8") - (offset if isinstance(offset, float) else 0.0)) / true_scale
+            )
             if hole and fill is not None:
                 numbers[..., :2, :2] = float(fill)
-            told = {**ds[name].attrs, "scale_factor": scale, **({"add_offset": offset} if offset is not None else {}), **({"_FillValue": np.dtype(kind).type(fill)} if fill is not None else {}), **more}
-            return ds.assign({name: (ds[name].dims, numbers.astype(kind), {k: v for k, v in told.items() if v is not None})})
+            told = {
+                **ds[name].attrs,
+                "scale_factor": scale,
+                **({"add_offset": offset} if offset is not None else {}),
+                **({"_FillValue": np.dtype(kind).type(fill)} if fill is not None else {}),
+                **more,
+            }
+            return ds.assign(
+                {name: (ds[name].dims, numbers.astype(kind), {k: v for k, v in told.items() if v is not None})}
+            )
 
         return _each(("uo", "vo"), change)
 
@@ -641,11 +931,22 @@ def dimension_orders() -> Iterator[Kind]:
 
         def change(parts: Parts) -> None:
             ds = parts["ocean.nc"]
-            made = xr.Dataset(coords={"time": ds["time"], "latitude": ("x", ds["lat"].values, ds["lat"].attrs), "longitude": ("y", ds["lon"].values, ds["lon"].attrs)}, attrs=ds.attrs)
+            made = xr.Dataset(
+                coords={
+                    "time": ds["time"],
+                    "latitude": ("x", ds["lat"].values, ds["lat"].attrs),
+                    "longitude": ("y", ds["lon"].values, ds["lon"].attrs),
+                },
+                attrs=ds.attrs,
+            )
             dims = ("time", "y", "x") if swap else ("time", "x", "y")
             for name in ("uo", "vo"):
                 values = ds[name].values
-                made[name] = (dims, values.transpose(0, 2, 1) if swap else values, {**ds[name].attrs, "coordinates": "latitude longitude"} if named else ds[name].attrs)
+                made[name] = (
+                    dims,
+                    values.transpose(0, 2, 1) if swap else values,
+                    {**ds[name].attrs, "coordinates": "latitude longitude"} if named else ds[name].attrs,
+                )
             parts["ocean.nc"] = made
 
         return change
@@ -661,7 +962,17 @@ def dimension_orders() -> Iterator[Kind]:
         def change(parts: Parts) -> None:
             ds = parts["ocean.nc"]
             rows, columns = np.meshgrid(ds["lat"].values, ds["lon"].values, indexing="ij")
-            made = xr.Dataset(coords={"time": ds["time"], "glat": (("j", "i"), rows, ds["lat"].attrs), "glon": (("i", "j") if transposed else ("j", "i"), columns.T if transposed else columns, ds["lon"].attrs)})
+            made = xr.Dataset(
+                coords={
+                    "time": ds["time"],
+                    "glat": (("j", "i"), rows, ds["lat"].attrs),
+                    "glon": (
+                        ("i", "j") if transposed else ("j", "i"),
+                        columns.T if transposed else columns,
+                        ds["lon"].attrs,
+                    ),
+                }
+            )
             for name in ("uo", "vo"):
                 made[name] = (("time", "j", "i"), ds[name].values, {**ds[name].attrs, "coordinates": "glat glon"})
             parts["ocean.nc"] = made
@@ -737,7 +1048,15 @@ def members() -> Iterator[Kind]:
     """Give ensembles and other extra dimensions, whose first entry need not be what is meant."""
     f = "members and extra dimensions"
 
-    def extra(dim: str, count: int, coordinate: Any = None, first_right: bool = True, file: str = "ocean.nc", gaps: bool = False, **told: Any) -> Change:
+    def extra(
+        dim: str,
+        count: int,
+        coordinate: Any = None,
+        first_right: bool = True,
+        file: str = "ocean.nc",
+        gaps: bool = False,
+        **told: Any,
+    ) -> Change:
         def change(parts: Parts) -> None:
             ds = parts[file]
             for name in list(ds.data_vars):
@@ -747,7 +1066,11 @@ def members() -> Iterator[Kind]:
                 if gaps:
                     values[:, 1:] = np.nan
                 ds[name] = (("time", dim, "lat", "lon"), values, ds[name].attrs)
-            parts[file] = ds.assign_coords({dim: (dim, np.arange(count) if coordinate is None else coordinate, told)}) if coordinate is not False else ds
+            parts[file] = (
+                ds.assign_coords({dim: (dim, np.arange(count) if coordinate is None else coordinate, told)})
+                if coordinate is not False
+                else ds
+            )
 
         return change
 
@@ -764,12 +1087,20 @@ def vectors() -> Iterator[Kind]:
     """Give components that are others than they seem."""
     f = "components of vectors"
 
-    def named(u: str, v: str, *, file: str = "ocean.nc", sign: tuple[float, float] = (1.0, 1.0), keep: bool = True) -> Change:
+    def named(
+        u: str, v: str, *, file: str = "ocean.nc", sign: tuple[float, float] = (1.0, 1.0), keep: bool = True
+    ) -> Change:
         def change(parts: Parts) -> None:
             ds = parts[file]
             first, second = ("uo", "vo") if file == "ocean.nc" else ("ua", "va")
             for name, told, factor in ((first, u, sign[0]), (second, v, sign[1])):
-                ds[name] = (ds[name].dims, ds[name].values * np.float32(factor), {**ds[name].attrs, "standard_name": told} if told else {k: a for k, a in ds[name].attrs.items() if k != "standard_name"})
+                ds[name] = (
+                    ds[name].dims,
+                    ds[name].values * np.float32(factor),
+                    {**ds[name].attrs, "standard_name": told}
+                    if told
+                    else {k: a for k, a in ds[name].attrs.items() if k != "standard_name"},
+                )
             parts[file] = ds
 
         return change
@@ -785,13 +1116,19 @@ def vectors() -> Iterator[Kind]:
         u, v = ds["ua"].values, ds["va"].values
         ds = ds.drop_vars(["ua", "va"])
         ds["wspd"] = (("time", "lat", "lon"), np.hypot(u, v), {"units": "m s-1", "standard_name": "wind_speed"})
-        ds["wdir"] = (("time", "lat", "lon"), np.degrees(np.arctan2(-u, -v)) % 360.0, {"units": "degree", "standard_name": "wind_from_direction"})
+        ds["wdir"] = (
+            ("time", "lat", "lon"),
+            np.degrees(np.arctan2(-u, -v)) % 360.0,
+            {"units": "degree", "standard_name": "wind_from_direction"},
+        )
         parts["wind.nc"] = ds
 
     def crossed(parts: Parts) -> None:
         parts["ocean.nc"] = parts["ocean.nc"].rename(uo="t_", vo="uo").rename(t_="vo")
 
-    cause = ("component|eastward|northward|velocity|westward|southward|direction|wind|current|vo|uo|no use|recognised|geostrophic|anomal|tide|stokes|pair",)
+    cause = (
+        "component|eastward|northward|velocity|westward|southward|direction|wind|current|vo|uo|no use|recognised|geostrophic|anomal|tide|stokes|pair",
+    )
     for name, change, more in (
         ("eastward alone", alone("vo"), {}), ("westward and southward", named("westward_sea_water_velocity", "southward_sea_water_velocity", sign=(-1.0, -1.0)), {}), ("uo called northward and vo eastward", crossed, {}), ("speed and direction of wind", speed, {"told": ("wind",)}), ("barotropic", named("barotropic_eastward_sea_water_velocity", "barotropic_northward_sea_water_velocity"), {"never": True}),
         ("tide alone", named("eastward_sea_water_velocity_due_to_tides", "northward_sea_water_velocity_due_to_tides"), {"never": True}), ("Stokes drift", named("sea_surface_wave_stokes_drift_x_velocity", "sea_surface_wave_stokes_drift_y_velocity"), {"never": True}), ("anomalies", named("surface_geostrophic_eastward_sea_water_velocity_assuming_sea_level_for_geoid", "surface_geostrophic_northward_sea_water_velocity_assuming_sea_level_for_geoid"), {"never": True}),
@@ -804,12 +1141,22 @@ def candidates() -> Iterator[Kind]:
     """Give several variables that may be meant."""
     f = "several candidates"
 
-    def beside(name: str, shift: float, standard: str | None = STANDARD["uo"], pair: str = "", long: str = "") -> Change:
+    def beside(
+        name: str, shift: float, standard: str | None = STANDARD["uo"], pair: str = "", long: str = ""
+    ) -> Change:
         def change(parts: Parts) -> None:
             ds = parts["ocean.nc"]
             for own, other, told in (("uo", name, standard), ("vo", pair, STANDARD["vo"])):
                 if other:
-                    ds[other] = (ds[own].dims, ds[own].values + np.float32(shift), {k: v for k, v in {"units": "m s-1", "standard_name": told, "long_name": long or None}.items() if v})
+                    ds[other] = (
+                        ds[own].dims,
+                        ds[own].values + np.float32(shift),
+                        {
+                            k: v
+                            for k, v in {"units": "m s-1", "standard_name": told, "long_name": long or None}.items()
+                            if v
+                        },
+                    )
             parts["ocean.nc"] = ds
 
         return change
@@ -916,7 +1263,11 @@ def levels() -> Iterator[Kind]:
                 if holes:
                     values[:, z > 120.0] = np.nan
                 ds[name] = (("time", "lev", "lat", "lon"), values, ds[name].attrs)
-            parts["ocean.nc"] = ds.assign_coords(lev=("lev", depth, {k: v for k, v in told.items() if v is not None})) if depth is not None else ds
+            parts["ocean.nc"] = (
+                ds.assign_coords(lev=("lev", depth, {k: v for k, v in told.items() if v is not None}))
+                if depth is not None
+                else ds
+            )
 
         return change
 
@@ -928,7 +1279,9 @@ def levels() -> Iterator[Kind]:
         ("down", on_levels(_Z, units="m", positive="down", axis="Z"), {"cause": NEVER}), ("up", on_levels(-_Z, units="m", positive="up", axis="Z"), {"cause": NEVER}), ("heights called down", on_levels(-_Z, units="m", positive="down"), {}), ("heights without a word", on_levels(-_Z, units="m", axis="Z"), {}), ("deepest first", on_levels(_Z[::-1], back, units="m", positive="down"), {"cause": NEVER}),
         ("depths called up", on_levels(_Z, units="m", positive="up", axis="Z"), {}), ("kilometres", on_levels(_Z / 1000.0, units="km", positive="down"), {}), ("decibar", on_levels(_Z, units="dbar", positive="down", standard_name="sea_water_pressure"), {}), ("no units", on_levels(_Z, axis="Z"), {}), ("numbers of levels", on_levels(np.arange(14.0) + 1.0, long_name="model level number", standard_name="model_level_number"), {}),
     ):  # fmt: skip
-        yield forced(f, name, change, wanted=wanted, slack=2.0, told=("level|depth|lev|positive",), **{"cause": cause, **more})
+        yield forced(
+            f, name, change, wanted=wanted, slack=2.0, told=("level|depth|lev|positive",), **{"cause": cause, **more}
+        )
 
 
 def staggered() -> Iterator[Kind]:
@@ -936,7 +1289,20 @@ def staggered() -> Iterator[Kind]:
     f = "components on points of their own"
     from fuzz.layouts import Layout, values_differ, write
 
-    for number, grid in enumerate(("ROMS", "ROMS, surface", "ROMS, straight axes", "ROMS, straight axes, surface", "ROMS, grid apart", "NEMO", "NEMO, straight", "MITgcm", "MOM6", "FVCOM")):
+    for number, grid in enumerate(
+        (
+            "ROMS",
+            "ROMS, surface",
+            "ROMS, straight axes",
+            "ROMS, straight axes, surface",
+            "ROMS, grid apart",
+            "NEMO",
+            "NEMO, straight",
+            "MITgcm",
+            "MOM6",
+            "FVCOM",
+        )
+    ):
         made = Layout(1000 + number, grid=grid)
 
         def make(folder: Path, made: Layout = made) -> list[str]:
@@ -944,7 +1310,16 @@ def staggered() -> Iterator[Kind]:
             return RUN
 
         told = GRIDS[grid].choice.told
-        yield Kind(f, grid, make, ("f_", "wind.nc"), False, Truth(lambda folder, text, made=made: values_differ(folder, made), told), NEVER, seconds=SOON)  # type: ignore[misc]
+        yield Kind(
+            f,
+            grid,
+            make,
+            ("f_", "wind.nc"),
+            False,
+            Truth(lambda folder, text, made=made: values_differ(folder, made), told),
+            NEVER,
+            seconds=SOON,
+        )  # type: ignore[misc]
 
 
 def agreement() -> Iterator[Kind]:
@@ -983,7 +1358,7 @@ def agreement() -> Iterator[Kind]:
 
     current = ("uo", "vo")
     for name, change, more in (
-        ("no sea level", without("level.nc"), {"names": (*current, "ua", "va")}), ("no wind", without("wind.nc"), {"names": current}), ("neither, and on purpose", lambda p: (p.pop("level.nc"), p.pop("wind.nc")) and None, {"names": current, "sea_level": "none", "wind": "none"}), ("currents without dates", still, {"names": ("ua", "va", "slope")}), ("a calm", zero, {"names": (*current, "slope")}),
+        ("no sea level", without("level.nc"), {"names": (*current, "ua", "va")}), ("no wind", without("wind.nc"), {"names": current}), ("neither, and on purpose", lambda p: {"ocean.nc": p["ocean.nc"]}, {"names": current, "sea_level": "none", "wind": "none"}), ("currents without dates", still, {"names": ("ua", "va", "slope")}), ("a calm", zero, {"names": (*current, "slope")}),
         ("stress for wind", stress, {"names": (*current, "slope")}), ("ends that are held", ends, {"names": current, "hold": 24}), ("less than the box", small, {}), ("gap that is allowed", lambda p: p.update({"level.nc": p["level.nc"].isel(time=np.r_[0:8, 16:21])}), {"max_gap": 72, "names": current}), ("several sets of currents", lambda p: p.update({"again.nc": dataset(("uo", "vo"), lon=axes()[0] + 0.1)}), {}),
     ):  # fmt: skip
         yield forced(f, name, change, doctor=True, **more)
@@ -995,7 +1370,12 @@ def stores() -> Iterator[Kind]:
     import json
     import shutil
 
-    def store(damage: Callable[[Path], Any], form: str = "zarr2", name: str = "ocean.zarr", ds: Callable[[xr.Dataset], xr.Dataset] = lambda d: d) -> Change:
+    def store(
+        damage: Callable[[Path], Any],
+        form: str = "zarr2",
+        name: str = "ocean.zarr",
+        ds: Callable[[xr.Dataset], xr.Dataset] = lambda d: d,
+    ) -> Change:
         def change(parts: Parts) -> Parts:
             good = parts["ocean.nc"]
 
@@ -1035,7 +1415,14 @@ def coasts() -> Iterator[Kind]:
     """Give land as zeros, masks and steps beside the berg: still water is no land, and land is no still water."""
     f = "land in the fields"
 
-    def land(value: float, rows: slice, names: tuple[str, ...] = ("uo", "vo"), file: str = "ocean.nc", fill: float | None = None, mask: bool = False) -> Change:
+    def land(
+        value: float,
+        rows: slice,
+        names: tuple[str, ...] = ("uo", "vo"),
+        file: str = "ocean.nc",
+        fill: float | None = None,
+        mask: bool = False,
+    ) -> Change:
         def change(ds: xr.Dataset, name: str) -> xr.Dataset:
             values = ds[name].values.copy()
             values[:, rows] = value
@@ -1077,7 +1464,15 @@ def headings() -> Iterator[Kind]:
         ("name of a forecast", heading("mercatorpsy4v3r1_gl12_mean_20201209.nc"), {}), ("name of the small files of A68a", heading("a68_experiment_ocean_surf_vel_oscar_dec2020_HOURLY_ll_p125.nc"), {}), ("title of OSCAR", heading(title="Ocean Surface Current Analyses Real-time (OSCAR)", summary="15 m"), {}), ("title of GLORYS", heading(title="GLORYS12V1 daily", source="MERCATOR GLORYS12V1"), {}),
         ("history of grib_to_netcdf", heading(history="grib_to_netcdf ... ERA5"), {}), ("named glorys", heading(), {"listed": product("glorys")}), ("named oscar-v2", heading(), {"listed": product("oscar-v2")}), ("named a68a", heading(), {"listed": product("a68a")}), ("named roms", heading(), {"listed": product("roms")}), ("named era5", heading(), {"listed": product("era5")}),
     ):  # fmt: skip
-        yield forced(f, name, change, told=("product|taken|mean|daily",), cause=("product|recognised|holds|no ocean|variable|uo|not|lacks|roms|glorys|oscar|era5|a68a",), words=("ocean",), **more)
+        yield forced(
+            f,
+            name,
+            change,
+            told=("product|taken|mean|daily",),
+            cause=("product|recognised|holds|no ocean|variable|uo|not|lacks|roms|glorys|oscar|era5|a68a",),
+            words=("ocean",),
+            **more,
+        )
 
 
 FAMILIES: tuple[Callable[[], Iterator[Kind]], ...] = (

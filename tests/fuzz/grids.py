@@ -73,7 +73,16 @@ def _onto(lon: Any) -> Any:
     return (lon + 180.0) % 360.0 - 180.0
 
 
-def on_axes(ocean: Ocean, lon: Any = None, lat: Any = None, *, names: tuple[str, str] = ("lat", "lon"), dims: tuple[str, str] | None = None, bare: bool = False, two: bool = False) -> Placed:
+def on_axes(
+    ocean: Ocean,
+    lon: Any = None,
+    lat: Any = None,
+    *,
+    names: tuple[str, str] = ("lat", "lon"),
+    dims: tuple[str, str] | None = None,
+    bare: bool = False,
+    two: bool = False,
+) -> Placed:
     """Return a grid of rows and columns."""
     own = axes(ocean)
     lon, lat = own[0] if lon is None else lon, own[1] if lat is None else lat
@@ -104,7 +113,14 @@ def direction(position: Callable[[Any, Any], tuple[Any, Any]], i: Any, j: Any) -
     return np.arctan2(east[1] - west[1], across)
 
 
-def curved(ocean: Ocean, degrees: float, *, along: bool = False, names: tuple[str, str] = ("latitude", "longitude"), transposed: bool = False) -> Placed:
+def curved(
+    ocean: Ocean,
+    degrees: float,
+    *,
+    along: bool = False,
+    names: tuple[str, str] = ("latitude", "longitude"),
+    transposed: bool = False,
+) -> Placed:
     """Return a turned grid with positions in two dimensions."""
     i, j = np.meshgrid(np.arange(-10.0, 11.0), np.arange(-10.0, 11.0))
     lon, lat = turned_positions(ocean, degrees, i, j)
@@ -116,10 +132,23 @@ def curved(ocean: Ocean, degrees: float, *, along: bool = False, names: tuple[st
             "uo": {"standard_name": "sea_water_x_velocity"}, "vo": {"standard_name": "sea_water_y_velocity"}, "ua": {"standard_name": "x_wind"}, "va": {"standard_name": "y_wind"},
         }  # fmt: skip
     angle = direction(lambda p, q: turned_positions(ocean, degrees, p, q), i, j)
-    return Placed(coordinates, lambda name: (dims, lon, lat), (lambda name: angle) if along else None, attributes=attributes)
+    return Placed(
+        coordinates, lambda name: (dims, lon, lat), (lambda name: angle) if along else None, attributes=attributes
+    )
 
 
-def projected(ocean: Ocean, mapping: dict[str, Any], *, km: bool = False, stated: bool = True, positions: bool = False, truth: str = "", mapping_name: str = "crs", flip: bool = False, along: bool = False) -> Placed:
+def projected(
+    ocean: Ocean,
+    mapping: dict[str, Any],
+    *,
+    km: bool = False,
+    stated: bool = True,
+    positions: bool = False,
+    truth: str = "",
+    mapping_name: str = "crs",
+    flip: bool = False,
+    along: bool = False,
+) -> Placed:
     """Return a grid on the axes of a map projection.
 
     Parameters
@@ -186,7 +215,11 @@ def rotated(ocean: Ocean, *, along: bool = False, positions: bool = True) -> Pla
     """Return a grid on a rotated pole."""
     from pyproj import CRS, Transformer
 
-    mapping = {"grid_mapping_name": "rotated_latitude_longitude", "grid_north_pole_latitude": 30.0, "grid_north_pole_longitude": _onto(ocean.lon + 140.0)}
+    mapping = {
+        "grid_mapping_name": "rotated_latitude_longitude",
+        "grid_north_pole_latitude": 30.0,
+        "grid_north_pole_longitude": _onto(ocean.lon + 140.0),
+    }
     crs = CRS.from_cf({**mapping, "earth_radius": 6371229.0})
     to_map = Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
     x0, y0 = to_map.transform(ocean.lon, ocean.lat)
@@ -195,7 +228,10 @@ def rotated(ocean: Ocean, *, along: bool = False, positions: bool = True) -> Pla
     lon, lat = to_map.transform(columns, rows, direction="INVERSE")
     dims = ("rlat", "rlon")
     coordinates = xr.Dataset(
-        coords={"rlon": ("rlon", x, {"units": "degrees", "standard_name": "grid_longitude"}), "rlat": ("rlat", y, {"units": "degrees", "standard_name": "grid_latitude"})}
+        coords={
+            "rlon": ("rlon", x, {"units": "degrees", "standard_name": "grid_longitude"}),
+            "rlat": ("rlat", y, {"units": "degrees", "standard_name": "grid_latitude"}),
+        }
     )
     attributes: dict[str, dict[str, Any]] = {"": {"grid_mapping": "rotated_pole"}}
     if positions:
@@ -228,13 +264,38 @@ def nemo(ocean: Ocean, *, degrees: float = 20.0, together: bool = False, levels:
         lat, lon = f"nav_lat_{letter}", f"nav_lon_{letter}"
         coords[lat], coords[lon] = (dims, placed[name][1], dict(NORTH)), (dims, _onto(placed[name][0]), dict(EAST))
         attributes[name] = {"coordinates": f"{lat} {lon}"}
-    attributes["uo"]["standard_name"], attributes["vo"]["standard_name"] = "sea_water_x_velocity", "sea_water_y_velocity"
-    grid = Placed(xr.Dataset(coords=coords), lambda name: (dims, *placed[name]), lambda name: turn[name], rename, attributes, time="time_counter")
-    grid.apart = [(f"grid_{letter}", [rename[n]], [f"nav_{c}_{other}" for other in "UVT" if other != letter for c in ("lat", "lon")]) for n, letter in names.items()]
+    attributes["uo"]["standard_name"], attributes["vo"]["standard_name"] = (
+        "sea_water_x_velocity",
+        "sea_water_y_velocity",
+    )
+    grid = Placed(
+        xr.Dataset(coords=coords),
+        lambda name: (dims, *placed[name]),
+        lambda name: turn[name],
+        rename,
+        attributes,
+        time="time_counter",
+    )
+    grid.apart = [
+        (
+            f"grid_{letter}",
+            [rename[n]],
+            [f"nav_{c}_{other}" for other in "UVT" if other != letter for c in ("lat", "lon")],
+        )
+        for n, letter in names.items()
+    ]
     return grid
 
 
-def roms(ocean: Ocean, *, degrees: float = 25.0, surface: bool = False, straight: bool = False, apart: bool = False, unstaggered: bool = False) -> Placed:
+def roms(
+    ocean: Ocean,
+    *,
+    degrees: float = 25.0,
+    surface: bool = False,
+    straight: bool = False,
+    apart: bool = False,
+    unstaggered: bool = False,
+) -> Placed:
     """Return ROMS's grid: rho, u and v points, levels that follow the sea floor."""
     ni, nj = 22, 20
     i, j = np.meshgrid(np.arange(ni) - ni / 2, np.arange(nj) - nj / 2)
@@ -251,17 +312,44 @@ def roms(ocean: Ocean, *, degrees: float = 25.0, surface: bool = False, straight
         coords[f"lat_{k}"] = (dims[k], lat, {"units": "degree_north", "standard_name": "latitude"})
     made = xr.Dataset(coords=coords)
     made["angle"] = (dims["rho"], turn["rho"], {"units": "radians", "long_name": "angle between XI-axis and EAST"})
-    made["h"] = (dims["rho"], 1500.0 + 0.0 * placed["rho"][0], {"units": "meter", "long_name": "bathymetry at RHO-points"})
+    made["h"] = (
+        dims["rho"],
+        1500.0 + 0.0 * placed["rho"][0],
+        {"units": "meter", "long_name": "bathymetry at RHO-points"},
+    )
     made["mask_rho"] = (dims["rho"], np.ones_like(placed["rho"][0]), {"long_name": "mask on RHO-points"})
     own = {"uo": "u", "vo": "v", "ssh": "rho"}
-    attributes = {n: {"coordinates": f"lon_{k} lat_{k}" + ("" if surface or n == "ssh" else " s_rho") + " ocean_time"} for n, k in own.items()}
-    attributes["uo"]["standard_name"], attributes["vo"]["standard_name"] = "sea_water_x_velocity", "sea_water_y_velocity"
-    grid = Placed(made, lambda name: (dims[own[name]], *placed[own[name]]), lambda name: turn[own[name]], {"uo": "u", "vo": "v", "ssh": "zeta"}, attributes, time="ocean_time")
+    attributes = {
+        n: {"coordinates": f"lon_{k} lat_{k}" + ("" if surface or n == "ssh" else " s_rho") + " ocean_time"}
+        for n, k in own.items()
+    }
+    attributes["uo"]["standard_name"], attributes["vo"]["standard_name"] = (
+        "sea_water_x_velocity",
+        "sea_water_y_velocity",
+    )
+    grid = Placed(
+        made,
+        lambda name: (dims[own[name]], *placed[own[name]]),
+        lambda name: turn[own[name]],
+        {"uo": "u", "vo": "v", "ssh": "zeta"},
+        attributes,
+        time="ocean_time",
+    )
     if not surface:
         count = 12
         s = (np.arange(count) + 0.5) / count - 1.0
         grid.level, grid.levels = "s_rho", s
-        made = made.assign_coords(s_rho=("s_rho", s, {"standard_name": "ocean_s_coordinate_g2", "positive": "up", "formula_terms": "s: s_rho C: Cs_r eta: zeta depth: h depth_c: hc"}))
+        made = made.assign_coords(
+            s_rho=(
+                "s_rho",
+                s,
+                {
+                    "standard_name": "ocean_s_coordinate_g2",
+                    "positive": "up",
+                    "formula_terms": "s: s_rho C: Cs_r eta: zeta depth: h depth_c: hc",
+                },
+            )
+        )
         made["Cs_r"] = ("s_rho", s, {"long_name": "S-coordinate stretching curves at RHO-points"})
         made["hc"], made["Vtransform"] = ((), 20.0, {"units": "meter"}), ((), np.int32(2), {})
         grid.coordinates = made
@@ -294,7 +382,9 @@ def arakawa(ocean: Ocean, model: str) -> Placed:
     return Placed(xr.Dataset(coords=coords), points, rename=rename, attributes=attributes)
 
 
-def scattered(ocean: Ocean, *, dim: str = "node", names: tuple[str, str] = ("lat", "lon"), ugrid: bool = False) -> Placed:
+def scattered(
+    ocean: Ocean, *, dim: str = "node", names: tuple[str, str] = ("lat", "lon"), ugrid: bool = False
+) -> Placed:
     """Return points without rows and columns."""
     rng = np.random.default_rng(3)
     lon, lat = np.meshgrid(np.arange(-2.0, 2.01, 0.1), np.arange(-2.0, 2.01, 0.1))
@@ -304,10 +394,23 @@ def scattered(ocean: Ocean, *, dim: str = "node", names: tuple[str, str] = ("lat
     attributes: dict[str, dict[str, Any]] = {"": {"coordinates": f"{names[0]} {names[1]}"}}
     if ugrid:
         attributes[""] |= {"mesh": "mesh", "location": "node"}
-        coordinates["mesh"] = ((), np.int32(0), {"cf_role": "mesh_topology", "topology_dimension": 2, "node_coordinates": f"{names[1]} {names[0]}", "face_node_connectivity": "face_nodes"})
+        coordinates["mesh"] = (
+            (),
+            np.int32(0),
+            {
+                "cf_role": "mesh_topology",
+                "topology_dimension": 2,
+                "node_coordinates": f"{names[1]} {names[0]}",
+                "face_node_connectivity": "face_nodes",
+            },
+        )
         from scipy.spatial import Delaunay
 
-        coordinates["face_nodes"] = (("face", "three"), Delaunay(np.stack([lon, lat], 1)).simplices.astype("i4"), {"cf_role": "face_node_connectivity", "start_index": 0})
+        coordinates["face_nodes"] = (
+            ("face", "three"),
+            Delaunay(np.stack([lon, lat], 1)).simplices.astype("i4"),
+            {"cf_role": "face_node_connectivity", "start_index": 0},
+        )
     return Placed(coordinates, lambda name: ((dim,), lon, lat), attributes=attributes, rank=1)
 
 
@@ -320,12 +423,21 @@ def fvcom(ocean: Ocean) -> Placed:
     faces = Delaunay(np.stack([lon, lat], 1)).simplices
     lonc, latc = lon[faces].mean(1), lat[faces].mean(1)
     made = xr.Dataset()
-    for name, dim, values, told in (("lon", "node", _onto(lon), EAST), ("lat", "node", lat, NORTH), ("lonc", "nele", _onto(lonc), EAST), ("latc", "nele", latc, NORTH)):
+    for name, dim, values, told in (
+        ("lon", "node", _onto(lon), EAST),
+        ("lat", "node", lat, NORTH),
+        ("lonc", "nele", _onto(lonc), EAST),
+        ("latc", "nele", latc, NORTH),
+    ):
         made[name] = (dim, values, dict(told))
     made["nv"] = (("three", "nele"), (faces.T + 1).astype("i4"), {"long_name": "nodes surrounding element"})
     made["h"] = ("node", 1500.0 + 0.0 * lon, {"units": "m", "coordinates": "lon lat"})
     made = made.set_coords(["lon", "lat", "lonc", "latc"])
-    attributes = {"uo": {"coordinates": "lonc latc"}, "vo": {"coordinates": "lonc latc"}, "ssh": {"coordinates": "lon lat"}}
+    attributes = {
+        "uo": {"coordinates": "lonc latc"},
+        "vo": {"coordinates": "lonc latc"},
+        "ssh": {"coordinates": "lon lat"},
+    }
     return Placed(
         made, lambda name: (("nele",), lonc, latc) if name in ("uo", "vo") else (("node",), lon, lat),
         rename={"uo": "u", "vo": "v", "ssh": "zeta"}, attributes=attributes, rank=1,
@@ -348,20 +460,49 @@ def _choices() -> dict[str, Grid]:
         return on_axes(o, names=("nav_latitude", "nav_longitude"), dims=("j", "i"), two=True)
 
     def lambert(o: Ocean) -> Placed:
-        return projected(o, {"grid_mapping_name": "lambert_azimuthal_equal_area", "latitude_of_projection_origin": 90.0 if o.lat > 0 else -90.0, "longitude_of_projection_origin": 0.0, "false_easting": 0.0, "false_northing": 0.0, **WGS}, km=True, along=False)
+        return projected(
+            o,
+            {
+                "grid_mapping_name": "lambert_azimuthal_equal_area",
+                "latitude_of_projection_origin": 90.0 if o.lat > 0 else -90.0,
+                "longitude_of_projection_origin": 0.0,
+                "false_easting": 0.0,
+                "false_northing": 0.0,
+                **WGS,
+            },
+            km=True,
+            along=False,
+        )
 
     def conic(o: Ocean) -> Placed:
-        mapping = {"grid_mapping_name": "lambert_conformal_conic", "standard_parallel": o.lat + 3.0, "longitude_of_central_meridian": _onto(o.lon + 5.0), "latitude_of_projection_origin": o.lat + 3.0, "earth_radius": 6371229.0}
+        mapping = {
+            "grid_mapping_name": "lambert_conformal_conic",
+            "standard_parallel": o.lat + 3.0,
+            "longitude_of_central_meridian": _onto(o.lon + 5.0),
+            "latitude_of_projection_origin": o.lat + 3.0,
+            "earth_radius": 6371229.0,
+        }
         return projected(o, mapping, along=True)
 
     def mercator(o: Ocean) -> Placed:
-        mapping = {"grid_mapping_name": "mercator", "longitude_of_projection_origin": _onto(o.lon - 5.0), "standard_parallel": 0.0, "false_easting": 0.0, "false_northing": 0.0, **WGS}
+        mapping = {
+            "grid_mapping_name": "mercator",
+            "longitude_of_projection_origin": _onto(o.lon - 5.0),
+            "standard_parallel": 0.0,
+            "false_easting": 0.0,
+            "false_northing": 0.0,
+            **WGS,
+        }
         return projected(o, mapping)
 
     def wkt(o: Ocean) -> Placed:
         from pyproj import CRS
 
-        return projected(o, {"crs_wkt": CRS.from_cf(polar(o, **WGS)).to_wkt(), "spatial_ref": CRS.from_cf(polar(o, **WGS)).to_wkt()}, mapping_name="spatial_ref")
+        return projected(
+            o,
+            {"crs_wkt": CRS.from_cf(polar(o, **WGS)).to_wkt(), "spatial_ref": CRS.from_cf(polar(o, **WGS)).to_wkt()},
+            mapping_name="spatial_ref",
+        )
 
     def proj4(o: Ocean) -> Placed:
         return projected(o, {**polar(o), "proj4": _spherical(o)}, truth=_spherical(o), positions=True)

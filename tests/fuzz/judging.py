@@ -169,6 +169,9 @@ _NOISE = re.compile(
     r"Input should be|validation errors? for|type=\w+(_|,)|errors\.pydantic|\bnumpy\.|dtype\(|NoneType|"
     r"unhashable|subscriptable|not iterable|broadcast together"
 )
+_GOES_ON = re.compile(r"last good state|to go on|--resume|holds .*records|good (up )?to", re.IGNORECASE)
+"""A run that ended on its way keeps what it had, and says so."""
+
 _WARNED = re.compile(r"^.*\b(?:Runtime|User|Future|Serialization|ComplexWarning|Dask)\w*Warning: .*$", re.MULTILINE)
 
 
@@ -202,6 +205,7 @@ def judge(kind: Kind, folder: Path) -> Verdict:
         memory, began = _megabytes(), time.process_time()
         result = call(arguments, kind.seconds)
         spent = time.process_time() - began
+        after = _listing(folder)
         if isinstance(result.error, TooLongError) or spent > kind.seconds or _megabytes() - memory > MEGABYTES:
             return Verdict(kind, HANG, f"{spent:.0f} s, {_megabytes() - memory:.0f} MB: {' '.join(arguments)}", spent)
         if result.code is None or "Traceback" in result.text:
@@ -218,10 +222,9 @@ def judge(kind: Kind, folder: Path) -> Verdict:
             fault = "not the true reason"
         if fault or result.code not in (2, 130):
             return Verdict(kind, VAGUE, f"{fault or f'exit code {result.code}'}: {result.text[-600:]}", spent)
-        after = _listing(folder)
         if gone := sorted(name for name, mark in before.items() if after.get(name) != mark):
             return Verdict(kind, REMOVED, f"{gone}: {result.text[-300:]}", spent)
-        if left := sorted(set(after) - set(before)):
+        if (left := sorted(set(after) - set(before))) and not _GOES_ON.search(result.text):
             return Verdict(kind, REMAINS, f"{left}: {result.text[-300:]}", spent)
         return Verdict(kind, REFUSED, result.text.strip()[-300:], spent)
     finally:
@@ -255,7 +258,7 @@ def judge_apart(kind: Kind, folder: Path) -> Verdict:
             os.dup2(file.fileno(), 1)
             os.dup2(file.fileno(), 2)
         verdict = judge(kind, folder / "in")
-        answer.write_text(json.dumps([verdict.what, verdict.message]))
+        answer.write_text(json.dumps([verdict.what, verdict.message, verdict.seconds]))
         os._exit(0)
     while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
         if time.monotonic() - began > 8.0 * kind.seconds + 60.0:
@@ -263,11 +266,11 @@ def judge_apart(kind: Kind, folder: Path) -> Verdict:
         time.sleep(0.005)
     spent = time.monotonic() - began
     text = said.read_text(errors="replace")
-    told = json.loads(answer.read_text()) if answer.exists() else None
+    told = json.loads(answer.read_text()) if answer.exists() else []
     said.unlink()
     answer.unlink(missing_ok=True)
     if told:
-        return Verdict(kind, told[0], told[1], spent)
+        return Verdict(kind, *told)
     if os.waitstatus_to_exitcode(ended[1]) == EXIT_ERROR and spent > STUCK_AFTER:
         return Verdict(kind, REFUSED, "has not opened", spent)  # what it said went where `call` caught it
     return Verdict(kind, HANG if spent > 8.0 * kind.seconds else TRACEBACK, f"the process died: {text[-600:]}", spent)

@@ -20,7 +20,15 @@ from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 KID = ["kid", "case", "-o", "out", "-q"]
 NJ, NI, HOURS = 16, 20, 8
 DRIVER = {"a68_test": True, "ibdt": 1800.0, "ibhrs": 3, "transient_a68_data_start_ind": 2, "data_dir": "./data/"}
-ICE = {"grid_is_latlon": True, "Lx": 360.0, "A68_test": True, "A68_xdisp": 0.0, "A68_ydisp": 0.0, "tau_is_velocity": True}
+ICE = {
+    "grid_is_latlon": True,
+    "Lx": 360.0,
+    "A68_test": True,
+    "A68_xdisp": 0.0,
+    "A68_ydisp": 0.0,
+    "tau_is_velocity": True,
+    "mts_sub_steps": 60,
+}
 FILES = {OCEAN_FILE: ("uo", "vo"), WIND_FILE: ("ua", "va"), SEA_LEVEL_FILE: ("SSH",)}
 
 
@@ -96,6 +104,7 @@ def good_ends() -> dict[str, Any]:
 
     folder, here = Path(mkdtemp(prefix="riftberg-kid-")), Path.cwd()
     write_case(folder / "case")
+    (folder / "out").mkdir()
     os.chdir(folder)
     try:
         result = call(KID, 600.0)
@@ -124,6 +133,7 @@ def case(family: str, name: str, change: Callable[[], dict[str, Any]], *, cause:
         write_case(folder / "case", **change())
         if touch:
             touch(folder / "case")
+        (folder / "out").mkdir()
         return KID
 
     wrong = (lambda folder, text: "nothing that comes of this can be right") if never else same_end
@@ -159,7 +169,13 @@ def hourly_gaps() -> Iterator[Kind]:
         ("currents all", CURRENT, ...), ("currents around the berg", CURRENT, BERG), ("one component", ("vo",), ...), ("sea level all", SEA, ...), ("sea level around the berg", SEA, BERG), ("wind all", WIND, ...), ("wind, one component around the berg", ("ua",), BERG),
         ("currents, one hour of the run", CURRENT, 3), ("sea level, the last hour of the run", SEA, 4), ("currents far from the berg", CURRENT, (slice(None), slice(0, 2), slice(0, 2))),
     ):  # fmt: skip
-        yield case(f, name, _with(names, _put(np.nan, where)), told=("missing|gap|NaN|still",), cause=("NaN|not a number|missing|finite|value|gap",))
+        yield case(
+            f,
+            name,
+            _with(names, _put(np.nan, where)),
+            told=("missing|gap|NaN|still",),
+            cause=("NaN|not a number|missing|finite|value|gap",),
+        )
 
 
 def hourly_numbers() -> Iterator[Kind]:
@@ -168,7 +184,13 @@ def hourly_numbers() -> Iterator[Kind]:
     for name, names, value, where in (
         ("inf in currents", CURRENT, np.inf, BERG), ("inf in the sea level", SEA, np.inf, BERG), ("-inf in the wind", WIND, -np.inf, BERG), ("1e20 in currents", CURRENT, 1e20, BERG), ("1e20 in the wind", WIND, 1e20, ...), ("9.97e36 in the sea level", SEA, 9.969209968386869e36, BERG), ("-9999 in currents", CURRENT, -9999.0, BERG), ("-999 in the sea level", SEA, -999.0, ...), ("1e15 in one hour", CURRENT, 1e15, (3, *BERG[1:])), ("32767 in the wind", WIND, 32767.0, BERG),
     ):  # fmt: skip
-        yield case(f, name, _with(names, _put(value, where)), never=True, cause=("finite|inf|beyond|believ|fill|missing|m s-1|m/s",))
+        yield case(
+            f,
+            name,
+            _with(names, _put(value, where)),
+            never=True,
+            cause=("finite|inf|beyond|believ|fill|missing|m s-1|m/s",),
+        )
 
 
 def hourly_units() -> Iterator[Kind]:
@@ -196,7 +218,13 @@ def grid_corners() -> Iterator[Kind]:
         ("latitude reversed", (lon, lat[::-1])), ("longitude reversed", (lon[:, ::-1], lat)), ("latitude shuffled", (lon, lat[order])), ("latitude with NaN", (lon, np.where((np.arange(NJ) == 3)[:, None], np.nan, lat))), ("radians", (np.deg2rad(lon), np.deg2rad(lat))), ("latitude and longitude exchanged", (lat, lon)), ("a row twice", (lon, one)),
         ("all the same", (np.zeros_like(lon), np.zeros_like(lat))), ("transposed", (lon.T.copy(), lat.T.copy())), ("beyond the pole", (lon, lat - 35.0)),
     ):  # fmt: skip
-        yield case(f, name, lambda made=made: {"grid": made}, cause=("corner|latitude|longitude|rise|grid|finite|order|area|shape|lon|lat",), never=True)  # type: ignore[misc]
+        yield case(
+            f,
+            name,
+            lambda made=made: {"grid": made},
+            cause=("corner|latitude|longitude|rise|grid|finite|order|area|shape|lon|lat",),
+            never=True,
+        )  # type: ignore[misc]
 
 
 def hourly_axes() -> Iterator[Kind]:
@@ -209,7 +237,16 @@ def hourly_axes() -> Iterator[Kind]:
     def rows_of(values: Any, flip: bool = False, name: str = "lat", **told: Any) -> Callable[[], dict[str, Any]]:
         def made() -> dict[str, Any]:
             fields = hourly()
-            return {"fields": {k: v[:, ::-1] if flip else v for k, v in fields.items()}, "extra": {name: (("lat",) if len(values) == NJ else ("lon",) if len(values) == NI else ("time",), values, told)}}
+            return {
+                "fields": {k: v[:, ::-1] if flip else v for k, v in fields.items()},
+                "extra": {
+                    name: (
+                        ("lat",) if len(values) == NJ else ("lon",) if len(values) == NI else ("time",),
+                        values,
+                        told,
+                    )
+                },
+            }
 
         return made
 
@@ -284,7 +321,9 @@ def restart_meanings() -> Iterator[Kind]:
         "longitude and latitude exchanged": exchanged, "thickness in cm": lambda r: r.update(thickness=r["thickness"] * 100.0), "thickness in km": lambda r: r.update(thickness=r["thickness"] / 1000.0), "mass in tonnes": lambda r: r.update(mass=r["mass"] / 1000.0), "mass in Gt": lambda r: r.update(mass=r["mass"] / 1e12), "length in km": lambda r: r.update(length=r["length"] / 1000.0, width=r["width"] / 1000.0),
         "mass that thickness and area do not give": lambda r: r.update(mass=r["mass"] * 5.0), "negative width": lambda r: r.update(width=-r["width"]), "radians": lambda r: r.update(lon=np.deg2rad(r["lon"]), lat=np.deg2rad(r["lat"])), "no scaling": lambda r: r.update(mass_scaling=np.zeros(3)),
     }.items():  # fmt: skip
-        yield case(f, name, changed(change), never=True, told=("thickness|mass|length|width|usual|lon|lat|scaling|size|area",))
+        yield case(
+            f, name, changed(change), never=True, told=("thickness|mass|length|width|usual|lon|lat|scaling|size|area",)
+        )
 
 
 def bond_meanings() -> Iterator[Kind]:
@@ -294,10 +333,13 @@ def bond_meanings() -> Iterator[Kind]:
     def changed(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], list[str]]:
         def make(folder: Path) -> list[str]:
             copied(folder, "case")
+            (folder / "out").mkdir()
             values = bond_variables()
             change(values)
             write_nc(folder / "case" / "INPUT" / "bonds_iceberg.res.nc", values)
-            write_nc(folder / "case" / "INPUT" / "icebergs.res.nc", identified(restart_variables(3)), drop=("iceberg_num",))
+            write_nc(
+                folder / "case" / "INPUT" / "icebergs.res.nc", identified(restart_variables(3)), drop=("iceberg_num",)
+            )
             return KID
 
         return make
@@ -320,16 +362,35 @@ def calving_files() -> Iterator[Kind]:
     """Give calving restarts of other shapes and with impossible ice."""
     f = "calving restarts of KID"
 
-    def stored(shape: tuple[int, ...], value: float = 1e6, *, name: str = "stored_ice", kind: str = "f8", counter: Any = 0, drop: tuple[str, ...] = ()) -> Callable[[Path], list[str]]:
+    def stored(
+        shape: tuple[int, ...],
+        value: float = 1e6,
+        *,
+        name: str = "stored_ice",
+        kind: str = "f8",
+        counter: Any = 0,
+        drop: tuple[str, ...] = (),
+    ) -> Callable[[Path], list[str]]:
         def make(folder: Path) -> list[str]:
             copied(folder, "case")
+            (folder / "out").mkdir()
             with netCDF4.Dataset(folder / "case" / "INPUT" / "calving.res.nc", "w") as file:
                 names = [f"axis_{k}" for k in range(len(shape))]
                 for axis, size in zip(names, shape, strict=True):
                     file.createDimension(axis, size)
-                for own, values, dims in ((name, value, names), ("stored_heat", 0.0, names[-2:] if len(shape) > 1 else names), ("iceberg_counter_grd", counter, names[-2:] if len(shape) > 1 else names)):
+                for own, values, dims in (
+                    (name, value, names),
+                    ("stored_heat", 0.0, names[-2:] if len(shape) > 1 else names),
+                    ("iceberg_counter_grd", counter, names[-2:] if len(shape) > 1 else names),
+                ):
                     if own not in drop:
-                        file.createVariable(own, "S1" if kind == "S1" and own == name else ("i4" if own == "iceberg_counter_grd" and not isinstance(values, float) else "f8"), dims)[...] = b"x" if kind == "S1" and own == name else values
+                        file.createVariable(
+                            own,
+                            "S1"
+                            if kind == "S1" and own == name
+                            else ("i4" if own == "iceberg_counter_grd" and not isinstance(values, float) else "f8"),
+                            dims,
+                        )[...] = b"x" if kind == "S1" and own == name else values
             return KID
 
         return make

@@ -19,7 +19,20 @@ import xarray as xr
 from fuzz.grids import GRIDS, Placed
 from fuzz.judging import NEVER, SOON, Kind, Truth
 from fuzz.oceans import (
-    ALL, DAY, PLAIN, RUN, STANDARD, UNITS, Ocean, dataset, differs, disagreement, experiment, stamps, store_as, written_time,
+    ALL,
+    DAY,
+    PLAIN,
+    RUN,
+    STANDARD,
+    UNITS,
+    Ocean,
+    dataset,
+    differs,
+    disagreement,
+    experiment,
+    stamps,
+    store_as,
+    written_time,
 )  # fmt: skip
 
 LAYOUTS = 300
@@ -63,7 +76,7 @@ TIMES: dict[str, Choice] = {
 }  # fmt: skip
 LEVELS: dict[str, Choice] = {
     "": FINE, "scalar": FINE, "one": FINE, "down": FINE, "up": FINE, "down, negative numbers": Choice(("depth|level|positive",), ("depth|level|positive",)), "negative, no sign": Choice(("depth|level|positive",), ("depth|level|positive|below",)),
-    "deepest first": FINE, "centimetres": FINE, "no units": Choice(("depth|level|unit",), ("depth|level|unit",)), "stray sigma": FINE, "pressure": Choice(("pressure|dbar|level",)), "numbers of levels": Choice(("level|coordinate|units",)),
+    "deepest first": FINE, "centimetres": FINE, "no units": Choice(("depth|level|unit",), ("depth|level|unit",)), "stray sigma": Choice(("sigma",)), "pressure": Choice(("pressure|dbar|level",)), "numbers of levels": Choice(("level|coordinate|units",)),
 }  # fmt: skip
 PACKINGS: dict[str, Choice] = {
     "f4": FINE, "f8": FINE, "i2": FINE, "i2 missing_value": FINE, "fill declared": FINE, "NaN on land": FINE, "1e20 undeclared, far": Choice(("1e\\+?20|believ|fill|beyond",), ("1e\\+?20|fill|believ|beyond",)),
@@ -86,7 +99,11 @@ FORMS: dict[str, Choice] = {
 SPLITS: dict[str, Choice] = {"one": FINE, "by variable": FINE, "by day": FINE, "by kind": FINE}
 MEMBERS: dict[str, Choice] = {"": FINE, "scalar": FINE, "one": FINE, "three": Choice(("member|ensemble|realization",))}
 CENTRES = ((-39.0, -55.5), (179.9, -60.2), (0.1, -62.3), (-64.0, -68.1), (-52.3, 58.4), (-179.95, -70.0))
-BRANCHES = {"west": lambda q: (q + 180.0) % 360.0 - 180.0, "east": lambda q: q % 360.0, "below": lambda q: q % 360.0 - 360.0}
+BRANCHES = {
+    "west": lambda q: (q + 180.0) % 360.0 - 180.0,
+    "east": lambda q: q % 360.0,
+    "below": lambda q: q % 360.0 - 360.0,
+}
 
 
 @dataclass(frozen=True)
@@ -117,7 +134,23 @@ class Layout:
 
     def __str__(self) -> str:
         plain = Layout(self.number)
-        parts = [str(getattr(self, n)) for n in ("grid", "time", "level", "packing", "speed", "names", "order", "form", "split", "member", "branch") if n == "grid" or getattr(self, n) != getattr(plain, n)]
+        parts = [
+            str(getattr(self, n))
+            for n in (
+                "grid",
+                "time",
+                "level",
+                "packing",
+                "speed",
+                "names",
+                "order",
+                "form",
+                "split",
+                "member",
+                "branch",
+            )
+            if n == "grid" or getattr(self, n) != getattr(plain, n)
+        ]
         return f"layout {self.number}: {', '.join(parts)}; at {self.ocean.lon:g}, {self.ocean.lat:g}"
 
 
@@ -127,9 +160,29 @@ def layout(number: int) -> Layout:
     made = Layout(number, grid=list(GRIDS)[number % len(GRIDS)])
     lon, lat = rng.choice(CENTRES)
     made = replace(made, branch=rng.choice(list(BRANCHES)), ocean=Ocean(lon, lat))
-    tables = {"time": TIMES, "level": LEVELS, "packing": PACKINGS, "speed": {n: v[2] for n, v in SPEEDS.items()}, "names": NAMES, "order": ORDERS, "form": FORMS, "split": SPLITS, "member": MEMBERS}
+    tables = {
+        "time": TIMES,
+        "level": LEVELS,
+        "packing": PACKINGS,
+        "speed": {n: v[2] for n, v in SPEEDS.items()},
+        "names": NAMES,
+        "order": ORDERS,
+        "form": FORMS,
+        "split": SPLITS,
+        "member": MEMBERS,
+    }
     odd = GRIDS[made.grid].choice is not FINE
-    chances = {"time": 0.85, "level": 0.45, "packing": 0.4, "speed": 0.35, "names": 0.3, "order": 0.3, "form": 0.4, "split": 0.4, "member": 0.15}
+    chances = {
+        "time": 0.85,
+        "level": 0.45,
+        "packing": 0.4,
+        "speed": 0.35,
+        "names": 0.3,
+        "order": 0.3,
+        "form": 0.4,
+        "split": 0.4,
+        "member": 0.15,
+    }
     for key in rng.sample(list(tables), len(tables)):
         if rng.random() > chances[key] or key in GRIDS[made.grid].own:
             continue
@@ -150,7 +203,15 @@ def _possible(made: Layout) -> Layout:
         made = replace(made, form="NETCDF4")
     if "month" in made.time:
         made = replace(made, ocean=replace(made.ocean, rate=0.01))
-    if made.level in ("down", "up", "down, negative numbers", "negative, no sign", "deepest first", "centimetres", "no units"):
+    if made.level in (
+        "down",
+        "up",
+        "down, negative numbers",
+        "negative, no sign",
+        "deepest first",
+        "centimetres",
+        "no units",
+    ):
         made = replace(made, ocean=replace(made.ocean, shear=1e-3))
     if made.packing == "big endian" and not classic:
         made = replace(made, packing="f8")
@@ -214,7 +275,11 @@ def _time_variable(made: Layout, told: Any) -> tuple[Any, dict[str, Any]]:
     attributes: dict[str, Any] = {"standard_name": "time", "axis": "T"}
     plain = {"units": HOURS, "calendar": "standard"}
     if kind == "days since 1-1-1 proleptic_gregorian":
-        return written_time(told, "days since 0001-01-01", "proleptic_gregorian"), {**attributes, "units": "days since 1-1-1", "calendar": "proleptic_gregorian"}
+        return written_time(told, "days since 0001-01-01", "proleptic_gregorian"), {
+            **attributes,
+            "units": "days since 1-1-1",
+            "calendar": "proleptic_gregorian",
+        }
     if kind.startswith("seconds since 2020-12-01 00:00:00 +03:00"):
         return written_time(told, "seconds since 2020-11-30 21:00:00"), {**attributes, "units": kind}
     if kind.startswith("hours since 2020-12-01 00:00:00 -0300"):
@@ -222,18 +287,38 @@ def _time_variable(made: Layout, told: Any) -> tuple[Any, dict[str, Any]]:
     if kind == "HOURS SINCE 1950-1-1 0:0:0":
         return written_time(told, HOURS), {**attributes, "units": kind}
     if " since " in kind:
-        return written_time(told, kind.replace("T", " ").replace("Z", "")), {**attributes, "units": kind, "calendar": "standard"}
+        return written_time(told, kind.replace("T", " ").replace("Z", "")), {
+            **attributes,
+            "units": kind,
+            "calendar": "standard",
+        }
     if kind.startswith("calendar "):
         calendar = kind.removeprefix("calendar ")
-        known = {"gregorian_proleptic": "proleptic_gregorian", "no_leap": "noleap", "GREGORIAN": "standard"}.get(calendar, calendar)
-        return written_time(told, "days since 2000-01-01 00:00:00", known), {**attributes, "units": "days since 2000-01-01 00:00:00", "calendar": calendar}
+        known = {"gregorian_proleptic": "proleptic_gregorian", "no_leap": "noleap", "GREGORIAN": "standard"}.get(
+            calendar, calendar
+        )
+        return written_time(told, "days since 2000-01-01 00:00:00", known), {
+            **attributes,
+            "units": "days since 2000-01-01 00:00:00",
+            "calendar": calendar,
+        }
     if kind == "julian days":
         units = "days since -4713-11-24 12:00:00"
-        return written_time(told, "days since 2000-01-01 12:00:00") + 2451545.0, {**attributes, "units": units, "calendar": "proleptic_gregorian"}
+        return written_time(told, "days since 2000-01-01 12:00:00") + 2451545.0, {
+            **attributes,
+            "units": units,
+            "calendar": "proleptic_gregorian",
+        }
     if kind == "day as %Y%m%d.%f":
-        return np.array([float(str(m)[:10].replace("-", "")) + (m - m.astype("M8[D]")) / DAY for m in told]), {**attributes, "units": kind}
+        return np.array([float(str(m)[:10].replace("-", "")) + (m - m.astype("M8[D]")) / DAY for m in told]), {
+            **attributes,
+            "units": kind,
+        }
     if kind == "int dates":
-        return np.array([int(str(m)[:10].replace("-", "")) for m in told], "i4"), {"long_name": "date YYYYMMDD", "standard_name": "time"}
+        return np.array([int(str(m)[:10].replace("-", "")) for m in told], "i4"), {
+            "long_name": "date YYYYMMDD",
+            "standard_name": "time",
+        }
     if kind == "text dates":
         return np.array([list(str(m)[:19].encode()) for m in told], "u1").view("S1"), {"standard_name": "time"}
     if kind.startswith("2**64"):
@@ -243,15 +328,29 @@ def _time_variable(made: Layout, told: Any) -> tuple[Any, dict[str, Any]]:
     if kind == "model year 151":
         return written_time(told, HOURS, "noleap") - 8760.0 * 1869, {**attributes, "units": HOURS, "calendar": "noleap"}
     if kind == "model year 2600, noleap":
-        return written_time(told, "days since 2000-01-01", "noleap") + 365.0 * 580, {**attributes, "units": "days since 2000-01-01", "calendar": "noleap"}
+        return written_time(told, "days since 2000-01-01", "noleap") + 365.0 * 580, {
+            **attributes,
+            "units": "days since 2000-01-01",
+            "calendar": "noleap",
+        }
     if kind == "single precision":
-        return written_time(told, "days since 2000-01-01").astype("f4"), {**attributes, "units": "days since 2000-01-01"}
+        return written_time(told, "days since 2000-01-01").astype("f4"), {
+            **attributes,
+            "units": "days since 2000-01-01",
+        }
     if kind == "packed":
-        return ((written_time(told, "hours since 2020-12-01") - 100.0) / 0.5).astype("i2"), {**attributes, "units": "hours since 2020-12-01", "scale_factor": 0.5, "add_offset": 100.0}
+        return ((written_time(told, "hours since 2020-12-01") - 100.0) / 0.5).astype("i2"), {
+            **attributes,
+            "units": "hours since 2020-12-01",
+            "scale_factor": 0.5,
+            "add_offset": 100.0,
+        }
     return written_time(told, HOURS), {**attributes, **plain}
 
 
-def _parts(made: Layout, placed: Placed, names: tuple[str, ...], moments: Any, told: Any) -> list[tuple[str, xr.Dataset]]:
+def _parts(
+    made: Layout, placed: Placed, names: tuple[str, ...], moments: Any, told: Any
+) -> list[tuple[str, xr.Dataset]]:
     """Return the datasets of a layout, one for each file."""
     values, attributes = _time_variable(made, told)
     ds = placed.coordinates.copy()
@@ -298,7 +397,11 @@ def _field(made: Layout, placed: Placed, name: str, moments: Any) -> tuple[tuple
     if name in ("uo", "vo"):
         units, factor, _ = SPEEDS[made.speed]
         values = values * factor
-        attributes = {**attributes, "units": units} if units is not None else {k: v for k, v in attributes.items() if k != "units"}
+        attributes = (
+            {**attributes, "units": units}
+            if units is not None
+            else {k: v for k, v in attributes.items() if k != "units"}
+        )
         if placed.levels is not None:
             values, dims = np.repeat(values[:, None], len(placed.levels), 1), (dims[0], placed.level, *dims[1:])
         elif made.level in _DEPTHS:
@@ -315,24 +418,48 @@ _DEPTHS: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _with_dates(ds: xr.Dataset, made: Layout, dim: str, values: Any, attributes: dict[str, Any], told: Any) -> xr.Dataset:
+def _with_dates(
+    ds: xr.Dataset, made: Layout, dim: str, values: Any, attributes: dict[str, Any], told: Any
+) -> xr.Dataset:
     """Return a dataset with its dates, their bounds, and its levels."""
     kind = made.time
     if kind == "text dates":
-        ds = ds.assign_coords({dim: ((dim, "letters"), values, attributes)}) if False else ds.assign({"date": ((dim, "letters"), values, attributes)})
+        ds = (
+            ds.assign_coords({dim: ((dim, "letters"), values, attributes)})
+            if False
+            else ds.assign({"date": ((dim, "letters"), values, attributes)})
+        )
     elif kind == "lead time alone":
-        ds = ds.rename({dim: "lead"}).assign_coords(lead=("lead", written_time(told, "hours since 2020-12-07"), {"units": "hours", "standard_name": "forecast_period"}))
-        ds = ds.assign_coords(reference=((), written_time(told[:1], HOURS)[0], {"units": HOURS, "standard_name": "forecast_reference_time"}))
+        ds = ds.rename({dim: "lead"}).assign_coords(
+            lead=(
+                "lead",
+                written_time(told, "hours since 2020-12-07"),
+                {"units": "hours", "standard_name": "forecast_period"},
+            )
+        )
+        ds = ds.assign_coords(
+            reference=(
+                (),
+                written_time(told[:1], HOURS)[0],
+                {"units": HOURS, "standard_name": "forecast_reference_time"},
+            )
+        )
     elif kind == "time_centered":
         ds = ds.assign_coords(time_centered=(dim, values, attributes))
         for name in ds.data_vars:
             if dim in ds[name].dims:
-                ds[name].attrs["coordinates"] = " ".join(filter(None, ["time_centered", str(ds[name].attrs.get("coordinates", ""))]))
+                ds[name].attrs["coordinates"] = " ".join(
+                    filter(None, ["time_centered", str(ds[name].attrs.get("coordinates", ""))])
+                )
     else:
         ds = ds.assign_coords({dim: (dim, values, attributes)})
     if "bounds" in kind and "without" not in kind:
         width = {"one mean with bounds": 30 * DAY}.get(kind, DAY)
-        low = {"means, bounds, start": told, "means, bounds, end": told - DAY, "means, bounds, middle": told - DAY // 2}.get(kind, told - width // 2)
+        low = {
+            "means, bounds, start": told,
+            "means, bounds, end": told - DAY,
+            "means, bounds, middle": told - DAY // 2,
+        }.get(kind, told - width // 2)
         high = low + width
         if kind == "monthly means, bounds":
             low = told.astype("M8[M]").astype("M8[ns]")
@@ -340,7 +467,13 @@ def _with_dates(ds: xr.Dataset, made: Layout, dim: str, values: Any, attributes:
         ds[dim].attrs["bounds"] = "time_bnds"
         ds["time_bnds"] = ((dim, "bnds"), np.stack([written_time(low, HOURS), written_time(high, HOURS)], 1))
     if kind == "reference time beside":
-        ds = ds.assign_coords(forecast_reference_time=((), written_time(told[:1], HOURS)[0], {"units": HOURS, "standard_name": "forecast_reference_time"}))
+        ds = ds.assign_coords(
+            forecast_reference_time=(
+                (),
+                written_time(told[:1], HOURS)[0],
+                {"units": HOURS, "standard_name": "forecast_reference_time"},
+            )
+        )
     level = made.level
     up, down = {"positive": "up", "axis": "Z"}, {"positive": "down", "axis": "Z"}
     if level == "scalar":
@@ -349,7 +482,9 @@ def _with_dates(ds: xr.Dataset, made: Layout, dim: str, values: Any, attributes:
         ds = ds.assign_coords(sigma=((), 0.995, {"units": "1", "standard_name": "ocean_sigma_coordinate"}))
         for name in ds.data_vars:
             if dim in ds[name].dims and name != "time_bnds":
-                ds[name].attrs["coordinates"] = " ".join(filter(None, ["sigma", str(ds[name].attrs.get("coordinates", ""))]))
+                ds[name].attrs["coordinates"] = " ".join(
+                    filter(None, ["sigma", str(ds[name].attrs.get("coordinates", ""))])
+                )
     if "depth" in ds.dims and level in _DEPTHS:
         z = _DEPTHS[level]
         attributes = {
@@ -377,7 +512,11 @@ def _with_members(ds: xr.Dataset, made: Layout) -> xr.Dataset:
 
 def _fields(ds: xr.Dataset, placed: Placed) -> list[str]:
     """Return the names of currents and sea level in a dataset."""
-    return [str(placed.rename.get(name, name)) for name in ("uo", "vo", "ssh", "ua", "va") if placed.rename.get(name, name) in ds.variables]
+    return [
+        str(placed.rename.get(name, name))
+        for name in ("uo", "vo", "ssh", "ua", "va")
+        if placed.rename.get(name, name) in ds.variables
+    ]
 
 
 def _packed(ds: xr.Dataset, made: Layout, placed: Placed) -> xr.Dataset:
@@ -393,11 +532,22 @@ def _packed(ds: xr.Dataset, made: Layout, placed: Placed) -> xr.Dataset:
             values[(..., *[size // 2 for size in values.shape[-placed.rank :]])] = np.nan
         if kind.startswith("i2"):
             scale = np.nanmax(np.abs(values)) / 30000.0
-            raw = np.where(np.isnan(values), -32767, np.round((np.nan_to_num(values) - 0.25 * scale) / scale)).astype("i2")
-            a |= {"scale_factor": scale, "add_offset": 0.25 * scale, "_FillValue" if kind == "i2" else "missing_value": np.int16(-32767)}
+            raw = np.where(np.isnan(values), -32767, np.round((np.nan_to_num(values) - 0.25 * scale) / scale)).astype(
+                "i2"
+            )
+            a |= {
+                "scale_factor": scale,
+                "add_offset": 0.25 * scale,
+                "_FillValue" if kind == "i2" else "missing_value": np.int16(-32767),
+            }
             ds[name] = (ds[name].dims, raw, a)
             continue
-        fill = {"fill declared": 1e20, "1e20 undeclared, far": 1e20, "-9999 undeclared, beside": -9999.0, "two fills": -999.0}.get(kind)
+        fill = {
+            "fill declared": 1e20,
+            "1e20 undeclared, far": 1e20,
+            "-9999 undeclared, beside": -9999.0,
+            "two fills": -999.0,
+        }.get(kind)
         if fill is not None:
             values = np.where(np.isnan(values), fill, values)
         store = np.dtype({"f8": "f8", "big endian": ">f8"}.get(kind, "f4"))
@@ -430,7 +580,11 @@ def _named(ds: xr.Dataset, made: Layout, placed: Placed, names: tuple[str, ...])
                 ds[name].attrs["long_name"] = told
     if made.names == "both, one strange beside":
         strange = ds["uo"].copy(data=ds["uo"].values * 0)
-        strange.attrs = {"units": "m s-1", "long_name": "eastward velocity of the tide", "standard_name": "eastward_sea_water_velocity_due_to_tides"}
+        strange.attrs = {
+            "units": "m s-1",
+            "long_name": "eastward velocity of the tide",
+            "standard_name": "eastward_sea_water_velocity_due_to_tides",
+        }
         return ds.assign(utide=strange.variable)
     renames = {
         "usual": _USUAL, "standard names alone": {n: f"field_{k}" for k, n in enumerate(names)}, "long names alone": {n: f"var{k}" for k, n in enumerate(names)},
@@ -446,26 +600,45 @@ def _ordered(ds: xr.Dataset, made: Layout, placed: Placed) -> xr.Dataset:
         dims = list(ds[name].dims)
         if len(dims) < 3 or ds[name].dtype.kind == "S" or name == "time_bnds":
             continue
-        order = {"time last": [*dims[1:], dims[0]], "x before y": [*dims[:-2], dims[-1], dims[-2]], "reversed": dims[::-1]}[made.order]
+        order = {
+            "time last": [*dims[1:], dims[0]],
+            "x before y": [*dims[:-2], dims[-1], dims[-2]],
+            "reversed": dims[::-1],
+        }[made.order]
         ds[name] = ds[name].transpose(*order)
     return ds
 
 
-def _split(ds: xr.Dataset, made: Layout, placed: Placed, time: str, names: tuple[str, ...]) -> list[tuple[str, xr.Dataset]]:
+def _split(
+    ds: xr.Dataset, made: Layout, placed: Placed, time: str, names: tuple[str, ...]
+) -> list[tuple[str, xr.Dataset]]:
     """Return the parts of a dataset that become files."""
     time = "lead" if made.time == "lead time alone" else time
     fields = [str(n) for n in ds.data_vars if ds[n].ndim >= 2 and time in ds[n].dims and n not in ("time_bnds", "date")]
     if placed.apart:
-        return [(label, ds.drop_vars([n for n in fields if n not in own]).drop_vars([c for c in drop if c in ds.variables], errors="ignore")) for label, own, drop in placed.apart]
+        return [
+            (
+                label,
+                ds.drop_vars([n for n in fields if n not in own]).drop_vars(
+                    [c for c in drop if c in ds.variables], errors="ignore"
+                ),
+            )
+            for label, own, drop in placed.apart
+        ]
     if made.split == "by variable":
         parts = [(name, ds[[name, *[n for n in ds.data_vars if n not in fields]]]) for name in fields]
-        return [(name, part if fields.index(name) < 3 else part.drop_vars("depth", errors="ignore")) for name, part in parts]
+        return [
+            (name, part if fields.index(name) < 3 else part.drop_vars("depth", errors="ignore")) for name, part in parts
+        ]
     if made.split == "by day":
         count = ds.sizes[time]
         return [(f"{k:02d}", ds.isel({time: slice(k, min(k + 4, count))})) for k in range(0, count, 4)]
     if (made.split == "by kind" or made.level == "scalar") and len(fields) >= 5:
         wind = fields[-2:] if made.names != "both, one strange beside" else fields[3:5]
-        return [("water", ds.drop_vars(wind)), ("wind", ds.drop_vars([n for n in fields if n not in wind]).drop_vars("depth", errors="ignore"))]
+        return [
+            ("water", ds.drop_vars(wind)),
+            ("wind", ds.drop_vars([n for n in fields if n not in wind]).drop_vars("depth", errors="ignore")),
+        ]
     return [("all", ds)]
 
 
@@ -483,12 +656,25 @@ def _stored(folder: Path, label: str, ds: xr.Dataset, made: Layout) -> list[str]
             return [f"{path.name}.zip"]
         return [path.name]
     if form == "group":
-        ds.to_netcdf(folder / f"f_{label}.nc", group="data", engine="netcdf4", encoding={n: {"_FillValue": None} for n in ds.variables if ds[n].dtype.kind == "f" and "_FillValue" not in ds[n].attrs})
+        ds.to_netcdf(
+            folder / f"f_{label}.nc",
+            group="data",
+            engine="netcdf4",
+            encoding={
+                n: {"_FillValue": None}
+                for n in ds.variables
+                if ds[n].dtype.kind == "f" and "_FillValue" not in ds[n].attrs
+            },
+        )
         return [f"f_{label}.nc"]
     name = f"f {label} (2020) \u00fc.nc" if form == "odd file name" else f"f_{label}.nc"
     options: dict[str, Any] = {}
     if form == "compressed chunks":
-        options["encoding"] = {n: {"zlib": True, "chunksizes": tuple(min(3, s) for s in ds[n].shape)} for n in ds.data_vars if ds[n].ndim >= 3 and ds[n].dtype.kind in "fi"}
+        options["encoding"] = {
+            n: {"zlib": True, "chunksizes": tuple(min(3, s) for s in ds[n].shape)}
+            for n in ds.data_vars
+            if ds[n].ndim >= 3 and ds[n].dtype.kind in "fi"
+        }
     if form == "unlimited":
         options["unlimited_dims"] = [d for d in ("time", "time_counter", "ocean_time") if d in ds.dims]
     store_as(ds, folder / name, form if form.startswith("NETCDF") else "NETCDF4", **options)

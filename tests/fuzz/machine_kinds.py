@@ -33,7 +33,11 @@ def _beside(work: Callable[[], Any]) -> int:
             null = os.open(os.devnull, os.O_WRONLY)
             os.dup2(null, 1)
             os.dup2(null, 2)
-            for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL), (signal.SIGHUP, signal.SIG_DFL)):
+            for number, handler in (
+                (signal.SIGINT, signal.default_int_handler),
+                (signal.SIGTERM, signal.SIG_DFL),
+                (signal.SIGHUP, signal.SIG_DFL),
+            ):
                 signal.signal(number, handler)
             for clock in (signal.ITIMER_REAL, signal.ITIMER_PROF):
                 signal.setitimer(clock, 0.0)
@@ -58,17 +62,25 @@ def _files(folder: Path) -> set[str]:
 def outputs_in_use() -> Iterator[Kind]:
     """Name an output that another command is writing: the other's files survive, and it ends well."""
     f = "outputs in use"
-    from fuzz.kid_kinds import write_case
-
     running: list[int] = []
 
-    def with_other(first: list[str], second: list[str], text: str = LONG, *, stopped: bool = True) -> Callable[[Path], list[str]]:
+    def with_other(
+        first: list[str], second: list[str], text: str = LONG, *, stopped: bool = True
+    ) -> Callable[[Path], list[str]]:
         def make(folder: Path) -> list[str]:
             copied(folder, "run.nc")
             (folder / "good.yaml").write_text(text)
             (folder / "seen.csv").write_text(TRACK)
             if "kid" in (first[0], second[0]):
-                write_case(folder / "case", driver={"ibhrs": 3})
+                copied(folder, "case")
+                namelist = folder / "case" / "input.nml"
+                namelist.write_text(
+                    namelist.read_text()
+                    .replace("ibhrs = 1\n", "ibhrs = 2000\n")
+                    .replace("mts_sub_steps = 10\n", "mts_sub_steps = 200\n")
+                )
+                assert "ibhrs = 2000" in namelist.read_text()
+                (folder / "out").mkdir()
             child = _beside(lambda: call(first, 600.0))
             running[:] = [child]
             _wait_for(lambda: len(_files(folder / "out")) > 0)
@@ -110,7 +122,9 @@ def outputs_there() -> Iterator[Kind]:
             copied(folder, "good.yaml", "run.nc", "case", "good.restart.nc")
             (folder / "seen.csv").write_text(TRACK)
             (folder / "bad.yaml").write_text(EXPERIMENT.replace("thickness: 200", "thickness: none.nc"))
-            (folder / "late.yaml").write_text(EXPERIMENT.replace("current: [0.2, 0.0]", "current: [0.2, 0.0]\n  wind_: 3"))
+            (folder / "late.yaml").write_text(
+                EXPERIMENT.replace("current: [0.2, 0.0]", "current: [0.2, 0.0]\n  wind_: 3")
+            )
             (folder / "out").mkdir()
             for name, content in files.items():
                 (folder / "out" / name).parent.mkdir(exist_ok=True)
@@ -121,13 +135,23 @@ def outputs_there() -> Iterator[Kind]:
 
     def kept(files: dict[str, str]) -> Callable[[Path], str]:
         def check(folder: Path) -> str:
-            lost = [n for n, content in files.items() if not (folder / "out" / n).exists() or (folder / "out" / n).read_text() != content]
+            lost = [
+                n
+                for n, content in files.items()
+                if not (folder / "out" / n).exists() or (folder / "out" / n).read_text() != content
+            ]
             return f"lost or changed: {', '.join(lost)}" if lost else ""
 
         return check
 
     old = {"run.nc": "old", "summary.json": "{}", "map.png": "old", "notes.txt": "mine"}
-    traj = {"bergs.nc": "old", "iceberg_trajectories.nc": "old", "icebergs.res.nc": "old", "bonds_iceberg.res.nc": "old", "notes.txt": "mine"}
+    traj = {
+        "bergs.nc": "old",
+        "iceberg_trajectories.nc": "old",
+        "icebergs.res.nc": "old",
+        "bonds_iceberg.res.nc": "old",
+        "notes.txt": "mine",
+    }
     for name, arguments, files in (
         ("run with a mistake", ["run", "bad.yaml", "-o", "out", "-q", "--no-map"], old), ("run with an unknown key", ["run", "late.yaml", "-o", "out", "-q", "--no-map"], old), ("run with a wrong restart", ["run", "good.yaml", "-o", "out", "-q", "--no-map", "--resume", "run.nc"], old), ("kid with a wrong folder", ["kid", "good.yaml", "-o", "out", "-q"], traj), ("kid without input", ["kid", "nowhere", "-o", "out", "-q"], traj),
         ("score without observations", ["score", "run.nc", "nowhere.csv", "-o", "out"], {"score.json": "old", "score.png": "old"}), ("plot of nothing", ["plot", "nowhere.nc", "-o", "out"], {"timeline.png": "old", "map.png": "old"}), ("why of nothing", ["why", "nowhere.nc", "-o", "out"], {"why.json": "old"}), ("sweep with a mistake", ["sweep", "good.yaml", "--vary", "ice.density=a,b", "-o", "out", "-q"], {"sweep.nc": "old", "sweep.png": "old", "members/0/run.nc": "old"}), ("compare with nothing", ["compare", "nowhere", "-o", "out"], {"comparison.json": "old"}),
@@ -190,13 +214,18 @@ def kills() -> Iterator[Kind]:
     def whole(folder: Path, said: str) -> str:
         call(["run", "good.yaml", "-o", "never", "-q", "--no-map"], 600.0)
         with xr.open_dataset(folder / "never" / "run.nc") as want, xr.open_dataset(folder / "rest" / "run.nc") as got:
-            same = np.array_equal(want["lon"].values[:, -1], got["lon"].values[:, -1]) and want["time"].values[-1] == got["time"].values[-1]
+            same = (
+                np.array_equal(want["lon"].values[:, -1], got["lon"].values[:, -1])
+                and want["time"].values[-1] == got["time"].values[-1]
+            )
         return "" if same else "the run that went on ends elsewhere"
 
     for name, number, pause in (
         ("SIGTERM soon", signal.SIGTERM, 0.2), ("SIGTERM later", signal.SIGTERM, 1.0), ("SIGINT soon", signal.SIGINT, 0.2), ("SIGINT later", signal.SIGINT, 1.0), ("hang-up soon", signal.SIGHUP, 0.2), ("hang-up later", signal.SIGHUP, 1.0), ("hang-up at once", signal.SIGHUP, 0.0), ("SIGTERM at once", signal.SIGTERM, 0.0), ("SIGINT at once", signal.SIGINT, 0.0), ("hang-up last", signal.SIGHUP, 2.0),
     ):  # fmt: skip
-        yield Kind(f, name, killed(number, pause), ("restart", "out", "--resume"), False, Truth(whole), ("(?!)",), None, SOON)
+        yield Kind(
+            f, name, killed(number, pause), ("restart", "out", "--resume"), False, Truth(whole), ("(?!)",), None, SOON
+        )
 
 
 def streams() -> Iterator[Kind]:
@@ -218,7 +247,13 @@ def streams() -> Iterator[Kind]:
                     else:
                         os.close(number)
 
-            done = subprocess.run([sys.executable, "-m", "riftberg", *arguments], cwd=folder, preexec_fn=before, check=False, stdin=subprocess.DEVNULL)
+            done = subprocess.run(
+                [sys.executable, "-m", "riftberg", *arguments],
+                cwd=folder,
+                preexec_fn=before,
+                check=False,
+                stdin=subprocess.DEVNULL,
+            )
             (folder / "code").write_text(str(done.returncode))
             return ["experiments"]
 
@@ -323,10 +358,23 @@ def restart_gaps() -> Iterator[Kind]:
         copied(folder, "good.restart.nc")
         call(["run", "good.yaml", "-o", "fine", "-q", "--no-map", "--resume", "good.restart.nc"])
         with xr.open_dataset(folder / "fine" / "run.nc") as want, xr.open_dataset(folder / "out" / "run.nc") as got:
-            return "" if np.array_equal(want["lon"].values, got["lon"].values) and np.array_equal(want["u_sync"].values, got["u_sync"].values) else "goes on elsewhere"
+            return (
+                ""
+                if np.array_equal(want["lon"].values, got["lon"].values)
+                and np.array_equal(want["u_sync"].values, got["u_sync"].values)
+                else "goes on elsewhere"
+            )
 
     for name, change in with_what.items():
-        yield Kind(f, name, _restart(change), ("bad.restart.nc", "element", "bond"), False, Truth(same, ("NaN|missing|restart",)), seconds=SOON)
+        yield Kind(
+            f,
+            name,
+            _restart(change),
+            ("bad.restart.nc", "element", "bond"),
+            False,
+            Truth(same, ("NaN|missing|restart",)),
+            seconds=SOON,
+        )
 
 
 FAMILIES: tuple[Callable[[], Iterator[Kind]], ...] = (

@@ -26,7 +26,16 @@ STANDARD = {
     "ua": "eastward_wind", "va": "northward_wind", "depth": "sea_floor_depth_below_geoid", "siconc": "sea_ice_area_fraction",
     "sithick": "sea_ice_thickness",
 }  # fmt: skip
-UNITS = {"uo": "m s-1", "vo": "m s-1", "ssh": "m", "ua": "m s-1", "va": "m s-1", "depth": "m", "siconc": "1", "sithick": "m"}
+UNITS = {
+    "uo": "m s-1",
+    "vo": "m s-1",
+    "ssh": "m",
+    "ua": "m s-1",
+    "va": "m s-1",
+    "depth": "m",
+    "siconc": "1",
+    "sithick": "m",
+}
 
 
 @dataclass(frozen=True)
@@ -94,7 +103,13 @@ def _parts(moment: Any) -> tuple[int, ...]:
 
 
 def dataset(
-    names: Iterable[str], ocean: Ocean = PLAIN, *, moments: Any = None, lon: Any = None, lat: Any = None, steady: bool = False,
+    names: Iterable[str],
+    ocean: Ocean = PLAIN,
+    *,
+    moments: Any = None,
+    lon: Any = None,
+    lat: Any = None,
+    steady: bool = False,
 ) -> xr.Dataset:
     """Return fields on axes of longitude and latitude as a raw dataset by CF: nothing is left to encode."""
     east, north = axes(ocean)
@@ -109,7 +124,13 @@ def dataset(
     )  # fmt: skip
     if not steady:
         units = "hours since 1950-01-01 00:00:00"
-        ds = ds.assign_coords(time=("time", written_time(moments, units), {"units": units, "standard_name": "time", "calendar": "standard"}))
+        ds = ds.assign_coords(
+            time=(
+                "time",
+                written_time(moments, units),
+                {"units": units, "standard_name": "time", "calendar": "standard"},
+            )
+        )
     for name in names:
         if steady or name == "depth":
             values = ocean(name, east[None, :], north[:, None])
@@ -133,13 +154,22 @@ def plain_files(folder: Path, ocean: Ocean = PLAIN, without: Iterable[str] = ())
 
 def store_as(ds: xr.Dataset, path: Path, form: str = "NETCDF4", **options: Any) -> Path:
     """Write a raw dataset: numbers and attributes stand in the file as they are here."""
-    own: dict[str, Any] = {str(name): {"_FillValue": None} for name in ds.variables if "_FillValue" not in ds[name].attrs and ds[name].dtype.kind == "f"}
+    own: dict[str, Any] = {
+        str(name): {"_FillValue": None}
+        for name in ds.variables
+        if "_FillValue" not in ds[name].attrs and ds[name].dtype.kind == "f"
+    }
     for name, how in options.pop("encoding", {}).items():
         own.setdefault(name, {}).update(how)
     if form.startswith("zarr"):
         if path.exists():
             raise FileExistsError(path)
-        ds.to_zarr(path, zarr_format=int(form[4:] or 2), encoding={k: v for k, v in own.items() if v != {"_FillValue": None}}, **options)  # type: ignore[call-overload]
+        ds.to_zarr(
+            path,
+            zarr_format=int(form[4:] or 2),
+            encoding={k: v for k, v in own.items() if v != {"_FillValue": None}},
+            **options,
+        )  # type: ignore[call-overload]
     else:
         ds.to_netcdf(path, format=form, engine="netcdf4", encoding=own, **options)  # type: ignore[call-overload]
     return path
@@ -155,7 +185,8 @@ def experiment(
     extra = "".join(f"  {key}: {value}\n" for key, value in forcing.items())
     return (
         f"start: {start}\ndays: {days}\noutput_every_hours: 0.5\nberg:\n  rectangle: {{length: 9 km, width: 6 km}}\n"
-        f"  placement: [{(ocean.lon + 180) % 360 - 180}, {ocean.lat}]\n  thickness: {thickness}\n  radius: 1500\nforcing:\n  kind: files\n"
+        f"  placement: [{(ocean.lon + 180) % 360 - 180}, {ocean.lat}]\n  thickness: {thickness}\n  radius: 1500\n"
+        "forcing:\n  kind: files\n"
         f"  files: [{listed}]\n  longitude: [{(west + 180) % 360 - 180}, {(east + 180) % 360 - 180}]\n"
         f"  latitude: [{ocean.lat - 1.0}, {ocean.lat + 1.0}]\n{extra}"
         + (f"parameters:\n{parameters}" if parameters else "")
@@ -168,7 +199,14 @@ LIMITS = {"uo": 6e-3, "vo": 6e-3, "ua": 0.08, "va": 0.08, "depth": 12.0, "slope"
 """How far a value may lie from the formula: interpolation in curved cells, packing, and the time that a step lasts."""
 
 
-def differs(folder: Path, ocean: Ocean = PLAIN, names: Iterable[str] = ALL, *, slack: float = 1.0, wanted: dict[str, Any] | None = None) -> str:
+def differs(
+    folder: Path,
+    ocean: Ocean = PLAIN,
+    names: Iterable[str] = ALL,
+    *,
+    slack: float = 1.0,
+    wanted: dict[str, Any] | None = None,
+) -> str:
     """Return what is wrong with the values that the berg of a run met, empty where all are those of the formula.
 
     ``wanted`` gives functions of longitude, latitude and date instead of the formula's, or numbers.
@@ -178,7 +216,9 @@ def differs(folder: Path, ocean: Ocean = PLAIN, names: Iterable[str] = ALL, *, s
         return "no run.nc"
     with xr.open_dataset(path) as run:
         lon, lat, moment = run["lon"].values[:, 0], run["lat"].values[:, 0], run["time"].values[0]
-        found = {n: run[n].values[:, 0] for n in ("uo", "vo", "ua", "va", "depth", "slope_x", "slope_y", "ice_thickness")}
+        found = {
+            n: run[n].values[:, 0] for n in ("uo", "vo", "ua", "va", "depth", "slope_x", "slope_y", "ice_thickness")
+        }
     wrong = []
     for name in names:
         given = (wanted or {}).get(name)
@@ -187,13 +227,28 @@ def differs(folder: Path, ocean: Ocean = PLAIN, names: Iterable[str] = ALL, *, s
                 if not np.all(np.abs(got - want) <= slack * LIMITS["slope"]):
                     wrong.append(f"slope {got.mean():.3g} for {np.mean(want):.3g}")
             continue
-        want = given(lon, lat, moment) if callable(given) else given if given is not None else ocean(name, lon, lat, moment)
+        want = (
+            given(lon, lat, moment)
+            if callable(given)
+            else given
+            if given is not None
+            else ocean(name, lon, lat, moment)
+        )
         if not np.all(np.abs(found[name] - want) <= slack * LIMITS[name]):
             wrong.append(f"{name} {found[name].mean():.4g} for {np.mean(want):.4g}")
     return "; ".join(wrong)
 
 
-def truth(ocean: Ocean = PLAIN, names: Iterable[str] = ALL, told: tuple[str, ...] = (), as_told: Callable[[Path, str], str] | None = None, *, slack: float = 1.0, doctor: bool = False, wanted: dict[str, Any] | None = None) -> Truth:
+def truth(
+    ocean: Ocean = PLAIN,
+    names: Iterable[str] = ALL,
+    told: tuple[str, ...] = (),
+    as_told: Callable[[Path, str], str] | None = None,
+    *,
+    slack: float = 1.0,
+    doctor: bool = False,
+    wanted: dict[str, Any] | None = None,
+) -> Truth:
     """Return what is known of a run that these files drive; ``doctor`` asks the doctor too, who must agree."""
     names = tuple(names)
 
@@ -210,4 +265,21 @@ def disagreement(folder: Path) -> str:
     return "" if said.code == 0 else f"{APART}: the doctor says {said.text[-400:]}"
 
 
-__all__ = ["ALL", "PLAIN", "RUN", "START", "Ocean", "axes", "dataset", "differs", "experiment", "field", "plain_files", "replace", "stamps", "store_as", "truth", "written_time"]
+__all__ = [
+    "ALL",
+    "PLAIN",
+    "RUN",
+    "START",
+    "Ocean",
+    "axes",
+    "dataset",
+    "differs",
+    "experiment",
+    "field",
+    "plain_files",
+    "replace",
+    "stamps",
+    "store_as",
+    "truth",
+    "written_time",
+]
