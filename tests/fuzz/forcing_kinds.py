@@ -173,7 +173,7 @@ def years_beyond() -> Iterator[Kind]:
             name,
             _redated(raw=values, units=units, calendar=calendar, files=files),
             never=True,
-            cause=("record|date|year|calendar",),
+            cause=("year|1678|2262|calendar|0?151-|0?251-|9020|26\\d\\d-|14\\d\\d-|31\\d\\d-",),
         )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from fuzz.base_files import bond_variables, copied, identified, store
+from fuzz.base_files import bond_variables, copied, identified
 from fuzz.judging import NEVER, SOON, Kind, Truth, call
 from kid.conftest import namelist_text, restart_variables, write_nc
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
@@ -351,7 +351,6 @@ def bond_meanings() -> Iterator[Kind]:
 
         return change
 
-    assert store()
     for name, change in {
         "to itself": of("other_id_cnt", 0, 1), "to nobody": of("other_id_cnt", 0, 99), "of nobody": of("first_id_cnt", 0, 99), "to another rank's element": of("other_id_ij", 0, 8), "negative identifier": of("first_id_cnt", 0, -1), "broken of 7": of("broken", 0, 7), "broken of -1": of("broken", 1, -1), "stress of NaN": of("nstress", 0, np.nan), "stress of 1e30": of("sstress", 0, 1e30), "one side alone": lambda v: v.update({k: x[:3] for k, x in v.items()}),
     }.items():  # fmt: skip

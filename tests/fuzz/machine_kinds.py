@@ -76,10 +76,10 @@ def outputs_in_use() -> Iterator[Kind]:
                 namelist = folder / "case" / "input.nml"
                 namelist.write_text(
                     namelist.read_text()
-                    .replace("ibhrs = 1\n", "ibhrs = 2000\n")
+                    .replace("ibhrs = 1\n", "ibhrs = 300\n")
                     .replace("mts_sub_steps = 10\n", "mts_sub_steps = 200\n")
                 )
-                assert "ibhrs = 2000" in namelist.read_text()
+                assert "ibhrs = 300" in namelist.read_text()
                 (folder / "out").mkdir()
             child = _beside(lambda: call(first, 600.0))
             running[:] = [child]

@@ -98,7 +98,7 @@ def _driven(known: Truth, change: str = "") -> Kind:
         (folder / "bad.yaml").write_text(text.replace("wind.nc", change) if change else text)
         return RUN
 
-    return Kind("judge", "good files", make, ("bad.yaml",), False, known, ("none.nc",))
+    return Kind("judge", "good files", make, ("none.nc",), False, known, ("no file matches",))
 
 
 def test_the_judge_compares_the_value_at_the_berg(tmp_path: Path) -> None:

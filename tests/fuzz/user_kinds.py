@@ -277,7 +277,11 @@ def outlines() -> Iterator[Kind]:
         got = _area(folder)
         if abs(got / right - 1.0) > 0.08:
             return f"{got:.1f} km2 for {right:.1f}"
-        return "" if abs(lon + 39.0) < 0.05 and abs(lat + 55.5) < 0.05 else f"lies at {lon:.2f}, {lat:.2f}"
+        return (
+            ""
+            if abs((lon + 219.0) % 360.0 - 180.0) < 0.05 and abs(lat + 55.5) < 0.05
+            else f"lies at {lon:.2f}, {lat:.2f}"
+        )
 
     def named(name: str, content: str | bytes, extra: str = "", cause: tuple[str, ...] = ()) -> Kind:
         file = {"C": "ring.csv", "G": "ring.geojson"}[name[0]]
@@ -297,7 +301,7 @@ def outlines() -> Iterator[Kind]:
         )
 
     csv = [f"{x},{y}" for x, y in RING]
-    yield named("G latitude first", _ring([[y, x] for x, y in RING]))
+    yield named("G latitude first, beyond the pole", _ring([[y, x - 100.0] for x, y in RING]))
     yield named("G 0 to 360", _ring([[x + 360.0, y] for x, y in RING]), cause=NEVER)
     yield named(
         "G metres without a system",
@@ -360,7 +364,7 @@ def tracks() -> Iterator[Kind]:
         return "" if near else f"distances {np.round(got, 1)} km for {np.round(want, 1)}"
 
     for name, content in {
-        "0 to 360": written(lambda d, x, y: f"{d},{y:.5f},{x + 360:.5f}"), "letters": written(lambda d, x, y: f"{d},{-y:.5f}S,{-x:.5f}W"), "longitude and latitude exchanged": written(lambda d, x, y: f"{d},{x:.5f},{y:.5f}"), "decimal commas": written(lambda d, x, y: f"{d};{y:.5f};{x:.5f}".replace(".", ","), "date;lat;lon"), "day first": written(lambda d, x, y: f"{d[8:10]}/{d[5:7]}/{d[:4]} {d[11:]},{y:.5f},{x:.5f}"),
+        "0 to 360": written(lambda d, x, y: f"{d},{y:.5f},{x + 360:.5f}"), "letters": written(lambda d, x, y: f"{d},{-y:.5f}S,{-x:.5f}W"), "longitude and latitude exchanged": written(lambda d, x, y: f"{d},{x + 360:.5f},{y:.5f}"), "decimal commas": written(lambda d, x, y: f"{d};{y:.5f};{x:.5f}".replace(".", ","), "date;lat;lon"), "day first": written(lambda d, x, y: f"{d[8:10]}/{d[5:7]}/{d[:4]} {d[11:]},{y:.5f},{x:.5f}"),
         "zone of +03:00": written(lambda d, x, y: f"{np.datetime64(d) + np.timedelta64(3, 'h')}+03:00,{y:.5f},{x:.5f}"), "day of the year": written(lambda d, x, y: f"{d[:4]}{(np.datetime64(d[:10]) - np.datetime64(d[:4] + '-01-01')).astype(int) + 1:03d}T{d[11:]},{y:.5f},{x:.5f}"), "degrees, minutes and seconds": written(lambda d, x, y: f"{d},{int(-y)}°{(-y % 1) * 60:.3f}'S,{int(-x)}°{(-x % 1) * 60:.3f}'W"), "backwards": lambda: "date,lat,lon\n" + "\n".join(reversed(plain().splitlines()[1:])) + "\n", "each line twice": lambda: "date,lat,lon\n" + "\n".join(line for row in plain().splitlines()[1:] for line in (row, row)) + "\n",
     }.items():  # fmt: skip
 
@@ -594,7 +598,7 @@ def observed() -> Iterator[Kind]:
 
     near = [[x + 0.2, y + 0.55] for x, y in RING]
     head = "date,vertex,lat,lon\n"
-    yield of("latitude first", _ring([[y, x] for x, y in near]))
+    yield of("latitude first, beyond the pole", _ring([[y, x + 360.0] for x, y in near]))
     yield of("0 to 360", _ring([[x + 360.0, y] for x, y in near]))
     yield of("clockwise", _ring(near[::-1]))
     yield of("not closed", _ring(near[:-1]))
