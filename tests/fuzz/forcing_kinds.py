@@ -1039,7 +1039,7 @@ def latitudes() -> Iterator[Kind]:
     cause = ("latitude|lat|position|degree",)
     for name, change, why in (
         ("from the north", turned(lambda q: q, True), NEVER), ("degrees south", turned(lambda q: -q, units="degrees_south"), cause), ("radians", turned(np.deg2rad, units="radian"), NEVER), ("colatitude", turned(lambda q: 90.0 - q, standard_name=None, long_name="colatitude", units="degrees"), cause), ("colatitude called latitude", turned(lambda q: 90.0 - q), cause),
-        ("single precision", turned(lambda q: q.astype("f4")), NEVER), ("shuffled", turned(lambda q: np.random.default_rng(2).permutation(q)), cause), ("one twice", turned(lambda q: np.where(np.arange(q.size) == 5, q[4], q)), cause), ("degrees and minutes", turned(lambda q: np.fix(q) + (q - np.fix(q)) * 0.6, long_name="latitude in DD.MM"), cause), ("hundredths of degrees", turned(lambda q: q * 100.0), cause),
+        ("single precision", turned(lambda q: q.astype("f4")), NEVER), ("shuffled", turned(lambda q: np.random.default_rng(2).permutation(q)), cause), ("one twice", turned(lambda q: np.where(np.arange(q.size) == 5, q[4], q)), cause), ("minutes of arc", turned(lambda q: q * 60.0, units="arc_minutes"), cause), ("hundredths of degrees", turned(lambda q: q * 100.0), cause),
     ):  # fmt: skip
         yield forced(f, name, change, cause=why, told=("latitude|lat",))
 
@@ -1076,7 +1076,7 @@ def members() -> Iterator[Kind]:
 
     cause = ("entries|member|dimension|ensemble|level|expver|quantile|version",)
     for name, change, why in (
-        ("three members", extra("number", 3, first_right=False, standard_name="realization"), cause), ("one member", extra("member", 1, standard_name="realization"), NEVER), ("two versions of ERA5", extra("expver", 2, np.array([1, 5]), file="wind.nc", gaps=True), NEVER), ("quantiles", extra("quantile", 3, np.array([0.1, 0.5, 0.9]), first_right=False), cause),
+        ("three members", extra("number", 3, first_right=False, standard_name="realization"), cause), ("one member", extra("member", 1, standard_name="realization"), NEVER), ("two versions of ERA5", extra("expver", 2, np.array([1, 5]), file="wind.nc", gaps=True), cause), ("quantiles", extra("quantile", 3, np.array([0.1, 0.5, 0.9]), first_right=False), cause),
         ("percentiles of one", extra("percentile", 1, np.array([50.0])), NEVER), ("scenarios without a name", extra("scen", 2, False, first_right=False), cause), ("two components in one variable", extra("component", 2, first_right=False), cause), ("bands of a raster", extra("band", 1, np.array([1])), NEVER), ("bands of two", extra("band", 2, np.array([1, 2]), first_right=False), cause),
         ("height of 10 m and of 100 m", extra("height", 2, np.array([10.0, 100.0]), file="wind.nc", units="m", positive="up", standard_name="height"), ("height|10 m|entries|level",)),
     ):  # fmt: skip
