@@ -224,7 +224,8 @@ def judge(kind: Kind, folder: Path) -> Verdict:
             return Verdict(kind, VAGUE, f"{fault or f'exit code {result.code}'}: {result.text[-600:]}", spent)
         if gone := sorted(name for name, mark in before.items() if after.get(name) != mark):
             return Verdict(kind, REMOVED, f"{gone}: {result.text[-300:]}", spent)
-        if (left := sorted(set(after) - set(before))) and not _GOES_ON.search(result.text):
+        left = sorted(name for name in set(after) - set(before) if not (kind.always and after[name] is None))
+        if left and not _GOES_ON.search(result.text):
             return Verdict(kind, REMAINS, f"{left}: {result.text[-300:]}", spent)
         return Verdict(kind, REFUSED, result.text.strip()[-300:], spent)
     finally:

@@ -125,7 +125,7 @@ def outputs_there() -> Iterator[Kind]:
             )
             (folder / "out").mkdir()
             for name, content in files.items():
-                (folder / "out" / name).parent.mkdir(exist_ok=True)
+                (folder / "out" / name).parent.mkdir(parents=True, exist_ok=True)
                 (folder / "out" / name).write_text(content)
             return arguments
 
