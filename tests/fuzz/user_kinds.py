@@ -131,7 +131,7 @@ def collected() -> Iterator[Kind]:
     """Give two mistakes in one file: both are named at once."""
     f = "two mistakes at once"
     faults = {
-        "thickness": ("thickness: 200", "thickness: thick"), "radius": ("radius: 1500", "radius: -5"), "rotation": ("rotation: 10", "rotation: round"), "wind": ("wind: [5, 1]", "wind: [5]"), "depth": ("depth: 1000", "depth: -3"), "days": ("days: 0.0625", "days: long"), "output_every_hours": ("output_every_hours: 0.5", "output_every_hours: -1"), "length": ("length: 9 km", "length: 0"),
+        "thickness": ("thickness: 200", "thickness: [1, 2]"), "radius": ("radius: 1500", "radius: -5"), "rotation": ("rotation: 10", "rotation: round"), "wind": ("wind: [5, 1]", "wind: [5]"), "depth": ("depth: 1000", "depth: -3"), "days": ("days: 0.0625", "days: long"), "output_every_hours": ("output_every_hours: 0.5", "output_every_hours: -1"), "length": ("length: 9 km", "length: 0"),
         "curent": ("current: [0.2, 0.0]", "curent: [0.2, 0.0]"), "normal_strength": ("20 kPa", "20 m"),
     }  # fmt: skip
     names = list(faults)
