@@ -1,4 +1,7 @@
-"""The short form of the fuzzer: some kinds of every class; the long form is ``python tests/fuzz/long.py --kinds 2000``."""
+"""The short form of the fuzzer: some kinds of every class; the long form is ``python tests/fuzz/long.py --kinds 2000``.
+
+A minute for all on an idle core, most of it for the values at the bergs of some sixty runs.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from fuzz.judging import BAD, Kind, judge, vague
+from fuzz.base_files import store
+from fuzz.families import FAMILIES
+from fuzz.judging import BAD, REFUSED, RIGHT, SILENT, TOLD, Kind, Truth, Verdict, judge, judge_apart, vague
+from fuzz.kid_kinds import good_ends
 from fuzz.kinds import kinds
+from fuzz.layouts import LAYOUTS, kind_of
 from fuzz.more_kinds import more
+from fuzz.oceans import PLAIN, RUN, Ocean, experiment, plain_files, truth
 
 EACH = 2
 """Kinds of a class in the short form."""
@@ -34,6 +42,81 @@ def test_bad_input_of_every_class_is_refused_in_one_sentence(tmp_path: Path) -> 
     bad = [f"{v.what}: {v.kind.family}, {v.kind.name}: {v.message}" for v in verdicts if v.what in BAD]
     assert not bad, "\n".join(bad)
     assert len(verdicts) > 60
+
+
+LONG = ("large_tables", "kills", "streams", "outputs_in_use", "quiet", "waves")
+"""Families that take seconds for each kind; the long form has them."""
+
+EVERY = 15
+"""Every so-many-th layout in the short form."""
+
+
+def found(kinds: list[Kind], folder: Path) -> list[Verdict]:
+    """Return the verdicts on kinds, each in a process of its own that has all kernels."""
+    store()
+    return [judge_apart(kind, folder / str(number)) for number, kind in enumerate(kinds)]
+
+
+def told(verdicts: list[Verdict]) -> str:
+    """Return what is bad in a list of verdicts."""
+    return "\n".join(f"{v.what}: {v.kind.family}, {v.kind.name}: {v.message}" for v in verdicts if v.what in BAD)
+
+
+def test_a_fault_of_every_family_is_right_or_refused_or_told(tmp_path: Path) -> None:
+    good_ends()
+    rng = random.Random(7)
+    chosen = [rng.choice(list(family())) for family in FAMILIES if family.__name__ not in LONG]
+    verdicts = found(chosen, tmp_path)
+    assert not told(verdicts), told(verdicts)
+    assert len(verdicts) >= 60
+
+
+def test_layouts_are_right_at_the_berg_or_refused_or_told(tmp_path: Path) -> None:
+    verdicts = found([kind_of(number, doctor=False) for number in range(0, LAYOUTS, EVERY)], tmp_path)
+    assert not told(verdicts), told(verdicts)
+    assert sum(v.what == RIGHT for v in verdicts) > len(verdicts) / 2
+
+
+def test_families_are_sixty_of_ten_kinds_each() -> None:
+    tables = [list(family()) for family in FAMILIES]
+    assert len(tables) >= 60
+    assert all(len({kind.name for kind in table}) == 10 for table in tables)
+    assert len({table[0].family for table in tables}) == len(tables)
+
+
+def test_layouts_are_the_same_every_time_and_differ() -> None:
+    names = [kind_of(number).name for number in range(LAYOUTS)]
+    assert names == [kind_of(number).name for number in range(LAYOUTS)]
+    assert len({name.split(":", 1)[1] for name in names}) > 0.97 * LAYOUTS
+
+
+def _driven(known: Truth, change: str = "") -> Kind:
+    """Return a kind that is a good run whose experiment has one text changed."""
+
+    def make(folder: Path) -> list[str]:
+        text = experiment(plain_files(folder), PLAIN)
+        (folder / "bad.yaml").write_text(text.replace("wind.nc", change) if change else text)
+        return RUN
+
+    return Kind("judge", "good files", make, ("none.nc",), False, known, ("no file matches",))
+
+
+def test_the_judge_compares_the_value_at_the_berg(tmp_path: Path) -> None:
+    """A judge that takes whatever a run gives would make the rest worthless: a field of one per cent more is found."""
+    strange = Ocean(lat=PLAIN.lat + 0.5)
+    notice = Truth(truth(strange).wrong, ("wind",))
+    verdicts = found(
+        [_driven(truth()), _driven(truth(strange)), _driven(notice), _driven(truth(), "none.nc")], tmp_path
+    )
+    assert [v.what for v in verdicts] == [RIGHT, SILENT, SILENT, REFUSED], told(verdicts)
+
+
+def test_the_judge_takes_what_is_told_and_then_holds_to_it(tmp_path: Path) -> None:
+    strange = truth(Ocean(lat=PLAIN.lat + 0.5)).wrong
+    no_wind = Truth(strange, ("no file gives the wind",), truth(names=("uo", "vo", "slope")).wrong)
+    and_wrong = Truth(strange, ("no file gives the wind",), strange)
+    verdicts = found([_driven(no_wind, "ocean.nc"), _driven(and_wrong, "ocean.nc")], tmp_path)
+    assert [v.what for v in verdicts] == [TOLD, SILENT], told(verdicts)
 
 
 @pytest.mark.slow
