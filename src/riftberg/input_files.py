@@ -36,21 +36,7 @@ def check_file(
     kind: type[InputError] = InputError,
     missing: str = "no such file",
 ) -> Path:
-    """Return the path of a plain file that is there, not empty and not too large; else raise ``kind``.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    remedy : str
-        What to name instead.
-    most : float, optional
-        Largest size, bytes.
-    kind : type
-        Error to raise.
-    missing : str
-        What is said where there is nothing.
-    """
+    """Return the path of a plain file that is there, not empty and not too large; else raise ``kind``."""
     path = Path(path)
     where = shown(path)
     try:
@@ -97,19 +83,7 @@ def is_folder(path: Path) -> bool:
 
 @contextmanager
 def reading(where: object, what: str, remedy: str, kind: type[InputError] = InputError) -> Iterator[None]:
-    """Turn whatever a library raises on a damaged file into one sentence that names the file.
-
-    Parameters
-    ----------
-    where : path or str
-        The file, perhaps with a variable.
-    what : str
-        What it is not, for example ``"not a GeoTIFF"``.
-    remedy : str
-        What would be right.
-    kind : type
-        Error to raise.
-    """
+    """Turn whatever a library raises on a damaged file into one sentence that names the file."""
     try:
         yield
     except RiftbergError:

@@ -26,13 +26,7 @@ AGAIN: Final = 1.0
 
 
 class Hold:
-    """Whether a signal waits.
-
-    Attributes
-    ----------
-    requested : int
-        Number of the first signal that came, 0 while none has.
-    """
+    """Whether a signal waits."""
 
     def __init__(self) -> None:
         self.requested = 0
@@ -58,15 +52,7 @@ class Hold:
         self._before = {}
 
     def check(self) -> None:
-        """Let the signal that came take effect.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            For Ctrl-C.
-        SystemExit
-            For a request to terminate or a hang-up, so that what is open is closed on the way out.
-        """
+        """Let the signal that came take effect."""
         if self.requested == signal.SIGINT:
             raise KeyboardInterrupt
         if self.requested:
@@ -123,11 +109,6 @@ def insisting() -> Iterator[None]:
     The compiled parts of netCDF4 throw about one in a hundred away, and those of matplotlib make errors of their own of
     them ("Invalid bounding box"). So the interrupt comes again until the block has ended, and any error that follows it
     counts as the interrupt.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        After Ctrl-C.
     """
     if (
         threading.current_thread() is not threading.main_thread()
@@ -165,17 +146,13 @@ _holding: Hold | None = None
 def held() -> Iterator[Hold]:
     """Hold Ctrl-C and termination back in this block; an inner block leaves that to the outer one.
 
-    Yields
-    ------
-    Hold
-        Says whether a signal waits.
-
     Examples
     --------
     >>> with held() as hold:
     ...     for step in range(3):
     ...         if hold.requested:
     ...             break
+
     """
     global _holding
     if threading.current_thread() is not threading.main_thread():

@@ -50,14 +50,7 @@ for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold"
 
 @cache
 def cache_folder() -> Path:
-    """Folder in which compiled kernels of exactly these sources are kept.
-
-    Returns
-    -------
-    pathlib.Path
-        ``$RIFTBERG_CACHE/<digest>`` or the user's cache folder, made where it is absent; a passing folder where nothing
-        can be written there, with a copy of what is kept there.
-    """
+    """Folder in which compiled kernels of exactly these sources are kept."""
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
     root = Path(__file__).parent
     for package in KERNEL_PACKAGES:
@@ -94,16 +87,7 @@ def is_warm() -> bool:
 
 
 def kernel(function: _F, *, parallel: bool = False) -> _F:
-    """Compile ``function`` on first call and keep the machine code.
-
-    Parameters
-    ----------
-    function : callable
-        A plain function of floats, integers, arrays and named tuples of these.
-    parallel : bool, optional
-        Turn ``prange`` loops into threads. The sums inside one iteration keep their order, so results do not
-        depend on the number of threads.
-    """
+    """Compile ``function`` on first call and keep the machine code."""
     return _compiled(function, parallel=parallel)
 
 

@@ -53,13 +53,7 @@ _EXTREME: ContextVar[bool] = ContextVar("riftberg_extreme_allowed", default=Fals
 
 @contextmanager
 def allow_extreme(allowed: bool = True) -> Iterator[None]:
-    """Allow KID runs in currents, wind and sea level that no sea has, and ice of any speed below 1000 m/s.
-
-    Parameters
-    ----------
-    allowed : bool
-        False leaves things as they are.
-    """
+    """Allow KID runs in currents, wind and sea level that no sea has, and ice of any speed below 1000 m/s."""
     token = _EXTREME.set(allowed or _EXTREME.get())
     try:
         yield
@@ -74,13 +68,7 @@ def extreme_allowed() -> bool:
 
 @contextmanager
 def allow_large(allowed: bool = True) -> Iterator[None]:
-    """Allow runs and files beyond the limits within a ``with`` block.
-
-    Parameters
-    ----------
-    allowed : bool
-        False leaves things as they are.
-    """
+    """Allow runs and files beyond the limits within a ``with`` block."""
     token = _ALLOWED.set(allowed or _ALLOWED.get())
     try:
         yield
@@ -96,21 +84,7 @@ def large_allowed() -> bool:
 def refuse_large(
     count: float, most: float, what: str, *, size: float = 0.0, where: str = "", remedy: str, kind: type[InputError]
 ) -> None:
-    """Raise an error where more is asked for than the most.
-
-    Parameters
-    ----------
-    count, most : float
-        What is asked for, and the limit.
-    what : str
-        Name of the things counted, for example ``"elements"``.
-    size : float
-        Bytes of memory for one of them; 0 leaves the size out of the message.
-    where, remedy : str
-        For the message.
-    kind : type
-        Error to raise.
-    """
+    """Raise an error where more is asked for than the most."""
     if count <= most or (_ALLOWED.get() and count < 1e18):
         return
     about = f", about {human(count * size)}" if size else ""

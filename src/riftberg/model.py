@@ -567,13 +567,7 @@ def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Para
 
 
 def check_arguments(berg: object, forcing: object, parameters: object) -> None:
-    """Refuse what is no berg, no forcing and no parameters, by name: they are easily given in another order.
-
-    Raises
-    ------
-    InputError
-        Naming the argument.
-    """
+    """Refuse what is no berg, no forcing and no parameters, by name: they are easily given in another order."""
     good = {
         "berg": (isinstance(berg, Iceberg), "an Iceberg, for example Iceberg.rectangle(...)"),
         "forcing": (
@@ -588,12 +582,7 @@ def check_arguments(berg: object, forcing: object, parameters: object) -> None:
 
 
 def check_recorders(recorders: object) -> None:
-    """Refuse what is no list of recorders before the first step.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what is no list of recorders before the first step."""
     wanted = "recorders in a list, such as [RunWriter('run.nc')]"
     required(recorders, (list, tuple), wanted, where="Model.run, recorders")
     for recorder in recorders if isinstance(recorders, list | tuple) else ():
@@ -604,13 +593,7 @@ def check_recorders(recorders: object) -> None:
 
 
 def start_of(forcing: Forcing, given: datetime | None) -> datetime:
-    """Return the date of time zero: as given, or that from which the forcing counts.
-
-    Raises
-    ------
-    InputError
-        If both are known and differ: the forcing would act at other dates than the run says.
-    """
+    """Return the date of time zero: as given, or that from which the forcing counts."""
     own = getattr(forcing, "start", None)
     if given is not None and isinstance(own, datetime) and own != given:
         raise InputError(
@@ -622,13 +605,7 @@ def start_of(forcing: Forcing, given: datetime | None) -> datetime:
 
 
 def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
-    """Refuse a berg, a grid and parameters that do not agree whether positions are degrees or metres.
-
-    Raises
-    ------
-    InputError
-        Naming who disagrees.
-    """
+    """Refuse a berg, a grid and parameters that do not agree whether positions are degrees or metres."""
     said = {"the berg": berg.latlon}
     if forcing.grid is not None:
         said["the grid of the forcing"] = forcing.grid.arrays.latlon
@@ -646,12 +623,7 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
 
 
 def check_balance(forcing: Forcing, p: Parameters) -> None:
-    """Refuse a current that is balanced for another Coriolis parameter than that of the run.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a current that is balanced for another Coriolis parameter than that of the run."""
     if getattr(forcing, "latlon", None) is None:
         return
     theirs = getattr(forcing, "latitude", None)
@@ -667,13 +639,7 @@ def check_balance(forcing: Forcing, p: Parameters) -> None:
 
 
 def check_state(elements: Elements, bonds: Bonds) -> None:
-    """Refuse elements that cannot be stepped, before the first step.
-
-    Raises
-    ------
-    InputError
-        Naming the element, the variable and the value.
-    """
+    """Refuse elements that cannot be stepped, before the first step."""
     for name in ("lon", "lat", "u", "v", "mass", "thickness", "length", "width", "spin", "rotation"):
         values = getattr(elements, name)
         bad = ~np.isfinite(values)
@@ -694,13 +660,7 @@ def check_state(elements: Elements, bonds: Bonds) -> None:
 
 
 def check_strengths(bonds: Bonds, p: Parameters) -> None:
-    """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand.
-
-    Raises
-    ------
-    InputError
-        Naming the strength, or the bond, and what is possible.
-    """
+    """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand."""
     own, f = not p.compatibility.zero_start, p.fracture
     for name, value in (("normal_strength", f.normal_strength), ("shear_strength", f.shear_strength)):
         if f.enabled and own and value <= 0.0:

@@ -102,23 +102,7 @@ if hasattr(os, "register_at_fork"):
 
 @contextmanager
 def open_netcdf(path: str | Path, mode: str = "r", **options: Any) -> Iterator[netCDF4.Dataset]:
-    """Open a NetCDF file for a block in which this thread alone uses NetCDF.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    mode : str, optional
-        As `netCDF4.Dataset` takes it.
-    **options
-        Further arguments of `netCDF4.Dataset`.
-
-    Raises
-    ------
-    OSError
-        If what should be read is a pipe, a device or a folder, for which the library would wait for ever; if the machine does
-        not let the file be written, with what the system says.
-    """
+    """Open a NetCDF file for a block in which this thread alone uses NetCDF."""
     _LOG.debug("opening %s (%s)", path, mode)
     if mode == "r":
         with NETCDF, _read(path, **options) as file:
@@ -182,15 +166,7 @@ def _refuse_odd(path: Any) -> None:
 
 
 def open_lazily(source: Any, **options: Any) -> xr.Dataset:
-    """Open a dataset whose values are read when they are asked for, each read under the lock.
-
-    Parameters
-    ----------
-    source : path or what xarray opens
-        NetCDF files are read by netCDF4, anything else by what xarray finds for it.
-    **options
-        Further arguments of `xarray.open_dataset`.
-    """
+    """Open a dataset whose values are read when they are asked for, each read under the lock."""
     import xarray as xr
     from xarray.backends.plugins import guess_engine
 
@@ -206,16 +182,7 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
 
 
 def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None:
-    """Write a dataset of xarray as a NetCDF file, which is there as a whole or not at all.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-    path : path
-        The file.
-    **options
-        ``encoding`` and ``unlimited_dims``, as `xarray.Dataset.to_netcdf` takes them.
-    """
+    """Write a dataset of xarray as a NetCDF file, which is there as a whole or not at all."""
     from xarray.backends import NetCDF4DataStore
 
     _LOG.debug("writing %s", path)

@@ -19,13 +19,7 @@ except ImportError:  # Windows: no such locks, runs are not kept apart there
 
 
 class OneWriter:
-    """Holds a file for one writer.
-
-    Parameters
-    ----------
-    path : path
-        The file that is about to be written.
-    """
+    """Holds a file for one writer."""
 
     def __init__(self, path: str | Path) -> None:
         self._handle: int | None = None  # first, for it is asked for when this object goes, however far it came
@@ -35,13 +29,7 @@ class OneWriter:
         self.mark = self.path.with_name(f".{self.path.name}.lock")
 
     def take(self) -> None:
-        """Take the file.
-
-        Raises
-        ------
-        InputError
-            If another one holds it, in this process or another one.
-        """
+        """Take the file."""
         if fcntl is None:
             return
         while True:
@@ -87,13 +75,7 @@ class OneWriter:
 
 @contextmanager
 def only_writer(*paths: str | Path) -> Iterator[None]:
-    """Hold files for a block.
-
-    Raises
-    ------
-    InputError
-        If another one holds one of them; none is held then.
-    """
+    """Hold files for a block."""
     writers = [OneWriter(path) for path in paths]
     try:
         for writer in writers:

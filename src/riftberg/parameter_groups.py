@@ -32,11 +32,6 @@ class Group(BaseModel):
     """Base of all parameter groups: immutable, unknown keys refused, numbers finite.
 
     Values may be texts with units (``"18 kPa"``) and numbers of NumPy; mistakes get the words of an experiment file.
-
-    Raises
-    ------
-    InputError
-        Naming the parameter, the value and what is allowed.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -390,14 +390,7 @@ class Parameters(Group):
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
     """Radius of the inscribed circle of an element of the given area (equations 1.4).
 
-    Parameters
-    ----------
-    area : float
-        Plan area, m2.
-    packing : {"square", "hexagonal"}
-        Shape of the element.
-    bonded : bool
-        Elements of an unbonded square berg count as discs.
+    ``area``: plan area, m2.
     """
     if packing == "hexagonal":
         return math.sqrt(area / (2.0 * math.sqrt(3.0)))

@@ -17,14 +17,7 @@ def longitude(value: float, digits: int) -> str:
 def place_text(lon: float, lat: float, *, latlon: bool, digits: int = 3) -> str:
     """Return a place: latitude and longitude in degrees, or x and y of a Cartesian run (m) in that order.
 
-    Parameters
-    ----------
-    lon, lat : float
-        Degrees, or x and y in m.
-    latlon : bool
-        Positions are degrees.
-    digits : int, optional
-        Of degrees.
+    ``lon``, ``lat``: degrees, or x and y in m.
     """
     if latlon:
         return f"{latitude(lat, digits)}, {longitude(lon, digits)}"

@@ -25,22 +25,12 @@ def unit_vectors(lon: Floats, lat: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class AzimuthalPlane:
-    """Base of the planes that touch the sphere at ``(lon0, lat0)``; the identity for positions in metres.
+    """Base of the planes that touch the sphere at ``(lon0, lat0)``; the identity for positions in metres."""
 
-    Attributes
-    ----------
-    lon0, lat0 : float
-        Point of contact, degrees (metres where ``latlon`` is false).
-    radius : float
-        Radius of the sphere, m.
-    latlon : bool
-        Positions are degrees.
-    """
-
-    lon0: float
-    lat0: float
-    radius: float
-    latlon: bool = True
+    lon0: float  # Point of contact, degrees (metres where ``latlon`` is false)
+    lat0: float  # Point of contact, degrees (metres where ``latlon`` is false)
+    radius: float  # Radius of the sphere, m
+    latlon: bool = True  # Positions are degrees
 
     def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return metres east and north of the point of contact, on the plane."""

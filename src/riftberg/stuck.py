@@ -42,13 +42,7 @@ def when_stuck(action: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def opening(path: object) -> Iterator[None]:
-    """Watch a block that opens a file.
-
-    Parameters
-    ----------
-    path : path
-        The file, as it is named to the person.
-    """
+    """Watch a block that opens a file."""
     clock = threading.Timer(STUCK_AFTER, lambda: _action[0](str(path)))
     clock.daemon = True
     clock.start()

@@ -84,13 +84,7 @@ def _brief(text: str) -> str:
 
 
 def parse_unit(text: str) -> Unit:
-    """Read a unit such as ``kg m-3``, ``m/s`` or ``kPa``.
-
-    Raises
-    ------
-    ValueError
-        If a part of it is not known.
-    """
+    """Read a unit such as ``kg m-3``, ``m/s`` or ``kPa``."""
     factor, powers = _exact(text)
     return Unit(float(factor), powers)
 
@@ -134,22 +128,11 @@ def _power(text: str, piece: str) -> Fraction:
 def to_unit(text: str, unit: str) -> float:
     """Return the number that ``text`` means in ``unit``.
 
-    Parameters
-    ----------
-    text : str
-        A number, with or without a unit.
-    unit : str
-        Unit of the parameter; empty or ``"1"`` where it has none; ``"degree or m"`` where it has one or the other.
-
-    Raises
-    ------
-    ValueError
-        If it is not a number, or its unit measures something else.
-
     Examples
     --------
     >>> to_unit("18 kPa", "Pa"), to_unit("30 min", "s"), to_unit("5e6", "Pa")
     (18000.0, 1800.0, 5000000.0)
+
     """
     match = _NUMBER.match(text)
     if match is None:

@@ -123,19 +123,7 @@ STEPS_IN_A_TIDE: Final = 10.0
 
 
 def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True) -> dict[str, str]:
-    """Return what lies outside its usual range, a sentence for each name.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Of a run.
-    elements : Elements
-        The bergs.
-    forcing : Forcing
-        Its formulas are looked at, and the times of its records; fields of files are judged where they are read.
-    placed : bool
-        The bergs are at their start; later they may have melted to any size.
-    """
+    """Return what lies outside its usual range, a sentence for each name."""
     said: dict[str, str] = {}
     given = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
     for name, values, unit in given:

@@ -30,15 +30,7 @@ SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
 
 
 class UnfitError(ValueError):
-    """A value that a field cannot hold.
-
-    Parameters
-    ----------
-    what : str
-        What is wrong, with the value met.
-    remedy : str
-        What would be right.
-    """
+    """A value that a field cannot hold."""
 
     def __init__(self, what: str, remedy: str = "") -> None:
         self.what, self.remedy = what, remedy
@@ -46,13 +38,7 @@ class UnfitError(ValueError):
 
 
 def in_utc(moment: datetime) -> datetime:
-    """Return a date as UTC without zone.
-
-    Raises
-    ------
-    ValueError
-        If it lies before the year 1 or after 9999 there, where Python has no dates.
-    """
+    """Return a date as UTC without zone."""
     try:
         return moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
     except OverflowError as error:
@@ -94,6 +80,7 @@ def native(value: Any) -> Any:
     (2.0, [1, 2])
     >>> native(np.datetime64("2020-12-09T13"))
     datetime.datetime(2020, 12, 9, 13, 0)
+
     """
     if isinstance(value, np.datetime64):
         moment = value.astype("datetime64[us]").item()
@@ -115,13 +102,7 @@ def native(value: Any) -> Any:
 
 
 def plain_value(value: Any, field: FieldInfo) -> Any:
-    """Turn a text or a length of time into what the field holds: numbers in its unit, flags, lists.
-
-    Raises
-    ------
-    ValueError
-        If a quantity has a wrong unit, or is no number where one is needed.
-    """
+    """Turn a text or a length of time into what the field holds: numbers in its unit, flags, lists."""
     if isinstance(value, list | tuple):
         if any(get_origin(kind) is list for kind in kinds_of(field.annotation)):
             return value  # names of files or of parts, and rows of whole numbers, carry no units
@@ -155,13 +136,7 @@ def _flag(text: str) -> bool:
 
 
 def flag(value: Any, *, where: str, kind: type[InputError] = InputError) -> bool:
-    """Return true or false, also from the words that a file may have for it.
-
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
+    """Return true or false, also from the words that a file may have for it."""
     plain = native(value)
     try:
         if isinstance(plain, str):
@@ -194,13 +169,7 @@ def _number_of_field(text: str, field: FieldInfo, letters: str = "") -> float | 
 
 
 def check_kind(value: Any, field: FieldInfo) -> None:
-    """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value.
-
-    Raises
-    ------
-    UnfitError
-        With what is allowed.
-    """
+    """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value."""
     kinds = kinds_of(field.annotation)
     if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
         raise UnfitError("a key that is no word", "Keys are plain words, such as fracture")
@@ -252,26 +221,7 @@ def _kind_name(kind: Any) -> str:
 def given(
     value: Any, section: type[BaseModel], name: str, *, where: str = "", kind: type[InputError] = InputError
 ) -> Any:
-    """Return a value as the field ``name`` of a section holds it.
-
-    Parameters
-    ----------
-    value : object
-        A number, a text with a unit, a list of such; also of NumPy and pandas.
-    section : type
-        Section of a file or group of parameters that has this field.
-    name : str
-        The field.
-    where : str, optional
-        Where the value stands, for messages; by default the name.
-    kind : type, optional
-        Error to raise.
-
-    Raises
-    ------
-    InputError
-        In the words that a file with this value gets.
-    """
+    """Return a value as the field ``name`` of a section holds it."""
     field, where = section.model_fields[name], where or name
     plain = _prepared(value, field, where, kind)
     try:
@@ -307,13 +257,7 @@ def _prepared(value: Any, field: FieldInfo, where: str, kind: type[InputError] =
 
 
 def checked(section: type[BaseModel], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments of a group of parameters without units and of plain kinds; the names must be known.
-
-    Raises
-    ------
-    InputError
-        Naming the argument, the value and what is allowed.
-    """
+    """Return arguments of a group of parameters without units and of plain kinds; the names must be known."""
     result, faults = {}, []
     for name, value in values.items():
         try:
@@ -388,32 +332,13 @@ def explained(error: ValidationError, section: type[BaseModel]) -> InputError:
 def required(
     value: Any, kinds: type | tuple[type, ...], wanted: str, *, where: str, kind: type[InputError] = InputError
 ) -> None:
-    """Refuse an argument of another kind than is wanted, in words.
-
-    Parameters
-    ----------
-    value : object
-        As it was given.
-    kinds : type or tuple of type
-        What it may be.
-    wanted : str
-        What would be right, such as ``"a path"``.
-    where : str
-        Name of the argument.
-    kind : type, optional
-        Error to raise.
-    """
+    """Refuse an argument of another kind than is wanted, in words."""
     if not isinstance(value, kinds) or isinstance(value, bool):
         raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {wanted}")
 
 
 def check_names(options: Mapping[str, Any], kind: type) -> None:
     """Refuse arguments by name that a typed dict of options does not list, as Python does for those of a function.
-
-    Raises
-    ------
-    TypeError
-        Naming those that there are.
 
     Examples
     --------
@@ -423,6 +348,7 @@ def check_names(options: Mapping[str, Any], kind: type) -> None:
     >>> check_names({"lenght": 2.0}, Size)
     Traceback (most recent call last):
     TypeError: unexpected keyword argument 'lenght'. Did you mean 'length'? It may be length
+
     """
     known = kind.__annotations__
     for name in options:
@@ -433,15 +359,11 @@ def check_names(options: Mapping[str, Any], kind: type) -> None:
 def moment(value: Any, *, where: str) -> datetime:
     """Return a date as UTC without zone: from a date, a text, a datetime64 or a Timestamp.
 
-    Raises
-    ------
-    InputError
-        If it is none.
-
     Examples
     --------
     >>> moment("2020-12-09 13:00", where="start")
     datetime.datetime(2020, 12, 9, 13, 0)
+
     """
     plain = native(value)
     wrong = InputError(f"{value_shown(value)} is not a date", where=where, remedy=DATE_REMEDY)
@@ -474,6 +396,7 @@ def nanoseconds(
     --------
     >>> nanoseconds(["2020-12-09T13"], where="time")
     array(['2020-12-09T13:00:00.000000000'], dtype='datetime64[ns]')
+
     """
     given = np.asarray(dates)
     given = given if given.dtype.kind == "M" else given.astype("datetime64[us]")
@@ -505,16 +428,7 @@ def check_place(
 ) -> None:  # fmt: skip
     """Refuse a place that is none on Earth, where only swapped coordinates put a berg.
 
-    Parameters
-    ----------
-    place : tuple of float
-        Longitude and latitude, degrees.
-    where : str
-        Where it is given.
-    kind : type, optional
-        Error to raise.
-    south, north : float, optional
-        Latitudes between which a berg may lie.
+    ``place``: longitude and latitude, degrees.
     """
     check_degrees(place, where=where, kind=kind)
     if not south <= place[1] <= north:
@@ -525,13 +439,7 @@ def check_place(
 
 
 def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> float:
-    """Return one number in a unit; a text with a unit and numbers of NumPy are taken.
-
-    Raises
-    ------
-    InputError
-        If it is no number or has a wrong unit.
-    """
+    """Return one number in a unit; a text with a unit and numbers of NumPy are taken."""
     try:
         return _number_in(value, unit)
     except ValueError as error:
@@ -540,13 +448,7 @@ def number(value: Any, unit: str, *, where: str, kind: type[InputError] = InputE
 
 
 def numbers(value: Any, unit: str, *, where: str, kind: type[InputError] = InputError) -> np.ndarray[Any, Any]:
-    """Return a number or an array of numbers in a unit; texts with units, Series and DataArrays are taken.
-
-    Raises
-    ------
-    InputError
-        If one of them is no number or has a wrong unit.
-    """
+    """Return a number or an array of numbers in a unit; texts with units, Series and DataArrays are taken."""
     try:
         if isinstance(value, str):
             return np.asarray(_number_in(value, unit))

@@ -54,19 +54,7 @@ def refused(path: str | Path) -> OSError | None:
 
 @contextmanager
 def replacing(path: str | Path, *, copy: bool = False, to_disk: bool = False, ending: bool = False) -> Iterator[Path]:
-    """Give the passing name of a file, which takes its own name if the block ends well.
-
-    Parameters
-    ----------
-    path : path
-        The file; an earlier one stands until it is replaced.
-    copy : bool, optional
-        Begin with a copy of the earlier file.
-    to_disk : bool, optional
-        Wait until the disk has it, so that it survives a failure of power too.
-    ending : bool, optional
-        Let the passing name end as the file's own, for writers that go by it.
-    """
+    """Give the passing name of a file, which takes its own name if the block ends well."""
     path = Path(path)
     remove_leftovers(path)
     part = path.with_name(f".{path.name}.{_node()}-{os.getpid()}-{next(_COUNTER)}.part{path.suffix if ending else ''}")

@@ -28,14 +28,7 @@ OVERLAP_ALLOWED = 0.01
 def make_elements(lon: Floats, lat: Floats, material: Material, *, static: Any = False) -> Elements:
     """Return elements at positions, with all that follows from radius, thickness and density.
 
-    Parameters
-    ----------
-    lon, lat : ndarray
-        Positions, degrees (m if not ``material.latlon``).
-    material : Material
-        What the elements are made of.
-    static : bool or ndarray
-        Elements that never move.
+    ``lon``, ``lat``: positions, degrees (m if not ``material.latlon``).
     """
     check_elements(len(lon), kind=BergError)
     radius, density, velocity = material.radius, material.density, material.velocity
@@ -143,14 +136,7 @@ def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
     Of a map only ice counts, values above zero: the zeros and gaps around a berg are left out of the bilinear mean, or
     they would thin its rim.
 
-    Parameters
-    ----------
-    source : float, array_like, Raster, path, DataArray or Dataset
-        The thickness, m.
-    lon, lat : ndarray
-        Positions of the elements.
-    read : callable
-        Reader of maps (`riftberg.bergs.raster.read_raster`).
+    ``source``: the thickness, m.
     """
     if not (isinstance(source, str | Path | Raster) or is_gridded(source)):
         return one_each(source, len(lon), "thickness")

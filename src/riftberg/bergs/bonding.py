@@ -25,21 +25,11 @@ SEARCH_MARGIN = 1e-3
 
 @dataclass(frozen=True)
 class BondRule:
-    """When two elements are bonded; both inequalities are strict.
+    """When two elements are bonded; both inequalities are strict."""
 
-    Attributes
-    ----------
-    length : float or None
-        Bonded when the centres are closer than this, m; None means the rule on radii.
-    packing : {"square", "hexagonal"}
-        Shape of the elements, which gives their inscribed radius.
-    radii_factor : float
-        Bonded when closer than this times the sum of the radii.
-    """
-
-    length: float | None = None
-    packing: Packing = "square"
-    radii_factor: float = RADII_FACTOR
+    length: float | None = None  # Bonded when the centres are closer than this, m; None means the rule on radii
+    packing: Packing = "square"  # Shape of the elements, which gives their inscribed radius
+    radii_factor: float = RADII_FACTOR  # Bonded when closer than this times the sum of the radii
 
     def reaches(self, elements: Elements) -> Floats:
         """Return the reach of each element (m): two are bonded when closer than the sum of their reaches."""
@@ -51,21 +41,11 @@ class BondRule:
 
 @dataclass(frozen=True)
 class Metric:
-    """How differences of position become metres (equations 2.2).
+    """How differences of position become metres (equations 2.2)."""
 
-    Attributes
-    ----------
-    latlon : bool
-        Positions in degrees; otherwise metres.
-    radius : float
-        Radius of the sphere, m.
-    period : float
-        Zonal period in units of the positions; 0 or less where there is none.
-    """
-
-    latlon: bool
-    radius: float = 1.0
-    period: float = -1.0
+    latlon: bool  # Positions in degrees; otherwise metres
+    radius: float = 1.0  # Radius of the sphere, m
+    period: float = -1.0  # Zonal period in units of the positions; 0 or less where there is none
 
 
 def inscribed_share(elements: Elements, packing: Packing) -> Floats:
@@ -78,20 +58,6 @@ def form_bonds(elements: Elements, rule: BondRule, metric: Metric) -> Bonds:
     """Bond all pairs of elements that the rule joins.
 
     Distances use the metric of the mean latitude of the pair, and the nearest image in a periodic domain.
-
-    Parameters
-    ----------
-    elements : Elements
-        Their ``lon``, ``lat``, ``length`` and ``width`` are read; ``bond_count`` is set.
-    rule : BondRule
-        When two elements are bonded.
-    metric : Metric
-        Coordinates.
-
-    Returns
-    -------
-    Bonds
-        Each pair once, ``first < second`` (rows), sorted; unstressed, with their present length.
     """
     first, second, distance = _pairs(elements, rule.reaches(elements), metric)
     bonds = new_bonds(first, second)

@@ -44,14 +44,7 @@ SIZES: Final = ("gladstone", "tournadre")
 def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[float, float]) -> Floats:
     """Return plan areas of bergs, m2.
 
-    Parameters
-    ----------
-    count : int
-    sizes : {"gladstone", "tournadre"} or array_like
-        The distribution, or areas (m2) to draw from.
-    random : numpy.random.Generator
-    between : tuple of float
-        Least and largest area (m2) of the power law.
+    ``sizes``: the distribution, or areas (m2) to draw from; ``between``: least and largest area (m2) of the power law.
     """
     if isinstance(sizes, str):
         if sizes == "gladstone":
@@ -103,16 +96,8 @@ def places(
 ) -> tuple[Floats, Floats]:
     """Return places in a box at which discs of these radii (m) keep a gap (m), the largest first placed.
 
-    Parameters
-    ----------
-    radius : array of float
-        Half of the greatest extent of each berg, m.
-    box : tuple of float
-        West, east, south and north (degrees; m if not latlon).
-    gap : float
-        Least distance of the rims, m.
-    metric : Metric
-    random : numpy.random.Generator
+    ``radius``: half of the greatest extent of each berg, m; ``box``: west, east, south and north (degrees; ``gap``:
+    least distance of the rims, m.
     """
     west, east, south, north = box
     if not (west < east and south < north and all(np.isfinite(box))):

@@ -22,26 +22,7 @@ SUFFIXES = (".tif", ".tiff", ".gtiff")
 
 
 def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, Floats, str, str | None]:
-    """Read a band of a GeoTIFF.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    variable : str, optional
-        Number (from 1) or description of the band; needed where there are several.
-
-    Returns
-    -------
-    x, y : ndarray
-        Rising coordinates of the centres of the cells: degrees, or m where projected.
-    values : ndarray
-        Shape (len(y), len(x)); NaN where the file says that there is no data.
-    name : str
-        File and band, for messages.
-    crs : str or None
-        Coordinate system of projected coordinates.
-    """
+    """Read a band of a GeoTIFF."""
     rasterio = needed("rasterio", "GeoTIFF files need it", "geotiff")
     check_file(path, remedy="Name a GeoTIFF", kind=BergError)
     with reading(path, "not a GeoTIFF, or a damaged one", "Write the grid again", BergError), own_filters():

@@ -26,31 +26,17 @@ OFFSETS_TRIED = 5
 
 @dataclass(frozen=True)
 class Region:
-    """A plane figure to be filled.
+    """A plane figure to be filled."""
 
-    Attributes
-    ----------
-    bounds : tuple of float
-        x_min, y_min, x_max, y_max in m.
-    area : float
-        Area in m2.
-    centroid : tuple of float
-        x and y in m.
-    inside : callable
-        Takes arrays x, y (m) and returns whether each point lies in the figure.
-    piece : callable, optional
-        Takes arrays x, y (m) of points of the figure and returns numbers of the separate pieces in which they lie, from
-        1; None where the figure is one piece.
-    pieces : int
-        Number of separate pieces.
-    """
-
-    bounds: tuple[float, float, float, float]
-    area: float
-    centroid: tuple[float, float]
+    bounds: tuple[float, float, float, float]  # x_min, y_min, x_max, y_max in m
+    area: float  # Area in m2
+    centroid: tuple[float, float]  # x and y in m
+    # Takes arrays x, y (m) and returns whether each point lies in the figure
     inside: Callable[[Floats, Floats], Booleans]
+    # Takes arrays x, y (m) of points of the figure and returns numbers of the separate pieces in which they lie, from
+    # 1; None where the figure is one piece
     piece: Callable[[Floats, Floats], Ints] | None = None
-    pieces: int = 1
+    pieces: int = 1  # Number of separate pieces
 
     def piece_of(self, lattice: Lattice) -> Ints | None:
         """Return the number of the piece of each point of a lattice, None where there is one piece."""
@@ -59,20 +45,12 @@ class Region:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Centres of elements in a plane.
+    """Centres of elements in a plane."""
 
-    Attributes
-    ----------
-    x, y : ndarray
-        Positions in m.
-    column, row : ndarray
-        Place in the lattice, from 0.
-    """
-
-    x: Floats
-    y: Floats
-    column: Ints
-    row: Ints
+    x: Floats  # Positions in m
+    y: Floats  # Positions in m
+    column: Ints  # Place in the lattice, from 0
+    row: Ints  # Place in the lattice, from 0
 
     def __len__(self) -> int:
         """Return the number of elements."""
@@ -90,6 +68,7 @@ def element_area(radius: float, packing: Packing) -> float:
     --------
     >>> element_area(1500.0, "square")
     9000000.0
+
     """
     return 2.0 * math.sqrt(3.0) * radius**2 if packing == "hexagonal" else (2.0 * radius) ** 2
 
@@ -107,16 +86,7 @@ def lattice_points(
 ) -> Lattice:
     """Return all lattice points strictly inside a rectangle, column by column from the lower-left corner.
 
-    Parameters
-    ----------
-    bounds : tuple of float
-        x_min, y_min, x_max, y_max in m.
-    radius : float
-        Radius of the inscribed circle of an element, m.
-    packing : {"square", "hexagonal"}
-        Packing.
-    offset : tuple of float
-        Shift of the lattice as parts (0 to 1) of the pitch; (0, 0) is the rule of equations 8.2.
+    ``bounds``: x_min, y_min, x_max, y_max in m; ``radius``: radius of the inscribed circle of an element, m.
     """
     x0, y0, x1, y1 = bounds
     dx, dy = pitch(radius, packing)
@@ -134,23 +104,7 @@ def lattice_points(
 
 
 def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, float] | None = None) -> Lattice:
-    """Fill a region with the elements whose centres lie in it.
-
-    Parameters
-    ----------
-    region : Region
-        What to fill.
-    radius, packing : float, str
-        As in `lattice_points`.
-    offset : tuple of float, optional
-        Shift of the lattice as parts of the pitch. By default the shift (of 5 by 5) that comes closest to the area
-        and the centroid of the region.
-
-    Raises
-    ------
-    BergError
-        If no element fits.
-    """
+    """Fill a region with the elements whose centres lie in it."""
     if not radius > 0 or not math.isfinite(radius):
         raise BergError(f"radius is {radius} m", remedy="Give a positive radius in metres, for example 1500")
     _check_size(region, radius, packing)
@@ -214,12 +168,7 @@ def rectangle_region(length: float, width: float) -> Region:
 def cells_region(column: Ints, row: Ints, side: float) -> Region:
     """Union of square cells, for example the elements of another square lattice.
 
-    Parameters
-    ----------
-    column, row : ndarray of int
-        Cells that belong to the region; cell (0, 0) has its lower-left corner at the origin.
-    side : float
-        Side of a cell, m.
+    ``side``: side of a cell, m.
     """
     held = np.zeros((column.max() + 1, row.max() + 1), dtype=bool)
     held[column, row] = True

@@ -30,22 +30,9 @@ def makeberg_lattice(
 ) -> tuple[Lattice, ReferencePlane]:
     """Return the elements of a mask as the reference's script places them, and the map to the sphere.
 
-    Parameters
-    ----------
-    mask : Raster
-        Ice where positive; regular longitude and latitude in degrees.
-    radius, packing : float, str
-        Radius (m) and packing of the elements.
-    spacing : float
-        Spacing (m) of the plane grid on which the mask is resampled.
-    reference_latitude : float, optional
-        Latitude (degrees) that scales the longitudes of the mask; the mean of its latitudes by default.
-    threshold : float
-        Resampled mask value above which a point is ice.
-    shift : tuple of float
-        Degrees added to longitude and latitude of the mask.
-    earth_radius : float
-        Radius of the sphere, m.
+    ``mask``: ice where positive; ``radius``, ``packing``: radius (m) and packing of the elements; ``spacing``: spacing
+    (m) of the plane grid on which the mask is resampled; ``reference_latitude``: latitude (degrees) that scales the
+    longitudes of the mask; ``earth_radius``: radius of the sphere, m.
     """
     if mask.crs is not None:
         raise BergError(

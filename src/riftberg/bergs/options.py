@@ -22,63 +22,29 @@ from riftberg.values import check_degrees, check_names, check_place, flag, given
 
 
 class Material(NamedTuple):
-    """What a berg is made of.
+    """What a berg is made of."""
 
-    Attributes
-    ----------
-    thickness : float or array
-        Ice thickness, m.
-    radius : float or array
-        Radius of the inscribed circle of an element, m.
-    packing : {"square", "hexagonal"}
-        Packing of the lattice, which gives the area of an element.
-    density : float
-        Ice density, kg m-3.
-    velocity : tuple
-        Eastward and northward velocity, m s-1.
-    spin : float
-        Angular velocity, rad s-1, counter-clockwise.
-    earth_radius : float
-        Radius of the sphere, m.
-    latlon : bool
-        Positions are degrees, otherwise metres.
-    pieces : array of int, optional
-        Piece of each element; elements of different pieces are not bonded.
-    """
-
-    thickness: Any
-    radius: Any = 1500.0
-    packing: Packing = "square"
-    density: float = 850.0
-    velocity: tuple[Any, Any] = (0.0, 0.0)
-    spin: float = 0.0
-    earth_radius: float = EARTH_RADIUS_A68
-    latlon: bool = True
-    pieces: Any = None
+    thickness: Any  # Ice thickness, m
+    radius: Any = 1500.0  # Radius of the inscribed circle of an element, m
+    packing: Packing = "square"  # Packing of the lattice, which gives the area of an element
+    density: float = 850.0  # Ice density, kg m-3
+    velocity: tuple[Any, Any] = (0.0, 0.0)  # Eastward and northward velocity, m s-1
+    spin: float = 0.0  # Angular velocity, rad s-1, counter-clockwise
+    earth_radius: float = EARTH_RADIUS_A68  # Radius of the sphere, m
+    latlon: bool = True  # Positions are degrees, otherwise metres
+    pieces: Any = None  # Piece of each element; elements of different pieces are not bonded
 
 
 class Placing(NamedTuple):
-    """How a shape is filled and where the berg is put.
+    """How a shape is filled and where the berg is put."""
 
-    Attributes
-    ----------
-    rotation : float
-        Degrees by which the finished berg is turned counter-clockwise about its centroid.
-    shift : tuple of float
-        Degrees of longitude and latitude by which it is moved.
-    placement : tuple of float, optional
-        Longitude and latitude of the centroid, instead of where the shape was drawn.
-    offset : tuple of float, optional
-        Shift of the lattice as parts of its pitch; by default that with the smallest error of area.
-    conformal : bool
-        Bonds start without strain; False is the rule of the reference (files 8.3).
-    """
-
-    rotation: float = 0.0
-    shift: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0  # Degrees by which the finished berg is turned counter-clockwise about its centroid
+    shift: tuple[float, float] = (0.0, 0.0)  # Degrees of longitude and latitude by which it is moved
+    # Longitude and latitude of the centroid, instead of where the shape was drawn
     placement: tuple[float, float] | None = None
+    # Shift of the lattice as parts of its pitch; by default that with the smallest error of area
     offset: tuple[float, float] | None = None
-    conformal: bool = True
+    conformal: bool = True  # Bonds start without strain; False is the rule of the reference (files 8.3)
 
 
 class MaterialOptions(TypedDict, total=False):
@@ -141,21 +107,7 @@ class FieldOptions(TypedDict, total=False):
 def sorted_options(options: Mapping[str, Any], kind: type, thickness: Any) -> tuple[Material, Placing]:
     """Return options of a kind as material and layout.
 
-    Parameters
-    ----------
-    options : mapping
-        As a constructor was given them.
-    kind : type
-        The typed dict that names what that constructor takes.
-    thickness : float, array or map
-        Thickness, m.
-
-    Raises
-    ------
-    TypeError
-        If one has another name, as for any argument.
-    BergError
-        If one is no such value, in the words that an experiment file gets.
+    ``thickness``: thickness, m.
     """
     check_names(options, kind)
     plain = {name: option(name, value, bool(options.get("latlon", True))) for name, value in options.items()}
@@ -183,17 +135,7 @@ def given_place(value: Any, latlon: bool) -> Any:
 
 
 def option(name: str, value: Any, latlon: bool = True) -> Any:
-    """Return an option of a constructor without unit and of a plain kind, or refuse it.
-
-    Parameters
-    ----------
-    name : str
-        Of a field of `Material` or `Placing`.
-    value : object
-        As it was given.
-    latlon : bool
-        Whether positions are degrees.
-    """
+    """Return an option of a constructor without unit and of a plain kind, or refuse it."""
     if name == "pieces" or (value is None and name in ("placement", "offset")):
         return value
     if name == "offset":

@@ -30,20 +30,7 @@ _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "OGC:CRS84")
 def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -> list[Feature]:
     """Read all features of a file or object.
 
-    Parameters
-    ----------
-    source : path, geometry, dict or array_like
-        ``.geojson``/``.json``, ``.shp``/``.zip``, ``.csv``/``.txt``, ``.kml``/``.kmz``; or a shapely geometry (anything
-        with ``__geo_interface__``), a GeoJSON dictionary, or an array of shape (n, 2) of longitude and latitude.
-    crs : str, optional
-        Coordinate system of the coordinates where the file does not say it, for example ``"EPSG:3031"``.
-    lines : bool
-        The vertices of a table (CSV) are lines, not outlines. Other kinds of files say what they hold.
-
-    Raises
-    ------
-    BergError
-        If the file is missing, of an unknown kind or holds no geometry.
+    ``source``: ``.geojson``/``.json``, ``.shp``/``.zip``, ``.csv``/``.txt``, ``.kml``/``.kmz``.
     """
     where = str(source) if isinstance(source, str | Path) else type(source).__name__
     features, own_crs = _read_source(source, lines)
@@ -194,19 +181,7 @@ _TABLES = (".csv", ".txt")
 def select_outline(
     features: list[Feature], *, where: str, feature: int | str | None = None, date: str | None = None
 ) -> Feature:
-    """Choose the one polygon feature that is meant.
-
-    Parameters
-    ----------
-    features : list of Feature
-        As read.
-    where : str
-        File, for messages.
-    feature : int or str, optional
-        Number (from 0) among the polygons, or the value of any of its properties (such as its name).
-    date : str, optional
-        Date; compared with the start of the feature's date.
-    """
+    """Choose the one polygon feature that is meant."""
     polygons = [Feature(area, f.properties) for f in features if (area := _polygons_joined(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
@@ -247,14 +222,7 @@ def _polygons_joined(geometry: Any) -> Any:
 def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
     """Return the outline if it can be filled, else raise `BergError`.
 
-    Parameters
-    ----------
-    geometry : shapely Polygon or MultiPolygon
-        Longitude and latitude in degrees.
-    where : str
-        File and feature, for messages.
-    repair : bool
-        Mend an outline that crosses itself instead of refusing it.
+    ``geometry``: longitude and latitude in degrees.
     """
     points = shapely.get_coordinates(geometry)
     if len(points) == 0 or not np.isfinite(points).all():

@@ -26,16 +26,7 @@ Points = list[tuple[float, float]]
 
 
 def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
-    """Return the features of a table of vertices, one row each.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Table with columns of longitude and latitude, separated by commas, semicolons or tabs. Rows belong together
-        that are alike in all of `FEATURE_COLUMNS` and `RING_COLUMNS` (for lines also `LINE_COLUMNS`) that are there.
-    lines : bool
-        Join the vertices to open lines instead of closed rings.
-    """
+    """Return the features of a table of vertices, one row each."""
     rows, separator = rows_of_csv(path)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))

@@ -37,22 +37,12 @@ class FillingPlane(Protocol):
 
 @dataclass(frozen=True)
 class ReferencePlane:
-    """The rule of the reference (files 8.3 and 8.3.8): one latitude on the way in, each element's own on the way out.
+    """The rule of the reference (files 8.3 and 8.3.8): one latitude on the way in, each element's own on the way out."""
 
-    Attributes
-    ----------
-    west, south : float
-        Longitude and latitude (degrees) of the origin.
-    reference_latitude : float
-        Latitude (degrees) whose cosine scales longitudes on the way in.
-    earth_radius : float
-        Radius of the sphere, m.
-    """
-
-    west: float
-    south: float
-    reference_latitude: float
-    earth_radius: float
+    west: float  # Longitude and latitude (degrees) of the origin
+    south: float  # Longitude and latitude (degrees) of the origin
+    reference_latitude: float  # Latitude (degrees) whose cosine scales longitudes on the way in
+    earth_radius: float  # Radius of the sphere, m
 
     def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return x, y (m) of points (degrees)."""
@@ -105,23 +95,8 @@ def relax(
     Gauss-Newton rounds on the sum of squared elongations; each round solves for the displacements of least norm with
     conjugate gradients (CGLS), so translation and rotation of the berg are untouched.
 
-    Parameters
-    ----------
-    lon, lat : ndarray
-        Positions, degrees.
-    first, second : ndarray of int
-        Ends of the bonds.
-    rest : ndarray
-        Rest length of each bond, m.
-    metric : Metric
-        Coordinates; positions are degrees.
-    rounds : int
-        Gauss-Newton rounds; each gains two to three orders of magnitude where no strain need remain.
-
-    Returns
-    -------
-    lon, lat : ndarray
-        New positions, degrees.
+    ``lon``, ``lat``: positions, degrees; ``rest``: rest length of each bond, m; returns ``lon, lat``: new positions,
+    degrees.
     """
     scale = DEGREE * metric.radius
     for _ in range(rounds):

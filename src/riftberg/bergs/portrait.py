@@ -21,22 +21,7 @@ COLOURS: Final = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa337
 
 
 def portrait(elements: Elements, *, latlon: bool, hexagonal: bool) -> str:
-    """Return a picture of the elements in true proportions, north up, coloured by piece.
-
-    Parameters
-    ----------
-    elements : Elements
-        At least one.
-    latlon : bool
-        Positions are degrees; otherwise metres.
-    hexagonal : bool
-        Draw hexagons instead of squares.
-
-    Returns
-    -------
-    str
-        SVG.
-    """
+    """Return a picture of the elements in true proportions, north up, coloured by piece."""
     if elements.size == 0:
         return ""
     stride = -(-elements.size // MOST)

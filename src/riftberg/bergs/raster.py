@@ -32,25 +32,13 @@ _LAT = ("lat", "latitude", "nav_lat", "y")
 
 @dataclass(frozen=True)
 class Raster:
-    """Values on a longitude-latitude grid, or on the grid of a map projection.
+    """Values on a longitude-latitude grid, or on the grid of a map projection."""
 
-    Attributes
-    ----------
-    lon, lat : ndarray
-        Rising coordinates, degrees (m for Cartesian bergs and for projected grids), of shape (n,) and (m,).
-    values : ndarray
-        Shape (m, n); NaN where nothing is known.
-    name : str
-        File and variable, for messages.
-    crs : str or None
-        Coordinate system of projected coordinates; None where they are longitude and latitude.
-    """
-
-    lon: Floats
-    lat: Floats
-    values: Floats
-    name: str
-    crs: str | None = None
+    lon: Floats  # Rising coordinates, degrees (m for Cartesian bergs and for projected grids), of shape (n,) and (m,)
+    lat: Floats  # Rising coordinates, degrees (m for Cartesian bergs and for projected grids), of shape (n,) and (m,)
+    values: Floats  # Shape (m, n); NaN where nothing is known
+    name: str  # File and variable, for messages
+    crs: str | None = None  # Coordinate system of projected coordinates; None where they are longitude and latitude
 
     def cells(self) -> tuple[Floats, Floats]:
         """Widths of the cells along longitude and latitude, in the units of the coordinates."""
@@ -102,12 +90,7 @@ def projection(crs: str) -> Any:
 def unbroken(raster: Raster, there: Booleans) -> Raster:
     """Return a raster whose longitudes begin in the widest gap of the marked cells, so that no seam cuts these.
 
-    Parameters
-    ----------
-    raster : Raster
-        Longitudes in degrees.
-    there : ndarray of bool
-        Marked cells, of the shape of the values; at least one.
+    ``raster``: longitudes in degrees.
     """
     lon = np.sort(raster.lon[there.any(axis=0)])
     gaps = np.append(np.diff(lon), lon[0] + 360.0 - lon[-1])
@@ -130,13 +113,6 @@ def unprojected(raster: Raster, there: Booleans) -> Raster:
 
     The new cells are half as wide as the old ones at the middle of the marked ones, for their edges lie askew; values are
     bilinear.
-
-    Parameters
-    ----------
-    raster : Raster
-        In a map projection; without gaps.
-    there : ndarray of bool
-        Marked cells, of the shape of the values; at least one.
     """
     assert raster.crs is not None
     to_lonlat = partial(projection(raster.crs).transform, direction="INVERSE")
@@ -183,18 +159,7 @@ def is_gridded(source: Any) -> bool:
 
 
 def read_raster(source: Any, variable: str | None = None, *, date: str | None = None) -> Raster:
-    """Read a two-dimensional grid.
-
-    Parameters
-    ----------
-    source : path or xarray.DataArray or xarray.Dataset
-        Anything that xarray opens, with one-dimensional longitude and latitude; or a GeoTIFF (``.tif``), also in a map
-        projection.
-    variable : str, optional
-        Needed where the file holds several two-dimensional variables (number or description of a band).
-    date : str, optional
-        Nearest time to take where there is a time axis.
-    """
+    """Read a two-dimensional grid."""
     import xarray as xr
 
     if isinstance(source, xr.DataArray):

@@ -42,18 +42,10 @@ def ice_cells(mask: Raster, threshold: float) -> Booleans:
 
 @dataclass(frozen=True)
 class IceMask:
-    """A mask as fractions of ice.
+    """A mask as fractions of ice."""
 
-    Attributes
-    ----------
-    fraction : Raster
-        From 0 to 1, without gaps, on longitudes and latitudes that no seam cuts.
-    level : float
-        There is ice where the bilinear fraction is above this.
-    """
-
-    fraction: Raster
-    level: float
+    fraction: Raster  # From 0 to 1, without gaps, on longitudes and latitudes that no seam cuts
+    level: float  # There is ice where the bilinear fraction is above this
 
     @classmethod
     def of(cls, mask: Raster, threshold: float) -> IceMask:
@@ -104,12 +96,7 @@ def mask_region(
 ) -> tuple[Region, FillingPlane, tuple[float, float]]:
     """Return a mask as a region of the plane that suits it, the plane, and the mask's centroid in degrees.
 
-    Parameters
-    ----------
-    ice : IceMask
-        Where there is ice.
-    plane_at : callable
-        Makes a plane from bounds and centroid (degrees).
+    ``plane_at``: makes a plane from bounds and centroid (degrees).
     """
     mask, there = ice.fraction, ice.there
     width, height = mask.cells()

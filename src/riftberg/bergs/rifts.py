@@ -28,14 +28,7 @@ def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], lat
 
     A bond that a line only touches counts to one side of it, so that a line through element centres cuts on one side.
 
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-        The berg.
-    lines : iterable of ndarray
-        Each of shape (n, 2): longitude and latitude (m on a Cartesian grid).
-    latlon : bool
-        Whether positions are degrees.
+    ``lines``: each of shape (n, 2): longitude and latitude (m on a Cartesian grid).
     """
     lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
     squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0

@@ -66,20 +66,7 @@ def _check_strengths(strengths: Floats, places: list[str], name: str = "strength
 
 
 def scatter(size: int, distribution: Distribution, *, shape: float | None, spread: float | None, seed: int) -> Floats:
-    """Draw relative strengths of mean 1.
-
-    Parameters
-    ----------
-    size : int
-        Number of bonds.
-    distribution : {"weibull", "normal", "uniform"}
-        Weibull of modulus ``shape`` (default 10); normal of standard deviation ``spread`` (default 0.1), values that
-        are not positive drawn again; uniform between 1 - ``spread`` and 1 + ``spread``.
-    shape, spread : float, optional
-        See above.
-    seed : int
-        Seed of ``numpy.random.default_rng``.
-    """
+    """Draw relative strengths of mean 1."""
     generator = np.random.default_rng(seed)
     spread = 0.1 if spread is None else spread
     if distribution == "weibull":

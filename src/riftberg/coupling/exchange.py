@@ -38,26 +38,16 @@ FITS: Final = 1e-9
 
 
 class ExchangeBalance(NamedTuple):
-    """The ledger of an exchange since its start.
+    """The ledger of an exchange since its start."""
 
-    Attributes
-    ----------
-    start, now : float
-        Ice in bergs and stores, kg.
-    taken, given : float
-        Ice that came from the land, and water that the ocean got, kg.
-    heat_start, heat_now, heat_taken, heat_given : float
-        The same for heat, J: ice lacks the latent heat.
-    """
-
-    start: float
-    now: float
-    taken: float
-    given: float
-    heat_start: float
-    heat_now: float
-    heat_taken: float
-    heat_given: float
+    start: float  # Ice in bergs and stores, kg
+    now: float  # Ice in bergs and stores, kg
+    taken: float  # Ice that came from the land, and water that the ocean got, kg
+    given: float  # Ice that came from the land, and water that the ocean got, kg
+    heat_start: float  # The same for heat, J: ice lacks the latent heat
+    heat_now: float  # The same for heat, J: ice lacks the latent heat
+    heat_taken: float  # The same for heat, J: ice lacks the latent heat
+    heat_given: float  # The same for heat, J: ice lacks the latent heat
 
     @property
     def error(self) -> float:

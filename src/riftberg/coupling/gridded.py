@@ -44,13 +44,7 @@ MOST_LATITUDE: Final = 88.0
 
 
 def cells_of(width: float) -> Grid:
-    """Return cells of this width (degrees) around the Earth, joined at the date line.
-
-    Parameters
-    ----------
-    width : float
-        Of the cells; a whole number of them must make 360 degrees.
-    """
+    """Return cells of this width (degrees) around the Earth, joined at the date line."""
     width = number(width, "degree", where="cells")
     count = round(360.0 / width) if 1e-3 < width <= 10.0 else 0
     if not count or abs(count * width - 360.0) > 1e-6:

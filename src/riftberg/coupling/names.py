@@ -14,31 +14,15 @@ from riftberg.units import parse_unit
 
 
 class Exchanged(NamedTuple):
-    """What is exchanged.
+    """What is exchanged."""
 
-    Attributes
-    ----------
-    field : str
-        Short name here; of what comes in, the field of `riftberg.ocean.grid_arrays.Fields` where there is one.
-    units : str
-        Units in which it is handed over unless others are stated.
-    meaning : str
-        In plain words.
-    low, high : float
-        Limits of what can be.
-    short : str
-        Name in files: that of CMIP where there is one.
-    standard : bool
-        Whether its name is one of CF's table.
-    """
-
-    field: str
-    units: str
-    meaning: str
-    low: float = -np.inf
-    high: float = np.inf
-    short: str = ""
-    standard: bool = True
+    field: str  # Short name here; of what comes in, the field of `riftberg.ocean.grid_arrays.Fields` where there is one
+    units: str  # Units in which it is handed over unless others are stated
+    meaning: str  # In plain words
+    low: float = -np.inf  # Limits of what can be
+    high: float = np.inf  # Limits of what can be
+    short: str = ""  # Name in files: that of CMIP where there is one
+    standard: bool = True  # Whether its name is one of CF's table
 
 
 TAKEN: Final[dict[str, Exchanged]] = {
@@ -108,13 +92,7 @@ _NONE: Final = ("1", "", "none", "dimensionless")
 
 
 def in_units(values: Floats, units: str, wanted: str, where: str) -> Floats:
-    """Return values in the units that are wanted.
-
-    Raises
-    ------
-    InputError
-        If the units are unknown, or measure something else.
-    """
+    """Return values in the units that are wanted."""
     said = units.strip().lower()
     if wanted == "degree_Celsius":
         if said in _CELSIUS:
@@ -138,22 +116,7 @@ def in_units(values: Floats, units: str, wanted: str, where: str) -> Floats:
 def taken(
     given: Mapping[str, Any], shapes: Mapping[str, tuple[tuple[int, int], ...]], mask: Floats
 ) -> dict[str, Floats]:
-    """Check what an ocean hands over, and return arrays by short name in the units used here.
-
-    Parameters
-    ----------
-    given : mapping
-        By name: a number, an array in the units of `TAKEN`, a pair of array and units, or an xarray variable with ``units``.
-    shapes : mapping
-        Shapes that an array of a short name may have.
-    mask : array
-        1 ocean, 0 land, of the cells of the domain.
-
-    Raises
-    ------
-    InputError
-        If a name or a unit is unknown, a shape does not fit, or values cannot be.
-    """
+    """Check what an ocean hands over, and return arrays by short name in the units used here."""
     arrays = {}
     for name, value in given.items():
         if name not in TAKEN:

@@ -24,76 +24,39 @@ RHO_SPREADING: Final = 1035.0
 
 
 class NineCellRules(NamedTuple):
-    """How the reference spreads; names of its namelist in brackets.
+    """How the reference spreads; names of its namelist in brackets."""
 
-    Attributes
-    ----------
-    hexagonal : bool
-        Elements are hexagons (``hexagonal_icebergs``).
-    one_cell_wide : bool
-        Every rectangular berg counts as one cell wide (``use_old_spreading``).
-    orientation : float
-        Reference angle of hexagons, degrees (``initial_orientation``).
-    turned_by_bonds : bool
-        Hexagons turn with their bonds (``rotate_icebergs_for_mass_spreading`` and bonds on).
-    grounding_fraction : float
-        Part of the depth of water to which a keel weighs on the ocean; 0 for no limit.
-    """
-
-    hexagonal: bool
-    one_cell_wide: bool
-    orientation: float
-    turned_by_bonds: bool
-    grounding_fraction: float
+    hexagonal: bool  # Elements are hexagons (``hexagonal_icebergs``)
+    one_cell_wide: bool  # Every rectangular berg counts as one cell wide (``use_old_spreading``)
+    orientation: float  # Reference angle of hexagons, degrees (``initial_orientation``)
+    turned_by_bonds: bool  # Hexagons turn with their bonds (``rotate_icebergs_for_mass_spreading`` and bonds on)
+    grounding_fraction: float  # Part of the depth of water to which a keel weighs on the ocean; 0 for no limit
 
 
 class Spread(NamedTuple):
-    """Bergs to be spread; arrays of shape (bergs,).
+    """Bergs to be spread; arrays of shape (bergs,)."""
 
-    Attributes
-    ----------
-    cell_i, cell_j, xi, eta : array
-        Cells and places in them.
-    mass, bits, fl_bits, fl_bergy_bits : array
-        Of one berg, kg.
-    scaling : array
-        Number of bergs.
-    area, thickness : array
-        Of one berg, m2 and m.
-    u, v : array
-        Velocity, m s-1.
-    static : array
-        1 where an element never moves.
-    orientation : array
-        Turn of a hexagon, as the reference takes it.
-    """
-
-    cell_i: Ints
-    cell_j: Ints
-    xi: Floats
-    eta: Floats
-    mass: Floats
-    bits: Floats
-    fl_bits: Floats
-    fl_bergy_bits: Floats
-    scaling: Floats
-    area: Floats
-    thickness: Floats
-    u: Floats
-    v: Floats
-    static: Floats
-    orientation: Floats
+    cell_i: Ints  # Cells and places in them
+    cell_j: Ints  # Cells and places in them
+    xi: Floats  # Cells and places in them
+    eta: Floats  # Cells and places in them
+    mass: Floats  # Of one berg, kg
+    bits: Floats  # Of one berg, kg
+    fl_bits: Floats  # Of one berg, kg
+    fl_bergy_bits: Floats  # Of one berg, kg
+    scaling: Floats  # Number of bergs
+    area: Floats  # Of one berg, m2 and m
+    thickness: Floats  # Of one berg, m2 and m
+    u: Floats  # Velocity, m s-1
+    v: Floats  # Velocity, m s-1
+    static: Floats  # 1 where an element never moves
+    orientation: Floats  # Turn of a hexagon, as the reference takes it
 
 
 def orientations(elements: Elements, bonds: Bonds, rules: NineCellRules, earth: tuple[bool, float, float]) -> Floats:
     """Return the turn of each hexagon as the reference finds it from its bonds, radians taken for degrees (quirk T18).
 
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-    rules : NineCellRules
-    earth : tuple
-        Whether positions are degrees, radius (m), period.
+    ``earth``: whether positions are degrees, radius (m), period.
     """
     value = np.full(elements.size, rules.orientation)
     if not rules.turned_by_bonds:
@@ -185,11 +148,7 @@ def spread_nine(
 def gather(parts: Floats, grid: Grid) -> Floats:
     """Return what each cell gets from the nine around it, over its area; shape of the grid with its halo (files, 4.4).
 
-    Parameters
-    ----------
-    parts : array, shape (9, rows, columns)
-        As `spread_nine` fills it.
-    grid : Grid
+    ``parts``: as `spread_nine` fills it (shape (9, rows, columns)).
     """
     g, h = grid.arrays, grid.arrays.halo
     c = np.zeros_like(parts)

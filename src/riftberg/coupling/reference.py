@@ -24,72 +24,33 @@ from riftberg.state import Floats
 
 
 class ReturnRules(NamedTuple):
-    """What the reference returns; names of its namelist in brackets.
-
-    Attributes
-    ----------
-    nine : NineCellRules
-    weight : bool
-        Mass on the ocean is returned (``add_weight_to_ocean``).
-    fields : bool
-        Area and friction velocity are returned (``pass_fields_to_ocean_model``).
-    passive : bool
-        Nothing is returned (``passive_mode``).
-    melt_by_mass : bool
-        Melt water is what the spread mass has lost (``find_melt_using_spread_mass``).
-    least_gap : float
-        Water under the mean keel of a cell below which nothing melts there, m; negative for none
-        (``apply_thickness_cutoff_to_gridded_melt``).
-    """
+    """What the reference returns; names of its namelist in brackets."""
 
     nine: NineCellRules
-    weight: bool
-    fields: bool
-    passive: bool
-    melt_by_mass: bool
+    weight: bool  # Mass on the ocean is returned (``add_weight_to_ocean``)
+    fields: bool  # Area and friction velocity are returned (``pass_fields_to_ocean_model``)
+    passive: bool  # Nothing is returned (``passive_mode``)
+    melt_by_mass: bool  # Melt water is what the spread mass has lost (``find_melt_using_spread_mass``)
+    # Water under the mean keel of a cell below which nothing melts there, m; negative for none
+    # (``apply_thickness_cutoff_to_gridded_melt``)
     least_gap: float
 
 
 class Returned(NamedTuple):
-    """What one step gives to the ocean; arrays over the cells of the domain.
+    """What one step gives to the ocean; arrays over the cells of the domain."""
 
-    Attributes
-    ----------
-    calving : array
-        Fresh water, kg m-2 s-1: melt and what no size class took.
-    calving_hflx : array
-        Heat, W m-2.
-    mass_berg, incr_mass : array
-        Mass on the ocean, kg m-2, and by the separate call.
-    ustar_berg : array
-        Friction velocity at the base, m s-1.
-    area_berg : array
-        Part of the cell that bergs cover.
-    stock_water, stock_heat : float
-        Ice in stores and bergs, kg, and the heat it lacks, J.
-    """
-
-    calving: Floats
-    calving_hflx: Floats
-    mass_berg: Floats
-    ustar_berg: Floats
-    area_berg: Floats
-    incr_mass: Floats
-    stock_water: float
-    stock_heat: float
+    calving: Floats  # Fresh water, kg m-2 s-1: melt and what no size class took
+    calving_hflx: Floats  # Heat, W m-2
+    mass_berg: Floats  # Mass on the ocean, kg m-2, and by the separate call
+    ustar_berg: Floats  # Friction velocity at the base, m s-1
+    area_berg: Floats  # Part of the cell that bergs cover
+    incr_mass: Floats  # Mass on the ocean, kg m-2, and by the separate call
+    stock_water: float  # Ice in stores and bergs, kg, and the heat it lacks, J
+    stock_heat: float  # Ice in stores and bergs, kg, and the heat it lacks, J
 
 
 class ReferenceExchange:
-    """Bergs beside an ocean, stepped and returned as in the reference.
-
-    Parameters
-    ----------
-    model : BareModel
-        With melt in its parameters, and an `OceanForcing`.
-    calving : FluxCalving
-        Calving from the flux of land ice.
-    rules : ReturnRules
-    """
+    """Bergs beside an ocean, stepped and returned as in the reference."""
 
     def __init__(self, model: BareModel, calving: FluxCalving, rules: ReturnRules) -> None:
         if model.life is None or not isinstance(model.forcing, OceanForcing):
@@ -106,14 +67,7 @@ class ReferenceExchange:
     def step(self, fields: Fields, flux: Floats, heat_flux: Floats, born: tuple[int, float]) -> Returned:
         """Take one step with the ocean (files, 5.2).
 
-        Parameters
-        ----------
-        fields : Fields
-            Of ocean, sea ice and air.
-        flux, heat_flux : array, shape (nj, ni)
-            Ice (kg m-2 s-1) and heat (W m-2) that leave the land.
-        born : tuple of int and float
-            Year, and day of it, at the start of the step.
+        ``flux``, ``heat_flux``: ice (kg m-2 s-1) and heat (W m-2) that leave the land (shape (nj, ni)).
         """
         dt = self.model.parameters.stepping.time_step
         self._fields = self.forcing.put(fields)

@@ -16,16 +16,7 @@ from riftberg.state import Elements, Floats
 class Settling:
     """Mass that cells bear beyond that of the bergs on them, since ice calved there; its sum is 0, and it fades.
 
-    Parameters
-    ----------
-    time : float
-        In which it becomes smaller by the factor e, s.
-    grid : Grid
-
-    Attributes
-    ----------
-    rest : array, shape (nj, ni)
-        kg; positive where the shelf weighed more than the berg that came of it.
+    ``time``: in which it becomes smaller by the factor e, s; ``rest``: kg (shape (nj, ni)).
     """
 
     def __init__(self, time: float, grid: Grid) -> None:
@@ -54,13 +45,7 @@ class Settling:
 
 
 def refuse_meeting(old: Elements, new: Elements, metric: Metric) -> None:
-    """Refuse new elements that lie on others.
-
-    Raises
-    ------
-    InputError
-        Naming the first of them.
-    """
+    """Refuse new elements that lie on others."""
     if not old.size:
         return
     size_old, size_new = (np.sqrt(e.body.length * e.body.width) for e in (old, new))

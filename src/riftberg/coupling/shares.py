@@ -17,22 +17,11 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of elements in cells, pair by pair.
+    """Shares of elements in cells, pair by pair."""
 
-    Attributes
-    ----------
-    first : array of int, shape (elements + 1,)
-        Place of the first pair of each element.
-    cells : array of int
-        Flat index of the cell in arrays with halo.
-    shares : array
-        Part of the element in it; those of an element sum to one.
-    grid : Grid
-    """
-
-    first: Ints
-    cells: Ints
-    shares: Floats
+    first: Ints  # Place of the first pair of each element; shape (elements + 1,)
+    cells: Ints  # Flat index of the cell in arrays with halo
+    shares: Floats  # Part of the element in it; those of an element sum to one
     grid: Grid
 
     def sum(self, amount: Floats) -> Floats:
@@ -85,15 +74,7 @@ def _apart(
 
 
 def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Shares:
-    """Return the exact shares of all elements: elements of a hexagonal lattice are hexagons, all others rectangles.
-
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-        Located in the cells of ``grid``.
-    grid : Grid
-    p : Parameters
-    """
+    """Return the exact shares of all elements: elements of a hexagonal lattice are hexagons, all others rectangles."""
     g, place, body = grid.arrays, elements.place, elements.body
     shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
     angle = element_axes(elements, bonds, p)

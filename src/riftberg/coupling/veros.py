@@ -31,13 +31,7 @@ INNER: Final = np.s_[2:-2, 2:-2]
 
 
 def veros_grid(state: Any) -> Grid:
-    """Return the grid of a Veros set-up, with its land, its areas and its period.
-
-    Parameters
-    ----------
-    state : veros.VerosState
-        After ``setup()``.
-    """
+    """Return the grid of a Veros set-up, with its land, its areas and its period."""
     vs, settings = state.variables, state.settings
     unit = (
         float(settings.degtom) if settings.coord_degree else 1.0
@@ -63,40 +57,24 @@ def veros_forcing(state: Any) -> OceanForcing:
 
 
 class Stock(NamedTuple):
-    """What bergs and ocean hold together.
+    """What bergs and ocean hold together."""
 
-    Attributes
-    ----------
-    ice : float
-        Of bergs and stores, kg.
-    fresh_water : float
-        Of the ocean above its salinity of reference, kg.
-    ice_heat : float
-        Of the ice, J: it lacks the latent heat.
-    ocean_heat : float
-        Of the water above 0 degree Celsius, J.
-    """
-
-    ice: float
-    fresh_water: float
-    ice_heat: float
-    ocean_heat: float
+    ice: float  # Of bergs and stores, kg
+    fresh_water: float  # Of the ocean above its salinity of reference, kg
+    ice_heat: float  # Of the ice, J: it lacks the latent heat
+    ocean_heat: float  # Of the water above 0 degree Celsius, J
 
 
 class Closure(NamedTuple):
-    """Whether what leaves the bergs arrives in the ocean.
+    """Whether what leaves the bergs arrives in the ocean."""
 
-    Attributes
-    ----------
-    water, heat : float
-        What left the ice since the start, kg and J.
-    water_error, heat_error : float
-        What of it did not arrive, as part of what ice and ocean hold: fresh water of the ocean is counted by its mass of salt.
-    """
-
-    water: float
-    heat: float
+    water: float  # What left the ice since the start, kg and J
+    heat: float  # What left the ice since the start, kg and J
+    # What of it did not arrive, as part of what ice and ocean hold: fresh water of the ocean is counted by its mass of
+    # salt
     water_error: float
+    # What of it did not arrive, as part of what ice and ocean hold: fresh water of the ocean is counted by its mass of
+    # salt
     heat_error: float
 
 

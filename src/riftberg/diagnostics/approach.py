@@ -16,23 +16,12 @@ from riftberg.state import Floats
 
 @dataclass(frozen=True)
 class Approach:
-    """Distance of two bergs over a Cartesian run.
+    """Distance of two bergs over a Cartesian run."""
 
-    Attributes
-    ----------
-    seconds : array
-        Times of the records, s since the start.
-    apart : array
-        Smallest distance of the centres of two elements, one of each berg, m.
-    closing : array
-        Rate at which the distance of the centroids falls, m s-1; negative where they part.
-    reach : float
-        Distance (m) of centres below which elements press on each other: the sum of their radii, or `contact.distance`.
-    """
-
-    seconds: Floats
-    apart: Floats
-    closing: Floats
+    seconds: Floats  # Times of the records, s since the start
+    apart: Floats  # Smallest distance of the centres of two elements, one of each berg, m
+    closing: Floats  # Rate at which the distance of the centroids falls, m s-1; negative where they part
+    # Distance (m) of centres below which elements press on each other: the sum of their radii, or `contact.distance`
     reach: float
 
     @property
@@ -54,13 +43,7 @@ class Approach:
 
 
 def approach(run: xr.Dataset) -> Approach:
-    """Follow the two bergs of a run in metres.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`; bergs 1 and 2 were there at the start.
-    """
+    """Follow the two bergs of a run in metres."""
     scene = Scene(run)
     one, other = scene.berg[0] == 1, scene.berg[0] == 2
     dx = scene.x[:, one][:, :, None] - scene.x[:, other][:, None, :]

@@ -10,17 +10,7 @@ from riftberg.state import Floats
 def best_pairs(cost: Floats, alone: float) -> list[tuple[int, int]]:
     """Return the pairs of the least total cost, where each row that stays alone costs ``alone``.
 
-    Parameters
-    ----------
-    cost : array, shape (rows, columns)
-        Cost of each pair, not negative; infinite where it must not be.
-    alone : float
-        Cost of a row without a partner; columns without one cost nothing.
-
-    Returns
-    -------
-    list of (int, int)
-        Row and column of each pair, by row.
+    ``cost``: cost of each pair, not negative (shape (rows, columns)); returns row and column of each pair, by row.
     """
     rows, columns = cost.shape
     # Loaded here: it takes a third of a second, and few commands need it.

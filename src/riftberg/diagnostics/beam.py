@@ -30,29 +30,16 @@ Held = Literal["supported", "clamped"]
 
 @dataclass(frozen=True)
 class BeamCase:
-    """How a beam is made, held and loaded.
+    """How a beam is made, held and loaded."""
 
-    Attributes
-    ----------
-    held : {"supported", "clamped"}
-        On supports at both ends with the load in the middle, or clamped at the first column with the load at the last.
-    columns, rows : int
-        Elements along and across; elements are numbered column by column.
-    length : float
-        Between the centres of the end columns, m.
-    width, thickness : float
-        m.
-    load : float
-        N, towards negative y.
-    """
-
+    # On supports at both ends with the load in the middle, or clamped at the first column with the load at the last
     held: Held
-    columns: int
-    rows: int
-    length: float
-    width: float
-    thickness: float
-    load: float
+    columns: int  # Elements along and across; elements are numbered column by column
+    rows: int  # Elements along and across; elements are numbered column by column
+    length: float  # Between the centres of the end columns, m
+    width: float  # m
+    thickness: float  # m
+    load: float  # N, towards negative y
 
     @property
     def second_moment(self) -> float:
@@ -62,34 +49,17 @@ class BeamCase:
 
 @dataclass(frozen=True)
 class BentBeam:
-    """What a run made of a beam, and what theory says.
-
-    Attributes
-    ----------
-    case : BeamCase
-    youngs_modulus : float
-        Pa.
-    along, down : array
-        Centre line at the end: distance from the first column along x, and deflection, m.
-    theory_along, theory_down : array
-        The same by theory.
-    seconds : array
-        Times of the records, s since the start.
-    history : array
-        Deflection at the place of its largest value by theory, at the records, m.
-    speed : float
-        Largest speed of an element at the end, m s-1.
-    """
+    """What a run made of a beam, and what theory says."""
 
     case: BeamCase
-    youngs_modulus: float
-    along: Floats
-    down: Floats
-    theory_along: Floats
-    theory_down: Floats
-    seconds: Floats
-    history: Floats
-    speed: float
+    youngs_modulus: float  # Pa
+    along: Floats  # Centre line at the end: distance from the first column along x, and deflection, m
+    down: Floats  # Centre line at the end: distance from the first column along x, and deflection, m
+    theory_along: Floats  # The same by theory
+    theory_down: Floats  # The same by theory
+    seconds: Floats  # Times of the records, s since the start
+    history: Floats  # Deflection at the place of its largest value by theory, at the records, m
+    speed: float  # Largest speed of an element at the end, m s-1
 
     @property
     def expected(self) -> float:
@@ -128,14 +98,7 @@ class BentBeam:
 
 
 def bent(run: xr.Dataset, case: BeamCase) -> BentBeam:
-    """Compare the beam of a run with theory.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    case : BeamCase
-    """
+    """Compare the beam of a run with theory."""
     scene = Scene(run)
     shape = (len(scene.times), case.columns, case.rows)
     x, y = scene.x.reshape(shape).mean(axis=2), scene.y.reshape(shape).mean(axis=2)
@@ -157,11 +120,7 @@ def _supported(case: BeamCase, stiffness: float) -> tuple[Floats, Floats]:
 def supported_line(length: float, load: float, stiffness: float, x: Floats) -> Floats:
     """Return the deflection (m) of a beam on two supports at distances ``x`` (m) from one of them, for small slopes.
 
-    Parameters
-    ----------
-    length, load, stiffness : float
-        L (m), P (N) and E J (N m2).
-    x : array
+    ``length``, ``load``, ``stiffness``: l (m), P (N) and E J (N m2).
     """
     near = np.minimum(x, length - x)
     deflection: Floats = load * near * (3.0 * length**2 - 4.0 * near**2) / (48.0 * stiffness)
@@ -173,11 +132,7 @@ def clamped_line(length: float, load: float, stiffness: float, points: int = 101
 
     The moment at the clamp is found by shooting: it must be the load times the x of the end.
 
-    Parameters
-    ----------
-    length, load, stiffness : float
-        L (m), P (N) and E J (N m2).
-    points : int, optional
+    ``length``, ``load``, ``stiffness``: l (m), P (N) and E J (N m2).
     """
     from scipy.integrate import solve_ivp
     from scipy.optimize import brentq

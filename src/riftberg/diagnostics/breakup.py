@@ -12,38 +12,19 @@ from riftberg.whole_files import write_text
 
 @dataclass(frozen=True)
 class Load:
-    """Load across the cut at one record.
-
-    Attributes
-    ----------
-    time : str
-    cut_km, thickness : float
-        Length of the cut (km), and thickness of the ice there (m).
-    bonds : int
-        Bonds of the cut that still hold.
-    tension, shear : dict
-        By force: pull across the cut and push along it, N.
-    couple : dict
-        By force, about the centre of the cut, counter-clockwise on the fragment, N m.
-    stress : dict
-        By force: share of the nominal stress at the outer fibre that is pulled most, Pa.
-    tension_recorded, couple_recorded : float or None
-        The same from the recorded acceleration of the fragment.
-    aground : int
-        Elements of fragment and rest that are aground.
-    """
+    """Load across the cut at one record."""
 
     time: str
-    cut_km: float
-    thickness: float
-    bonds: int
-    tension: dict[str, float]
-    shear: dict[str, float]
-    couple: dict[str, float]
-    stress: dict[str, float]
-    tension_recorded: float | None
-    couple_recorded: float | None
-    aground: int
+    cut_km: float  # Length of the cut (km), and thickness of the ice there (m)
+    thickness: float  # Length of the cut (km), and thickness of the ice there (m)
+    bonds: int  # Bonds of the cut that still hold
+    tension: dict[str, float]  # By force: pull across the cut and push along it, N
+    shear: dict[str, float]  # By force: pull across the cut and push along it, N
+    couple: dict[str, float]  # By force, about the centre of the cut, counter-clockwise on the fragment, N m
+    stress: dict[str, float]  # By force: share of the nominal stress at the outer fibre that is pulled most, Pa
+    tension_recorded: float | None  # The same from the recorded acceleration of the fragment
+    couple_recorded: float | None  # The same from the recorded acceleration of the fragment
+    aground: int  # Elements of fragment and rest that are aground
 
     @property
     def nominal(self) -> float:
@@ -53,79 +34,39 @@ class Load:
 
 @dataclass(frozen=True)
 class Budget:
-    """Forces on one body at one record, N, east and north.
+    """Forces on one body at one record, N, east and north."""
 
-    Attributes
-    ----------
-    mass : float
-        kg.
-    forces : dict
-        By name.
-    inertia : list of float or None
-        Mass times recorded acceleration.
-    residual : list of float or None
-        Inertia minus forces: what the rest of the berg and other bergs do to it, and errors of differences.
-    """
-
-    mass: float
-    forces: dict[str, list[float]]
-    inertia: list[float] | None
+    mass: float  # kg
+    forces: dict[str, list[float]]  # By name
+    inertia: list[float] | None  # Mass times recorded acceleration
+    # Inertia minus forces: what the rest of the berg and other bergs do to it, and errors of differences
     residual: list[float] | None
 
 
 @dataclass(frozen=True)
 class FirstBond:
-    """History of a bond of the cut, from `HOURS_BEFORE` to its breaking.
+    """History of a bond of the cut, from `HOURS_BEFORE` to its breaking."""
 
-    Attributes
-    ----------
-    bond : int
-        Row in the run file.
-    time : str
-        When it broke.
-    lon, lat : float
-        Where, at the record before.
-    grounded : bool
-        An end was aground when it broke.
-    strength : float
-        Pa.
-    hours : list of float
-        Times of the history, h before its breaking (negative).
-    tension, shear : list of float
-        Pa, at these times.
-    peak : list of float
-        Largest tension in any sub-step since the record before, Pa; empty for files that do not hold it.
-    """
-
-    bond: int
-    time: str
-    lon: float
-    lat: float
-    grounded: bool
-    strength: float
-    hours: list[float]
-    tension: list[float]
-    shear: list[float]
+    bond: int  # Row in the run file
+    time: str  # When it broke
+    lon: float  # Where, at the record before
+    lat: float  # Where, at the record before
+    grounded: bool  # An end was aground when it broke
+    strength: float  # Pa
+    hours: list[float]  # Times of the history, h before its breaking (negative)
+    tension: list[float]  # Pa, at these times
+    shear: list[float]  # Pa, at these times
+    # Largest tension in any sub-step since the record before, Pa; empty for files that do not hold it
     peak: list[float]
 
 
 @dataclass(frozen=True)
 class Collision:
-    """Contact with another berg while the first bond failed.
+    """Contact with another berg while the first bond failed."""
 
-    Attributes
-    ----------
-    berg : str
-        Name of the other.
-    time : str
-        When they first touched.
-    speed : float
-        Relative speed before they touched, m s-1.
-    """
-
-    berg: str
-    time: str
-    speed: float
+    berg: str  # Name of the other
+    time: str  # When they first touched
+    speed: float  # Relative speed before they touched, m s-1
 
 
 @dataclass

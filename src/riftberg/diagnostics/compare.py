@@ -37,41 +37,23 @@ MOST_EVENTS: Final = 6
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the real event, for columns beside the runs.
+    """What is known of the real event, for columns beside the runs."""
 
-    Attributes
-    ----------
-    published, observed : dict
-        Texts by the label of a row, of the published run and of the real berg.
-    fixes : sequence of Fix
-        Where the berg was.
-    """
-
+    # Texts by the label of a row, of the published run and of the real berg
     published: dict[str, str] = field(default_factory=dict)
+    # Texts by the label of a row, of the published run and of the real berg
     observed: dict[str, str] = field(default_factory=dict)
-    fixes: Sequence[Fix] = ()
+    fixes: Sequence[Fix] = ()  # Where the berg was
 
 
 @dataclass(frozen=True)
 class RunDay:
-    """One run at one observed time.
+    """One run at one observed time."""
 
-    Attributes
-    ----------
-    time : str
-        ISO 8601, of the observation.
-    distance_km : float
-        Between the centroids.
-    azimuth_difference : float or None
-        Long axes, model minus observed, degrees in [-90, 90).
-    area_km2 : float
-        Of the fragments that were compared.
-    """
-
-    time: str
-    distance_km: float
-    azimuth_difference: float | None
-    area_km2: float
+    time: str  # ISO 8601, of the observation
+    distance_km: float  # Between the centroids
+    azimuth_difference: float | None  # Long axes, model minus observed, degrees in [-90, 90)
+    area_km2: float  # Of the fragments that were compared
 
 
 @dataclass(frozen=True)
@@ -92,17 +74,9 @@ class ComparedRun:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Runs side by side.
+    """Runs side by side."""
 
-    Attributes
-    ----------
-    columns : list of str
-        Headings; the first column holds the labels of the rows.
-    rows : list of (label, cells)
-    runs : list of ComparedRun
-    """
-
-    columns: list[str]
+    columns: list[str]  # Headings; the first column holds the labels of the rows
     rows: list[tuple[str, list[str]]]
     runs: list[ComparedRun]
 
@@ -130,13 +104,7 @@ class Comparison:
 
 
 def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
-    """Read a run from its folder and compare it with the observed positions.
-
-    Raises
-    ------
-    InputError
-        If the folder lacks ``summary.json``; the run file is checked when it is opened.
-    """
+    """Read a run from its folder and compare it with the observed positions."""
     from riftberg.runs.run_file import open_run
 
     summary = read_summary(folder / "summary.json")
@@ -164,14 +132,7 @@ def _day_of_fix(scene: Scene, fix: Fix) -> RunDay | None:
 def observed_part(scene: Scene, record: int, area: float) -> Position:
     """Return place and heading of the fragments that make up the berg as it was seen.
 
-    Parameters
-    ----------
-    scene : Scene
-        The run.
-    record : int
-        Its record.
-    area : float
-        Observed area, m2; NaN takes the largest fragment alone.
+    ``area``: observed area, m2.
     """
     _, index = np.unique(scene.berg[record], return_inverse=True)
     sizes = np.bincount(index, weights=np.where(scene.there[record], scene.area_at(record), 0.0))
@@ -186,15 +147,7 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
 
 
 def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparison:
-    """Return runs side by side.
-
-    Parameters
-    ----------
-    runs : sequence of ComparedRun
-        From `read_compared`.
-    known : Known, optional
-        Columns of the published run and of the observations.
-    """
+    """Return runs side by side."""
     known = known or Known()
     seen = {minute_text(fix.when.isoformat()): _place_of_fix(fix) for fix in known.fixes}
     beside = {name: texts for name, texts in (("published", known.published), ("observed", known.observed)) if texts}

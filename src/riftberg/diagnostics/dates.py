@@ -31,14 +31,7 @@ def minute_text(text: str) -> str:
 
 
 def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
-    """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD.
-
-    Returns
-    -------
-    when : datetime
-        UTC without zone.
-    day_only : bool
-    """
+    """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD."""
     try:
         if text.isdigit() and len(text) == 7:
             return _kept(datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1), where), True
@@ -59,14 +52,7 @@ def _kept(when: datetime, where: str) -> datetime:
 
 
 def date_in_text(text: str) -> tuple[datetime, bool] | None:
-    """Find the date in a name, such as ``a68a_2020-12-17``, ``S1A_EW_20201217T081533`` or ``17 Dec 2020``.
-
-    Returns
-    -------
-    when : datetime
-    day_only : bool
-        None for both where there is no date, or more than one.
-    """
+    """Find the date in a name, such as ``a68a_2020-12-17``, ``S1A_EW_20201217T081533`` or ``17 Dec 2020``."""
     dates: set[tuple[datetime, bool]] = set()
     for match in _NUMBERS.finditer(text):
         year, _, month, day, *clock = match.groups()
@@ -89,24 +75,7 @@ def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
 def find_date(
     properties: Mapping[str, Any], names: Iterable[str], *, where: str, stated: str | None = None
 ) -> tuple[datetime, bool]:
-    """Find the date of an outline: in its attributes, in its names, in the name of its file.
-
-    Parameters
-    ----------
-    properties : mapping
-        Attributes of the outline.
-    names : iterable of str
-        Further names in which a date may stand, the nearest first; the last one is that of the file.
-    where : str
-        File and outline, for messages.
-    stated : str, optional
-        Date to take where the file has none.
-
-    Raises
-    ------
-    InputError
-        If an attribute is no date, or if there is none anywhere; names all that was looked for.
-    """
+    """Find the date of an outline: in its attributes, in its names, in the name of its file."""
     small = {str(key).lower(): value for key, value in properties.items()}
     for key in DATE_KEYS:
         if small.get(key) not in (None, ""):

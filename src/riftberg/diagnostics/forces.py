@@ -45,18 +45,7 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
     Applied forces are means between records; at a record it is the mean of those before and after, about which the
     acceleration by central differences is taken too.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    record : int
-    p : KernelParameters
-
-    Returns
-    -------
-    dict
-        For each name of `FORCES` an array of shape (elements, 2): eastward and northward force, N. Sea ice is 0 in
-        files that do not record it.
+    Returns for each name of `FORCES` an array of shape (elements, 2): eastward and northward force, N.
     """
     if forces_recorded(run):
         sides = [applied_forces(run, k) for k in (record, record + 1) if 0 < k < run.sizes["time"]]
@@ -98,19 +87,7 @@ def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
 
 
 def accelerations(run: xr.Dataset, record: int, first: int, last: int) -> Floats:
-    """Return accelerations (m s-2, east and north) by differences of the recorded velocities.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-    record : int
-    first, last : int
-        Records that may be used, first included, last included; central where both neighbours may be.
-
-    Returns
-    -------
-    array, shape (elements, 2)
-    """
+    """Return accelerations (m s-2, east and north) by differences of the recorded velocities."""
     low, high = max(first, record - 1), min(last, record + 1)
     if low == high:
         return np.full((run.sizes["trajectory"], 2), np.nan)

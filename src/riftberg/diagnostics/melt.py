@@ -20,13 +20,7 @@ LEAST: Final = 1e-3
 
 
 def melt_by_fragment(run: xr.Dataset) -> dict[int, dict[str, float]]:
-    """Return the melt water (kg) by process of each fragment that lost any, the one that lost most first.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    """
+    """Return the melt water (kg) by process of each fragment that lost any, the one that lost most first."""
     if "fragment_melt_water" not in run:
         return {}
     water = run["fragment_melt_water"].transpose("fragment", "process").values

@@ -49,30 +49,16 @@ _PLAIN: Final = (("centroid_lat", "centroid_lon"), *product(("lat", "latitude"),
 
 @dataclass(frozen=True)
 class Fix:
-    """One position.
+    """One position."""
 
-    Attributes
-    ----------
-    name, when, day_only
-        As in `Outline`.
-    lon, lat : float
-        Degrees.
-    azimuth : float
-        Long axis, degrees clockwise from north, 0 to 180; NaN where not given.
-    area : float
-        m2; NaN where not given.
-    interpolated : bool
-        The table says that nobody saw the berg that day.
-    """
-
-    name: str
-    when: datetime
-    day_only: bool
-    lon: float
-    lat: float
-    azimuth: float = math.nan
-    area: float = math.nan
-    interpolated: bool = False
+    name: str  # As in `Outline`
+    when: datetime  # As in `Outline`
+    day_only: bool  # As in `Outline`
+    lon: float  # Degrees
+    lat: float  # Degrees
+    azimuth: float = math.nan  # Long axis, degrees clockwise from north, 0 to 180; NaN where not given
+    area: float = math.nan  # m2; NaN where not given
+    interpolated: bool = False  # The table says that nobody saw the berg that day
 
 
 @dataclass(frozen=True)
@@ -92,22 +78,7 @@ class Observations:
 
 
 def read_observed(path: str | Path, *, date: str | None = None, variable: str | None = None) -> Observations:
-    """Read outlines or positions.
-
-    Parameters
-    ----------
-    path : path
-        ``.geojson``, ``.json``, ``.kml``, ``.kmz``, ``.shp``, ``.zip`` (a zipped shapefile), ``.nc`` or ``.csv``.
-    date : str, optional
-        Date of outlines in KML, shapefile or NetCDF that tell none.
-    variable : str, optional
-        Variable of a NetCDF file that is the mask.
-
-    Raises
-    ------
-    InputError
-        If the file is of no known kind, or something in it cannot be read; names the row or the outline.
-    """
+    """Read outlines or positions."""
     path = check_file(path, most=_MOST, remedy=f"Name a file {', '.join(KINDS)}")
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
         return _read(path, date, variable)

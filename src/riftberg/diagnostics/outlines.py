@@ -40,24 +40,12 @@ _LINES: Final = ("crack", "rift", "line")
 
 @dataclass(frozen=True)
 class Outline:
-    """One closed outline.
+    """One closed outline."""
 
-    Attributes
-    ----------
-    name : str
-        Berg, or source where the file names none.
-    when : datetime.datetime
-        UTC; midnight where only a day is given.
-    day_only : bool
-        No time of day was given.
-    ring : array, shape (n, 2)
-        Longitude and latitude, first point not repeated.
-    """
-
-    name: str
-    when: datetime
-    day_only: bool
-    ring: Floats
+    name: str  # Berg, or source where the file names none
+    when: datetime  # UTC; midnight where only a day is given
+    day_only: bool  # No time of day was given
+    ring: Floats  # Longitude and latitude, first point not repeated; shape (n, 2)
 
 
 def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude first") -> Floats:
@@ -91,20 +79,7 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
 
 
 def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline]:
-    """Read the polygons of a KML file or a shapefile.
-
-    Parameters
-    ----------
-    path : Path
-        ``.kml``, ``.kmz``, ``.shp`` or ``.zip``.
-    date : str, optional
-        Date of outlines that tell none.
-
-    Raises
-    ------
-    InputError
-        If there is no polygon, or no date.
-    """
+    """Read the polygons of a KML file or a shapefile."""
     polygons = [f for f in read_features(path) if f.geometry.geom_type in ("Polygon", "MultiPolygon")]
     if not polygons:
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
@@ -132,20 +107,6 @@ def outlines_of_grid(path: Path, date: str | None = None, variable: str | None =
     A mask of 0 and 1, or the fraction of ice in a cell, is outlined where its bilinear value is one half, as
     `Iceberg.from_mask` fills it. A mask of whole numbers numbers the pieces: each is outlined by itself and has its
     number for a name. A table has longitudes in one row (or column) and latitudes in the next, and NaN in the others.
-
-    Parameters
-    ----------
-    path : Path
-        NetCDF file.
-    date : str, optional
-        Date of outlines that tell none.
-    variable : str, optional
-        Needed where several variables could be the mask.
-
-    Raises
-    ------
-    InputError
-        If the values are no mask, if there is no ice, or no date.
     """
     with reading(path, "cannot be read", "Name a NetCDF file"), open_lazily(path) as opened:
         refuse_large(
@@ -212,16 +173,7 @@ def _dated_pieces(mask: xr.DataArray, attributes: Mapping[str, Any], path: Path,
 
 
 def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[tuple[str, Floats]]:
-    """Return names and outer rings of the pieces of a mask, those too small left out.
-
-    Parameters
-    ----------
-    mask : Raster
-    attributes : mapping
-        Of the variable; its ``units`` may be per cent.
-    where : str
-        File and variable, for messages.
-    """
+    """Return names and outer rings of the pieces of a mask, those too small left out."""
     values = np.nan_to_num(mask.values)
     if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):
         values = values / 100.0

@@ -41,20 +41,6 @@ def group_fragments(
 
     Each piece gets at most one fragment first, all pieces together in the best way (`pair_cost`). A fragment that is
     left joins the piece whose overlap, centroid on centroid, it makes better.
-
-    Parameters
-    ----------
-    shapes : dict
-        Outlines of the fragments, largest first.
-    pieces : sequence
-        Observed outlines, largest first.
-    before : mapping, optional
-        Fragments that answered to a piece (by its index) the time before: such a pair costs only `KEPT` of its cost.
-
-    Returns
-    -------
-    list of list of int
-        Numbers of fragments for each piece; empty where none may be it.
     """
     union = shapely.union_all
     numbers, before = list(shapes), before or {}
@@ -97,12 +83,7 @@ def pair_cost(shape: BaseGeometry, piece: BaseGeometry, *, main: bool = False) -
     and it has less than that part of it, or lies further away than `REACH` times the mean diameter of both (of circles of
     their areas).
 
-    Parameters
-    ----------
-    shape, piece : shapely Polygon or MultiPolygon
-        Outlines of the fragment and the piece, m.
-    main : bool, optional
-        Both are the largest there is: the berg is known however far the run has gone astray.
+    ``shape``, ``piece``: outlines of the fragment and the piece, m.
     """
     if min(shape.area, piece.area) <= 0.0:
         return math.inf
@@ -148,17 +129,7 @@ def distances(lon1: Any, lat1: Any, lon2: Any, lat2: Any, radius: float) -> Floa
 def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     """Return the centroid of a polygon and the azimuth of its axis of the largest second moment.
 
-    Parameters
-    ----------
-    ring : array, shape (n, 2)
-        Corners, m east and north, closed or not.
-
-    Returns
-    -------
-    x, y : float
-        Centroid, m.
-    azimuth : float
-        Degrees clockwise from north, 0 to 180; NaN where no axis is longer.
+    ``ring``: corners, m east and north, closed or not (shape (n, 2)); returns ``x, y``: centroid, m.
     """
     x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
     xn, yn = np.roll(x, -1), np.roll(y, -1)
@@ -181,10 +152,7 @@ def rectangle_azimuth(shape: BaseGeometry) -> float:
     the axis of the largest second moment (`polygon_moments`) goes by the area: for outlines of A68a both differ by up to
     10 degrees.
 
-    Parameters
-    ----------
-    shape : shapely geometry
-        Points, lines or polygons, m east and north.
+    ``shape``: points, lines or polygons, m east and north.
     """
     box = shape.minimum_rotated_rectangle
     if box.geom_type != "Polygon":

@@ -72,60 +72,34 @@ _SEAM = 60.0  # m; closes the hairline gaps between elements
 
 @dataclass(frozen=True)
 class Match:
-    """One observed piece and the fragments of the model that make it up.
+    """One observed piece and the fragments of the model that make it up."""
 
-    Attributes
-    ----------
-    observed : str
-        Name of the piece.
-    fragments : list of int
-        Numbers of the model's fragments; empty where none answers to it.
-    distance_km : float or None
-        Between the centroids.
-    azimuth, azimuth_observed, azimuth_difference : float or None
-        Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90).
-    area_km2, area_observed_km2 : float or None
-    iou : float or None
-        Intersection over union of the outlines; None for positions.
-    lon, lat, lon_observed, lat_observed : float or None
-        Centroids.
-    """
-
-    observed: str
-    fragments: list[int]
-    distance_km: float | None
+    observed: str  # Name of the piece
+    fragments: list[int]  # Numbers of the model's fragments; empty where none answers to it
+    distance_km: float | None  # Between the centroids
+    # Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90)
     azimuth: float | None
+    # Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90)
     azimuth_observed: float | None
+    # Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90)
     azimuth_difference: float | None
     area_km2: float | None
     area_observed_km2: float | None
-    iou: float | None
-    lon: float | None
-    lat: float | None
-    lon_observed: float
-    lat_observed: float
+    iou: float | None  # Intersection over union of the outlines; None for positions
+    lon: float | None  # Centroids
+    lat: float | None  # Centroids
+    lon_observed: float  # Centroids
+    lat_observed: float  # Centroids
 
 
 @dataclass(frozen=True)
 class ScoredDay:
-    """Comparison at one time.
+    """Comparison at one time."""
 
-    Attributes
-    ----------
-    time : str
-        ISO 8601.
-    matches : list of Match
-        Observed pieces, largest first.
-    largest : int
-        Number of the largest fragment of the model.
-    unmatched : list of int
-        Fragments that answer to no piece.
-    """
-
-    time: str
-    matches: list[Match]
-    largest: int
-    unmatched: list[int] = field(default_factory=list)
+    time: str  # ISO 8601
+    matches: list[Match]  # Observed pieces, largest first
+    largest: int  # Number of the largest fragment of the model
+    unmatched: list[int] = field(default_factory=list)  # Fragments that answer to no piece
 
     @property
     def berg(self) -> Match | None:
@@ -135,20 +109,11 @@ class ScoredDay:
 
 @dataclass(frozen=True)
 class Score:
-    """Comparison of a run with observations.
+    """Comparison of a run with observations."""
 
-    Attributes
-    ----------
-    observed : str
-        File of the observations.
-    days : list of ScoredDay
-    melt : list of str
-        What the run lost by melting, in words; empty where nothing melts.
-    """
-
-    observed: str
+    observed: str  # File of the observations
     days: list[ScoredDay]
-    melt: list[str] = field(default_factory=list)
+    melt: list[str] = field(default_factory=list)  # What the run lost by melting, in words; empty where nothing melts
 
     def summary(self) -> dict[str, Any]:
         """Return means over the days, for the berg itself."""

@@ -29,18 +29,7 @@ MOST_NAMED: Final = 3
 def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
     """Return the break-ups of each run in rows: each row holds the same event of all runs, or None.
 
-    Parameters
-    ----------
-    runs : sequence of sequence of dict
-        Break-ups of each run, as in ``summary.json``.
-    earth : dict
-        Parameters of the Earth, as in ``summary.json``: whether places are degrees, and its radius (m).
-
-    Returns
-    -------
-    list of list
-        One list for each run, all of the same length. The rows follow the run with the most break-ups; those that it does
-        not have come after them.
+    ``earth``: parameters of the Earth, as in ``summary.json``: whether places are degrees, and its radius (m).
     """
     longest = max(range(len(runs)), key=lambda k: len(runs[k]), default=0)
     rows: list[Event] = list(runs[longest]) if runs else []

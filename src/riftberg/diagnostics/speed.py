@@ -42,16 +42,7 @@ if TYPE_CHECKING:
 def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: float = 20.0) -> dict[str, Any]:
     """Step a model and return how fast that went; the keys are documented at the top of this file.
 
-    Parameters
-    ----------
-    model : Model
-        At its start; it is stepped.
-    experiment : str, optional
-        Name for the record.
-    days : float, optional
-        Simulated days to time.
-    seconds : float, optional
-        Stop after this wall time even if fewer days are done, s.
+    ``seconds``: stop after this wall time even if fewer days are done, s.
     """
     dt = model.parameters.stepping.time_step
     first = _timed_step(model)
@@ -107,13 +98,6 @@ def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None
 
     Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows: that of the explicit
     scheme, unless ``change`` names another one.
-
-    Parameters
-    ----------
-    elements : int
-        About how many elements.
-    change : callable, optional
-        Takes the parameters of the berg and returns those to take instead.
     """
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ocean.analytic import Steady

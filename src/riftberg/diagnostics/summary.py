@@ -63,12 +63,7 @@ MOST_FRAGMENTS: Final = 100
 class Stopwatch:
     """Recorder that measures how fast the run is.
 
-    Attributes
-    ----------
-    wall_seconds : float
-        Wall time from the first call to the last one, s.
-    steps : int
-        Long steps seen.
+    ``wall_seconds``: wall time from the first call to the last one, s.
     """
 
     def __init__(self) -> None:
@@ -107,19 +102,7 @@ def summarize(
     track: Sequence[tuple[datetime, Position]] = (),
     stopwatch: Stopwatch | None = None,
 ) -> dict[str, Any]:
-    """Return the summary of a run; its keys are documented at the top of this file.
-
-    Parameters
-    ----------
-    model : Model
-        The model after the run.
-    experiment : str, optional
-        Name of the experiment.
-    track : sequence of (datetime, Position), optional
-        ``DailyTrack.rows``.
-    stopwatch : Stopwatch, optional
-        Recorder that took part in the run.
-    """
+    """Return the summary of a run; its keys are documented at the top of this file."""
     areas = fragment_areas(model)
     speed = math.nan if stopwatch is None else stopwatch.seconds_per_day
     return {

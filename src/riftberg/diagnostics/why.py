@@ -100,23 +100,7 @@ def collision_of(scene: Scene, b: Breakup) -> Collision | None:
 
 
 def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> str:
-    """Say what became of a break-up in a control run.
-
-    Parameters
-    ----------
-    breakup : Breakup
-        Of the full run.
-    control : xarray.Dataset
-        Run of the same berg with one thing changed.
-    alike : float, optional
-        Part of its area by which a fragment may differ without mention.
-
-    Returns
-    -------
-    str
-        ``"removed"`` if nothing of the fragment breaks off there. Else when most of it does, together, with the area of
-        what breaks off if that is another, or how much of it does if that is less than half.
-    """
+    """Say what became of a break-up in a control run."""
     scene, ids = Scene(control), control["trajectory"].values
     mine = np.isin(ids, breakup.members)
     area = float(scene.area[mine].sum())

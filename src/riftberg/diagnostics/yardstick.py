@@ -77,19 +77,7 @@ def substeps_per_day(model: Model) -> float:
 def yardstick_seconds_per_day(model: Model, *, seconds: float = 0.3, repeats: int = 3) -> float:
     """Time the yardstick for the berg of a model.
 
-    Parameters
-    ----------
-    model : Model
-        Gives elements and bonds; it is not changed.
-    seconds : float, optional
-        About how long one measurement may take, s.
-    repeats : int, optional
-        Measurements; the best one counts.
-
-    Returns
-    -------
-    float
-        Wall seconds per simulated day; 0 for a berg without bonds.
+    ``seconds``: about how long one measurement may take, s.
     """
     first, second = model.bonds.first, model.bonds.second
     if not first.size:

@@ -27,15 +27,7 @@ def cores() -> int:
 
 @contextmanager
 def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any]:
-    """Give a client of dask.distributed; a cluster of this machine is started and closed here.
-
-    Parameters
-    ----------
-    scheduler : str or distributed.Client, optional
-        Address of a scheduler that runs already, or a client.
-    workers : int, optional
-        Processes of the local cluster; by default one for each core.
-    """
+    """Give a client of dask.distributed; a cluster of this machine is started and closed here."""
     try:
         import dask
         import distributed
@@ -119,16 +111,7 @@ def _deaf_worker(distributed: Any) -> Any:
 
 
 def computed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
-    """Give the outcomes of members as they come, until all have come or a signal waits.
-
-    Parameters
-    ----------
-    jobs : sequence of Job
-    client : distributed.Client or None
-        None computes here, one after the other.
-    hold : Hold
-        Signals that wait.
-    """
+    """Give the outcomes of members as they come, until all have come or a signal waits."""
     if client is None:
         for job in jobs:
             if hold.requested:

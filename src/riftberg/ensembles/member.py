@@ -44,41 +44,18 @@ _TOLERANCE: Final = 1e-6  # s
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker must know of a member.
+    """What a worker must know of a member."""
 
-    Attributes
-    ----------
-    number : int
-        From 0.
-    values : dict
-        Values by name of what is varied.
-    experiment : str or callable
-        Name, YAML file, or a function that makes the model.
-    options : Options
-        What is changed for all members.
-    days : float
-        Length of the run.
-    every : float
-        Interval of the tracks, s.
-    folder : pathlib.Path
-        Where states are saved, and the file that asks to stop is looked for.
-    save_seconds : float
-        Wall time between two saved states, s.
-    large : bool
-        Runs beyond the limits are allowed.
-    cells : float or None
-        Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `CELLS`.
-    """
-
-    number: int
-    values: Mapping[str, Any]
-    experiment: str | Maker
-    options: Options
-    days: float
-    every: float
-    folder: Path
-    save_seconds: float = 60.0
-    large: bool = False
+    number: int  # From 0
+    values: Mapping[str, Any]  # Values by name of what is varied
+    experiment: str | Maker  # Name, YAML file, or a function that makes the model
+    options: Options  # What is changed for all members
+    days: float  # Length of the run
+    every: float  # Interval of the tracks, s
+    folder: Path  # Where states are saved, and the file that asks to stop is looked for
+    save_seconds: float = 60.0  # Wall time between two saved states, s
+    large: bool = False  # Runs beyond the limits are allowed
+    # Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `CELLS`
     cells: float | None = None
 
     @property
@@ -94,34 +71,16 @@ class Job:
 
 @dataclass
 class Outcome:
-    """What a member came to, in numbers and texts alone.
+    """What a member came to, in numbers and texts alone."""
 
-    Attributes
-    ----------
-    number : int
-        Of the member.
-    status : str
-        "done", "failed", or "stopped" for one that can go on.
-    message : str
-        Why it failed.
-    time, wall_seconds : float
-        Model time reached, and wall time spent by the attempt that ended it, s.
-    totals : dict of str to float
-        Counts and sizes at the end.
-    fragments : dict of str to list
-        Table of bergs and fragments.
-    track : list of list of float
-        Rows of time, number, longitude, latitude and area.
-    """
-
-    number: int
-    status: str
-    message: str = ""
-    time: float = 0.0
-    wall_seconds: float = 0.0
-    totals: dict[str, float] = field(default_factory=dict)
-    fragments: dict[str, list[float]] = field(default_factory=dict)
-    track: list[list[float]] = field(default_factory=list)
+    number: int  # Of the member
+    status: str  # "done", "failed", or "stopped" for one that can go on
+    message: str = ""  # Why it failed
+    time: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
+    wall_seconds: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
+    totals: dict[str, float] = field(default_factory=dict)  # Counts and sizes at the end
+    fragments: dict[str, list[float]] = field(default_factory=dict)  # Table of bergs and fragments
+    track: list[list[float]] = field(default_factory=list)  # Rows of time, number, longitude, latitude and area
 
 
 class StoppedError(RiftbergError):
@@ -146,16 +105,7 @@ def build_member(job: Job) -> Model:
 
 
 def run_member(job: Job) -> Outcome:
-    """Run a member to its end; whatever goes wrong becomes its message.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    Outcome
-    """
+    """Run a member to its end; whatever goes wrong becomes its message."""
     began = clock.perf_counter()
     track = Tracks(job.every)
     try:
@@ -229,10 +179,7 @@ def _forget_cells(job: Job) -> None:
 class Tracks:
     """Recorder of the centroid and area of every fragment at equal intervals.
 
-    Parameters
-    ----------
-    every : float
-        Interval, s.
+    ``every``: interval, s.
     """
 
     def __init__(self, every: float) -> None:
@@ -263,14 +210,7 @@ class Tracks:
 
 
 class Keeper:
-    """Recorder that saves the state now and then, and ends the run where the sweep is asked to stop.
-
-    Parameters
-    ----------
-    job : Job
-    track : Tracks
-        Whose rows belong to the state.
-    """
+    """Recorder that saves the state now and then, and ends the run where the sweep is asked to stop."""
 
     def __init__(self, job: Job, track: Tracks) -> None:
         self.job, self.track = job, track

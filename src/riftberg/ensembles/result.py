@@ -49,26 +49,7 @@ def dataset_of(
 ) -> xr.Dataset:  # fmt: skip
     """Return the result of a sweep.
 
-    Parameters
-    ----------
-    varied : sequence of Varied
-    members : sequence of mapping
-        Values by name of every member.
-    outcomes : mapping of int to Outcome
-        Of the members that are done or failed; the others are marked as waiting.
-    start : datetime.datetime
-        Date of time 0 (UTC).
-    days, every : float
-        Length of the runs, days, and interval of the tracks, s.
-    latlon : bool
-        Positions are degrees.
-    attributes : mapping
-        Global attributes.
-
-    Returns
-    -------
-    xarray.Dataset
-        With dimensions ``member``, ``fragment`` and ``time``.
+    ``days``, ``every``: length of the runs, days, and interval of the tracks, s.
     """
     count = len(members)
     listed = {number: _listed(outcome) for number, outcome in outcomes.items()}

@@ -45,42 +45,24 @@ USUAL_HOURS: Final = 6.0
 
 
 class WorkerOptions(TypedDict, total=False):
-    """Where the members of a sweep run.
+    """Where the members of a sweep run."""
 
-    Attributes
-    ----------
-    scheduler : str or distributed.Client
-        Address of a dask scheduler, or a client; by default a cluster of this machine is started.
-    workers : int
-        Processes of that cluster, one for each core by default; 0 runs one member after the other in this process.
-    save_seconds : float
-        Wall time between two saved states of a member, s; 60 by default.
-    """
-
-    scheduler: Any
+    scheduler: Any  # Address of a dask scheduler, or a client; by default a cluster of this machine is started
+    # Processes of that cluster, one for each core by default; 0 runs one member after the other in this process
     workers: int | None
-    save_seconds: float
+    save_seconds: float  # Wall time between two saved states of a member, s; 60 by default
 
 
 class SweepOptions(WorkerOptions, total=False):
-    """What `sweep` takes beside its own arguments: where the members run, and what is the same for all of them.
+    """What `sweep` takes beside its own arguments: where the members run, and what is the same for all of them."""
 
-    Attributes
-    ----------
-    changes : mapping
-        Parameters by group and name.
-    without, data, numerics
-        As for ``riftberg run``.
-    cells : float
-        Write fresh water, heat and mass of each member on cells this wide (degrees), as ``riftberg run --cells``, into the
-        folder ``cells`` of ``output``. A member that is stopped or lost begins anew then.
-    """
-
+    # Write fresh water, heat and mass of each member on cells this wide (degrees), as ``riftberg run --cells``, into
+    # the folder ``cells`` of ``output``. A member that is stopped or lost begins anew then
     cells: float | None
-    changes: Mapping[str, Mapping[str, Any]] | None
-    without: Iterable[str]
-    data: str | Path | None
-    numerics: Literal["own", "reference"] | None
+    changes: Mapping[str, Mapping[str, Any]] | None  # Parameters by group and name
+    without: Iterable[str]  # As for ``riftberg run``
+    data: str | Path | None  # As for ``riftberg run``
+    numerics: Literal["own", "reference"] | None  # As for ``riftberg run``
 
 
 def sweep(
@@ -166,32 +148,16 @@ def _common(days: float | str | None, options: SweepOptions) -> Options:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep is, checked.
-
-    Attributes
-    ----------
-    experiment : str or callable
-    options : Options
-        Common to all members.
-    varied : tuple of Varied
-    members : list of dict
-        Values by name of each member.
-    first : Model
-        Of the first member, at its start.
-    days, every : float
-        Length of the runs, days, and interval of the tracks, s.
-    cells : float or None
-        Width (degrees) of the cells on which each member writes.
-    """
+    """What a sweep is, checked."""
 
     experiment: str | Maker
-    options: Options
+    options: Options  # Common to all members
     varied: tuple[Varied, ...]
-    members: list[dict[str, Any]]
-    first: Model
-    days: float
-    every: float
-    cells: float | None = None
+    members: list[dict[str, Any]]  # Values by name of each member
+    first: Model  # Of the first member, at its start
+    days: float  # Length of the runs, days, and interval of the tracks, s
+    every: float  # Length of the runs, days, and interval of the tracks, s
+    cells: float | None = None  # Width (degrees) of the cells on which each member writes
 
     @property
     def named(self) -> str:
@@ -226,13 +192,7 @@ class Plan:
 def planned(
     experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None
 ) -> Plan:
-    """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken.
-
-    Raises
-    ------
-    InputError
-        Naming what is wrong.
-    """
+    """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken."""
     named: Any = experiment if callable(experiment) else str(experiment)
     if isinstance(named, str) and named.endswith((".yaml", ".yml")):
         named = str(Path(named).absolute())
@@ -303,20 +263,7 @@ def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
 
 
 class Store:
-    """The folder of a sweep: its plan, and what is done.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-    plan : Plan
-    resume : bool
-        Take what is done already.
-
-    Raises
-    ------
-    InputError
-        If the folder holds another sweep, or one although none is to be gone on with.
-    """
+    """The folder of a sweep: its plan, and what is done."""
 
     def __init__(self, folder: Path, plan: Plan, *, resume: bool) -> None:
         self.folder, self.plan = folder, plan
@@ -398,16 +345,7 @@ def run_sweep(
     store: Store, *, scheduler: Any = None, workers: int | None = None, save_seconds: float = 60.0,
     bar: SweepBar | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Run the members that wait, and return and write the result.
-
-    Parameters
-    ----------
-    store : Store
-    scheduler, workers, save_seconds
-        See `WorkerOptions`.
-    bar : SweepBar, optional
-        Shows how many members are done.
-    """
+    """Run the members that wait, and return and write the result."""
     workers = native(workers)
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
         raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")

@@ -30,41 +30,16 @@ _UNIT: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*(.*)$")
 
 @dataclass(frozen=True)
 class Varied:
-    """One parameter that is varied.
+    """One parameter that is varied."""
 
-    Attributes
-    ----------
-    name : str
-        ``group.name`` of a parameter, or the name of an argument where a function makes the models.
-    values : tuple
-        Its values, in the unit of the parameter.
-    unit : str
-        That unit, empty where there is none.
-    meaning : str
-        What the parameter is.
-    """
-
-    name: str
-    values: tuple[Any, ...]
-    unit: str = ""
-    meaning: str = ""
+    name: str  # ``group.name`` of a parameter, or the name of an argument where a function makes the models
+    values: tuple[Any, ...]  # Its values, in the unit of the parameter
+    unit: str = ""  # That unit, empty where there is none
+    meaning: str = ""  # What the parameter is
 
 
 def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
-    """Read what is to be varied.
-
-    Parameters
-    ----------
-    vary : mapping, or iterable of str
-        Values by name; each a list, an array or a text (``"14..24kPa:11"``, ``"14, 18, 24 kPa"``). Or texts ``name=values``.
-    free : bool, optional
-        Names are those of arguments of a function, not of parameters.
-
-    Raises
-    ------
-    InputError
-        Naming the entry, and what would be right.
-    """
+    """Read what is to be varied."""
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
     varied: list[Varied] = []
     for name, values in pairs:

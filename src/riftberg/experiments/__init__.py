@@ -19,22 +19,7 @@ __all__ = ["EXPERIMENTS", "BuiltIn", "Info", "Numerics", "Options", "build", "fi
 
 
 def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
-    """Build an experiment by name or from a YAML file.
-
-    Parameters
-    ----------
-    name : str
-        Name of a built-in experiment, or path of a YAML file.
-    options : Options, optional
-        What to change.
-
-    Returns
-    -------
-    model : Model
-        At its start.
-    info : Info
-        Name, title, length and output interval.
-    """
+    """Build an experiment by name or from a YAML file."""
     options = options or Options()
     if name.endswith((".yaml", ".yml")):
         from riftberg.experiments.yaml_file import build_file

@@ -51,17 +51,7 @@ def start_turning(berg: Iceberg, degrees_a_day: float) -> None:
 def story_model(
     options: Options, *, radius: float = 1500.0, packing: Packing = "square", ocean: StoryOcean | None = None
 ) -> Model:
-    """Return the model of the story for a radius of the elements (m) and a packing.
-
-    Parameters
-    ----------
-    options : Options
-        ``without`` may hold "shoal" and "shear"; ``numerics`` chooses Riftberg's own or the reference's.
-    radius, packing
-        Lattice of the berg.
-    ocean : StoryOcean, optional
-        Another ocean, for studies of how robust the story is.
-    """
+    """Return the model of the story for a radius of the elements (m) and a packing."""
     from riftberg.runs.model import Model
 
     own = options.own

@@ -31,24 +31,7 @@ def named_folder(options: Options) -> Path:
 
 
 def data_folder(options: Options, names: Iterable[str], experiment: str, *, hourly: bool) -> Path:
-    """Return the folder of the files; fetch them first where that was asked for and some are missing.
-
-    Parameters
-    ----------
-    options : Options
-        ``data`` and ``fetch``.
-    names : iterable of str
-        Files that must be there.
-    experiment : str
-        Name, for messages.
-    hourly : bool
-        The hourly fields (1.3 GB) are among them.
-
-    Raises
-    ------
-    ForcingError
-        If a file is missing, or is a pointer of Git LFS instead of the file; with the command that gets it.
-    """
+    """Return the folder of the files; fetch them first where that was asked for and some are missing."""
     folder, wanted = named_folder(options), list(names)
     if options.fetch and any(_fault_of_file(folder / name) for name in wanted):
         from riftberg.fetching import fetch

@@ -52,16 +52,9 @@ class TrackSea(Steady):
     The current is uniform: the velocity of the track, and what brings the centre of the berg back to it within two days. The
     sea surface slopes in balance with it. The wind turns, so that it raises waves and carries the berg nowhere.
 
-    Parameters
-    ----------
-    warmest : float
-        Temperature of the surface in the middle of February at 55 degrees south, degrees Celsius.
-    swing : float
-        Half the range of the year, degrees.
-    poleward : float
-        How much colder a degree further south is, degrees.
-    deep : float
-        How much colder the mean over the draft is than the surface, degrees.
+    ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius; ``swing``:
+    half the range of the year, degrees; ``poleward``: how much colder a degree further south is, degrees; ``deep``: how
+    much colder the mean over the draft is than the surface, degrees.
     """
 
     def __init__(self, warmest: float = 3.3, swing: float = 1.8, poleward: float = 0.6, deep: float = 1.0) -> None:
@@ -124,14 +117,7 @@ class TrackSea(Steady):
 def melting_a68a(options: Options, *, radius: float = 1500.0, sea: TrackSea | None = None) -> Model:
     """Return the model of A68a melting.
 
-    Parameters
-    ----------
-    options : Options
-        Changes of parameters: ``melt.base``, ``melt.tide`` and others.
-    radius : float
-        Radius of the elements, m.
-    sea : TrackSea, optional
-        Another sea, for studies of how much its formulas matter.
+    ``radius``: radius of the elements, m.
     """
     from riftberg.runs.model import Model
 

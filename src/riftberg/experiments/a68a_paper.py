@@ -49,21 +49,7 @@ def forcing_of(
 ) -> GriddedForcing:
     """Return the hourly forcing, checked for the length of the run.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Folder of the files.
-    days : float
-        Length of the run.
-    own : bool
-        Interpolate the sea level between the hours as all other fields, instead of holding it as the reference does.
-    zone : tuple of float or None
-        Corner of the grounding zone, degrees; None leaves it out.
-
-    Raises
-    ------
-    ForcingError
-        Naming the file that does not serve, what would be right, and how to get it.
+    ``zone``: corner of the grounding zone, degrees.
     """
     try:
         grid = read_grid(folder / GRID, radius=EARTH_RADIUS_A68)
@@ -115,14 +101,7 @@ def _date(number: int) -> str:
 def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | None = ZONE) -> Model:
     """Return the model of the published run from the files of a folder.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Folder of the files.
-    options : Options
-        ``numerics`` "own" for Riftberg's, else the reference's; ``days`` and changes of parameters.
-    zone : tuple of float or None
-        Corner of the grounding zone, degrees; None leaves it out.
+    ``zone``: corner of the grounding zone, degrees.
     """
     own = options.numerics == "own"
     forcing = forcing_of(folder, DAYS if options.days is None else options.days, own=own, zone=zone)

@@ -50,32 +50,14 @@ def a68a_berg(
 ) -> Iceberg:
     """Return A68a as it was on 9 December 2020, 13:00.
 
-    Parameters
-    ----------
-    radius : float
-        Radius of the elements, m; other than 1500 m (or hexagonal packing) fills the union of the 3-km squares anew.
-    packing : {"square", "hexagonal"}
-        Packing.
-    thickness, density, velocity : float
-        Ice thickness (m), density (kg m-3) and velocity (m s-1), by default those of the paper.
-    position : {"observed", "published"}
-        Where it was seen, or 0.1 degree further south as in the published run.
-    conformal : bool
-        Lay the lattice out without strain. False keeps the positions of the published run to the last digit; for
-        ``"observed"`` they are moved by 0.1 degree of latitude and their longitudes, about the mean, scaled by the
-        ratio of the cosines of old and new latitude.
-    west : float
-        Longitudes are given from here on, for 360 degrees.
-
-    Returns
-    -------
-    Iceberg
-        Its report holds the area of the table and the error of the lattice's area.
+    ``radius``: radius of the elements, m; ``thickness``, ``density``, ``velocity``: ice thickness (m), density (kg m-3)
+    and velocity (m s-1), by default those of the paper.
 
     Examples
     --------
     >>> len(a68a_berg().elements.id)
     472
+
     """
     column, row = cells_of_rows(A68A_ROWS)
     region = cells_region(column, row, 2.0 * A68A_RADIUS)

@@ -28,42 +28,20 @@ SECONDS_PER_DAY = 86400.0
 
 @dataclass(frozen=True)
 class Beam:
-    """Size and material of a beam of square elements.
+    """Size and material of a beam of square elements."""
 
-    Attributes
-    ----------
-    columns, rows : int
-        Elements along and across the beam.
-    radius, thickness : float
-        Half the side of an element, and ice thickness, m.
-    density : float
-        kg m-3.
-    youngs_modulus : float
-        Pa.
-    load : float
-        Total load, N, towards negative y.
-    slowest : float
-        Estimate of the lowest frequency, rad s-1, to choose the drag by.
-    damping : float
-        Damping ratio of the bonds in the reference's run.
-    time_step, substeps : float, int
-        Long step (s) and sub-steps of the reference's run.
-    duration : float
-        Length of the run, s.
-    """
-
-    columns: int
-    rows: int
-    radius: float
-    thickness: float
-    density: float
-    youngs_modulus: float
-    load: float
-    slowest: float
-    damping: float
-    time_step: float
-    substeps: int
-    duration: float
+    columns: int  # Elements along and across the beam
+    rows: int  # Elements along and across the beam
+    radius: float  # Half the side of an element, and ice thickness, m
+    thickness: float  # Half the side of an element, and ice thickness, m
+    density: float  # kg m-3
+    youngs_modulus: float  # Pa
+    load: float  # Total load, N, towards negative y
+    slowest: float  # Estimate of the lowest frequency, rad s-1, to choose the drag by
+    damping: float  # Damping ratio of the bonds in the reference's run
+    time_step: float  # Long step (s) and sub-steps of the reference's run
+    substeps: int  # Long step (s) and sub-steps of the reference's run
+    duration: float  # Length of the run, s
 
     @property
     def length(self) -> float:

@@ -16,23 +16,7 @@ Changes = dict[str, dict[str, Any]]
 
 
 def parse_settings(settings: Iterable[str]) -> Changes:
-    """Read ``group.name=value`` as given to ``--set``.
-
-    Parameters
-    ----------
-    settings : iterable of str
-        For example ``stepping.time_step=900`` or ``fracture.normal_strength=18 kPa``.
-
-    Returns
-    -------
-    dict
-        Values by group and name, converted to the unit of the parameter, not yet checked against each other.
-
-    Raises
-    ------
-    InputError
-        Naming the setting, and what is allowed.
-    """
+    """Read ``group.name=value`` as given to ``--set``."""
     changes: Changes = {}
     faults = []
     for setting in settings:
@@ -90,13 +74,7 @@ def fields_of(group: FieldInfo) -> dict[str, FieldInfo]:
 
 
 def changed(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *, where: str = "--set") -> Parameters:
-    """Return parameters with changes made, or explain which is impossible.
-
-    Raises
-    ------
-    InputError
-        Naming group, parameter, value and what is allowed.
-    """
+    """Return parameters with changes made, or explain which is impossible."""
     try:
         return parameters.changed(**{group: dict(values) for group, values in changes.items()})
     except InputError as error:

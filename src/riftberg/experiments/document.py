@@ -38,29 +38,7 @@ def _line(part: Any) -> int:
 
 
 class Document:
-    """A YAML file with the lines of its keys.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    sections : str
-        Names of the sections that such a file has, for messages.
-
-    Attributes
-    ----------
-    values : dict
-        What the file says.
-    faults : dict of place to InputError
-        What is wrong so far; all are told together (`settle`).
-    meant : set of place
-        Keys that were misspelt, and so are not missing.
-
-    Raises
-    ------
-    InputError
-        With file and line.
-    """
+    """A YAML file with the lines of its keys."""
 
     def __init__(self, path: Path, sections: str = "") -> None:
         self.path, self._sections = path, sections

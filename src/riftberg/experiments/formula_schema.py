@@ -67,13 +67,7 @@ def formula_parts() -> list[tuple[str, type[Section]]]:
 def sum_of(forcing: FormulaForcing, *, latlon: bool, latitude: float | None) -> formulas.Sum:
     """Return the forcing that a section describes.
 
-    Parameters
-    ----------
-    forcing : FormulaForcing
-    latlon : bool
-        Positions are degrees.
-    latitude : float or None
-        Latitude (degrees) of the Coriolis parameter; None for that of each place.
+    ``latitude``: latitude (degrees) of the Coriolis parameter.
     """
     parts = []
     for name, kind in _CLASSES.items():

@@ -18,35 +18,19 @@ Numerics = Literal["own", "reference"]
 
 @dataclass(frozen=True)
 class Options:
-    """What the person who starts a run asked for.
+    """What the person who starts a run asked for."""
 
-    Attributes
-    ----------
-    changes : dict
-        Values by group and parameter name, as `riftberg.parameters.Parameters.changed` takes them; already checked.
-    days : float or None
-        Length of the run; None leaves it to the experiment.
-    data : pathlib.Path or None
-        Folder of data files.
-    without : frozenset of str
-        Parts of the experiment to leave out.
-    numerics : {"own", "reference"} or None
-        Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment.
-    fetch : bool
-        Fetch missing data files first.
-    grid : float or None
-        Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment.
-    files : tuple
-        Files or patterns in place of those of the experiment, as ``forcing.files`` takes them.
-    """
-
+    # Values by group and parameter name, as `riftberg.parameters.Parameters.changed` takes them; already checked
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    days: float | None = None
-    data: Path | None = None
-    without: frozenset[str] = frozenset()
+    days: float | None = None  # Length of the run; None leaves it to the experiment
+    data: Path | None = None  # Folder of data files
+    without: frozenset[str] = frozenset()  # Parts of the experiment to leave out
+    # Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment
     numerics: Numerics | None = None
-    fetch: bool = False
+    fetch: bool = False  # Fetch missing data files first
+    # Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment
     grid: float | None = None
+    # Files or patterns in place of those of the experiment, as ``forcing.files`` takes them
     files: tuple[Any, ...] = ()
 
     @property
@@ -63,67 +47,30 @@ class Options:
 
 @dataclass(frozen=True)
 class Story:
-    """What a test case tells of itself in place of break-ups and maps, from its run file.
+    """What a test case tells of itself in place of break-ups and maps, from its run file."""
 
-    Attributes
-    ----------
-    tell : callable
-        Takes the run and returns lines for the command line.
-    facts : callable
-        Takes the run and returns the figures for ``summary.json``.
-    draw : callable
-        Takes the run, a path and ``dpi``, and writes the picture.
-    fits : callable
-        Takes the run and returns whether it is one of this case.
-    """
-
-    tell: Callable[[xr.Dataset], list[str]]
-    facts: Callable[[xr.Dataset], dict[str, Any]]
-    draw: Callable[[xr.Dataset, Path, int], Path]
-    fits: Callable[[xr.Dataset], bool]
+    tell: Callable[[xr.Dataset], list[str]]  # Takes the run and returns lines for the command line
+    facts: Callable[[xr.Dataset], dict[str, Any]]  # Takes the run and returns the figures for ``summary.json``
+    draw: Callable[[xr.Dataset, Path, int], Path]  # Takes the run, a path and ``dpi``, and writes the picture
+    fits: Callable[[xr.Dataset], bool]  # Takes the run and returns whether it is one of this case
 
 
 @dataclass(frozen=True)
 class Info:
-    """What the command line needs to know about a built experiment.
+    """What the command line needs to know about a built experiment."""
 
-    Attributes
-    ----------
-    name : str
-        Short name, used for the output folder.
-    title : str
-        Heading of the map.
-    days : float
-        Length of the run that the experiment has by itself.
-    output_every_hours : float
-        Interval of the records, in hours of model time.
-    seed : int or None
-        Seed of random numbers, if any are drawn.
-    observed : mapping
-        Observed outlines for the map: ISO date to rings of longitude and latitude.
-    notices : tuple of str
-        What should be known before the run, in a line each.
-    output_forces : bool
-        Whether the run file holds the mean force of each medium between records.
-    output_cells : float or None
-        Width (degrees) of the cells of the gridded output; None for none.
-    made : str
-        What became of the shape that was asked for, in a line.
-    story : Story or None
-        What a test case tells and draws instead of break-ups and a map.
-    """
-
-    name: str
-    title: str = ""
-    days: float = 1.0
-    output_every_hours: float = 1.0
-    seed: int | None = None
+    name: str  # Short name, used for the output folder
+    title: str = ""  # Heading of the map
+    days: float = 1.0  # Length of the run that the experiment has by itself
+    output_every_hours: float = 1.0  # Interval of the records, in hours of model time
+    seed: int | None = None  # Seed of random numbers, if any are drawn
+    # Observed outlines for the map: ISO date to rings of longitude and latitude
     observed: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    notices: tuple[str, ...] = ()
-    output_forces: bool = False
-    output_cells: float | None = None
-    made: str = ""
-    story: Story | None = None
+    notices: tuple[str, ...] = ()  # What should be known before the run, in a line each
+    output_forces: bool = False  # Whether the run file holds the mean force of each medium between records
+    output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
+    made: str = ""  # What became of the shape that was asked for, in a line
+    story: Story | None = None  # What a test case tells and draws instead of break-ups and a map
 
 
 Builder = Callable[[Options], "tuple[Model, Info]"]

@@ -16,30 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BuiltIn:
-    """A built-in experiment.
+    """A built-in experiment."""
 
-    Attributes
-    ----------
-    name : str
-        Name on the command line.
-    place : str
-        ``module:function`` of its builder.
-    summary : str
-        What it shows, in one line.
-    parts : tuple of str
-        Parts that ``--without`` can leave out.
-    fetches : bool
-        It runs from files that ``--fetch`` can get.
-    story : str
-        ``module:name`` of its `Story`, where it has one of its own.
-    """
-
-    name: str
-    place: str
-    summary: str
-    parts: tuple[str, ...] = ()
-    fetches: bool = False
-    story: str = ""
+    name: str  # Name on the command line
+    place: str  # ``module:function`` of its builder
+    summary: str  # What it shows, in one line
+    parts: tuple[str, ...] = ()  # Parts that ``--without`` can leave out
+    fetches: bool = False  # It runs from files that ``--fetch`` can get
+    story: str = ""  # ``module:name`` of its `Story`, where it has one of its own
 
     def load(self) -> Builder:
         """Import the builder."""
@@ -79,13 +63,7 @@ def names() -> list[str]:
 
 
 def find(name: str) -> BuiltIn:
-    """Return the entry of a name.
-
-    Raises
-    ------
-    InputError
-        If there is none; with the nearest name.
-    """
+    """Return the entry of a name."""
     for entry in EXPERIMENTS:
         if entry.name == name:
             return entry

@@ -64,27 +64,7 @@ def _name_of(path: str | Path) -> str:
 
 
 def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
-    """Read and check an experiment file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        YAML file.
-
-    Returns
-    -------
-    experiment : Experiment
-        Its content.
-    parameters : Parameters
-        Preset and changes.
-    document : Document
-        Lines of its keys, for messages.
-
-    Raises
-    ------
-    InputError
-        With file, line, key, the value met and what is allowed.
-    """
+    """Read and check an experiment file."""
     document = Document(Path(path), _keys(Experiment))
     values = dict(document.values)
     values.setdefault("name", _name_of(path))
@@ -324,15 +304,7 @@ def _group(group: str, values: Any, document: Document) -> dict[str, Any]:
 
 
 def build_file(path: Path, options: Options) -> tuple[Model, Info]:
-    """Build the experiment of a YAML file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file; names of files in it are relative to ``options.data`` or else to its folder.
-    options : Options
-        Changes from the command line, which win over the file.
-    """
+    """Build the experiment of a YAML file."""
     from riftberg.runs.model import Model
 
     experiment, parameters, _ = read_file(path)

@@ -23,21 +23,7 @@ Span = tuple[float, float]
 def fetch_ncep(
     folder: Path, years: range, *, progress: Progress | bool, tell: Tell, base_url: str = NCEP_URL
 ) -> list[Path]:
-    """Fetch NCEP/NCAR R1 10 m wind of whole years; files that have changed at their source since are fetched again.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the files go.
-    years : range
-        Years. The file of the current year grows every day.
-    progress : bool or callable
-        As in `riftberg.fetching.fetch.fetch_a68a`.
-    tell : callable
-        Called with a word where a file has changed, or cannot be asked for.
-    base_url : str
-        Address of the files.
-    """
+    """Fetch NCEP/NCAR R1 10 m wind of whole years; files that have changed at their source since are fetched again."""
     names = [f"{part}.10m.gauss.{year}.nc" for year in years for part in ("uwnd", "vwnd")]
     with progressing(progress) as show:
         downloader = Resuming(show)
@@ -49,23 +35,7 @@ def fetch_gebco(
 ) -> list[Path]:
     """Fetch the elevations of GEBCO_2020 over a box, at its full 15 arc seconds; a box that is there is not asked for.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the file goes.
-    lon, lat : tuple of float
-        Box (degrees, -180..180); one cell more on each side is fetched.
-    progress : bool or callable
-        As in `riftberg.fetching.fetch.fetch_a68a`.
-    tell : callable
-        Called with the size before the fetch.
-    base_url : str
-        Address of the ERDDAP's grids.
-
-    Raises
-    ------
-    ForcingError
-        For boxes that are none, cross the date line or are too large, and for answers that do not hold the box.
+    ``lon``, ``lat``: box (degrees, -180..180).
     """
     _check_box(lon, lat)
     target = folder / f"gebco_2020_{lon[0]:g}_{lon[1]:g}_{lat[0]:g}_{lat[1]:g}.nc"

@@ -61,21 +61,7 @@ def _kept(part: PartFile) -> str:
 
 
 class Resuming:
-    """Downloader for pooch that continues a part left by an earlier attempt.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Called as ``progress(name, bytes_so_far, bytes_in_all)``; 0 in all = unknown.
-    attempts : int
-        How many attempts in a row may bring nothing.
-    timeout : float
-        Seconds without data after which a connection counts as cut.
-    large_files : callable, optional
-        Turns an address into that of its Git LFS object, for repositories that answer with a pointer.
-    pause : float
-        Seconds to wait after an attempt that brought nothing; grows with each.
-    """
+    """Downloader for pooch that continues a part left by an earlier attempt."""
 
     def __init__(
         self,
@@ -151,20 +137,7 @@ class Resuming:
         )
 
     def changed(self, url: str, path: Path) -> str | None:
-        """Ask the server whether it has another version of a file than the one that is there.
-
-        Parameters
-        ----------
-        url : str
-            Address.
-        path : Path
-            The file that is there.
-
-        Returns
-        -------
-        str or None
-            How it has changed; empty = it has not; None = the server could not be asked, or does not tell.
-        """
+        """Ask the server whether it has another version of a file than the one that is there."""
         import requests
 
         asking = {"Accept-Encoding": "identity"}
@@ -362,30 +335,7 @@ def fetch_one(
     renew: bool = False,
     tell: Tell = tell_terminal,
 ) -> Path:
-    """Fetch one file unless it is there and right.
-
-    Parameters
-    ----------
-    name : str
-        Address below ``base_url``.
-    digest : str or None
-        sha256; without it a file that is there is taken as right.
-    folder : Path
-        Where it goes, under the last part of its name.
-    base_url : str
-        Address of the folder that holds it.
-    downloader : Resuming
-        What fetches it.
-    renew : bool
-        Ask the server whether a file without sha256 has changed, and fetch it again then.
-    tell : callable
-        Called with a word when it has, or when the server cannot be asked.
-
-    Raises
-    ------
-    ForcingError
-        Also for a wrong checksum; then nothing is kept.
-    """
+    """Fetch one file unless it is there and right."""
     try:
         import pooch  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:

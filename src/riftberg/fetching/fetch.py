@@ -56,27 +56,13 @@ FILES: dict[str, str | None] = {
 
 @dataclass(frozen=True)
 class Hourly:
-    """One hourly field of the paper, kept in the repository as eight parts without checksums.
+    """One hourly field of the paper, kept in the repository as eight parts without checksums."""
 
-    Attributes
-    ----------
-    stem : str
-        Name of the parts before their number.
-    merged : str
-        Name of the file made from them.
-    variables : tuple of str
-        Fields that it must hold.
-    records : int
-        Hours that it must hold.
-    limit : float
-        Largest magnitude that is believable (m s-1 or m).
-    """
-
-    stem: str
-    merged: str
-    variables: tuple[str, ...]
-    records: int
-    limit: float
+    stem: str  # Name of the parts before their number
+    merged: str  # Name of the file made from them
+    variables: tuple[str, ...]  # Fields that it must hold
+    records: int  # Hours that it must hold
+    limit: float  # Largest magnitude that is believable (m s-1 or m)
     parts: int = 8
 
     @property
@@ -104,35 +90,7 @@ def fetch_a68a(
     attempts: int = 5,
     keep_parts: bool = False,
 ) -> list[Path]:
-    """Fetch the inputs of the A68a experiment of Huth et al. (2022); about 1.3 GB, resumed if cut.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Where the files go; made if absent.
-    base_url, large_files_url : str
-        Address of the repository's files, and of its Git LFS objects.
-    hourly : sequence of Hourly
-        Hourly fields to fetch; empty = only the small files.
-    files : dict, optional
-        Small files and their sha256, default `FILES`.
-    progress : bool or callable
-        Show a bar, or call ``progress(name, bytes_so_far, bytes_in_all)``.
-    attempts : int
-        How many attempts in a row may bring nothing.
-    keep_parts : bool
-        Whether to keep the parts of the hourly files after merging.
-
-    Returns
-    -------
-    list of Path
-        The files, ready for `riftberg.products.open_all`.
-
-    Raises
-    ------
-    ForcingError
-        If the network, a checksum, the disk or the merged records are wrong; what was fetched is kept.
-    """
+    """Fetch the inputs of the A68a experiment of Huth et al. (2022); about 1.3 GB, resumed if cut."""
     folder = made(Path(folder))
     registry = FILES if files is None else files
     with progressing(progress) as show:
@@ -160,17 +118,7 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
 
 
 def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
-    """Join the parts of an hourly field in order of time, check them, and write one file.
-
-    Parameters
-    ----------
-    parts : sequence of Path
-        The parts, in the order of their numbers.
-    target : Path
-        The file to write; it appears only when it is complete and right.
-    field : Hourly
-        What it must hold.
-    """
+    """Join the parts of an hourly field in order of time, check them, and write one file."""
     unfinished = target.with_suffix(".unfinished")
     try:
         _join(_in_order(parts), unfinished)
@@ -246,15 +194,7 @@ def _copy_header(ds: netCDF4.Dataset, out: netCDF4.Dataset) -> None:
 
 
 def check_hourly(path: Path, field: Hourly) -> None:
-    """Raise `ForcingError` unless a merged file holds the hours and values that the paper's forcing has.
-
-    Parameters
-    ----------
-    path : Path
-        Merged file.
-    field : Hourly
-        Variables, number of records and largest believable value.
-    """
+    """Raise `ForcingError` unless a merged file holds the hours and values that the paper's forcing has."""
     remedy = "Delete it and fetch again; if it stays wrong, the source has changed"
     try:
         ds = open_lazily(path, decode_times=False)

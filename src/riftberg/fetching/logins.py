@@ -21,18 +21,7 @@ COPERNICUS_HOSTS = ("auth.marine.copernicus.eu", "nrt.cmems-du.eu", "my.cmems-du
 
 
 def earthdata() -> Literal["environment", "netrc"]:
-    """Return the way in which earthaccess will log in.
-
-    Returns
-    -------
-    str
-        Its ``strategy``: "environment" (token, or user name and password) or "netrc".
-
-    Raises
-    ------
-    ForcingError
-        If it would find no login.
-    """
+    """Return the way in which earthaccess will log in."""
     if _set("EARTHDATA_TOKEN") or _set("EARTHDATA_USERNAME", "EARTHDATA_PASSWORD"):
         return "environment"
     path = Path(os.environ.get("NETRC") or _netrc_at_home())

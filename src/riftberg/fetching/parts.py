@@ -22,27 +22,13 @@ _RANGE = re.compile(r"bytes\s+(?:(?P<first>\d+)-\d+|\*)/(?P<total>\d+|\*)")
 
 @dataclass(frozen=True)
 class Version:
-    """What a server tells of the version of a file.
+    """What a server tells of the version of a file."""
 
-    Attributes
-    ----------
-    url : str
-        Address.
-    etag : str
-        Its tag for this version; empty = not told.
-    modified : str
-        Its date of change, as told; empty = not told.
-    total : int
-        Size of the whole file (bytes); 0 = not told.
-    sha256 : str
-        Of the whole file, where a pointer of Git LFS names it; empty = not told.
-    """
-
-    url: str
-    etag: str = ""
-    modified: str = ""
-    total: int = 0
-    sha256: str = ""
+    url: str  # Address
+    etag: str = ""  # Its tag for this version; empty = not told
+    modified: str = ""  # Its date of change, as told; empty = not told
+    total: int = 0  # Size of the whole file (bytes); 0 = not told
+    sha256: str = ""  # Of the whole file, where a pointer of Git LFS names it; empty = not told
 
     @classmethod
     def told(cls, url: str, headers: Mapping[str, str], total: int) -> Version:
@@ -64,17 +50,7 @@ class Version:
 
 
 class PartFile:
-    """An unfinished file and its record.
-
-    Parameters
-    ----------
-    path : Path
-        The unfinished file.
-    url : str
-        Where the file comes from.
-    sha256 : str, optional
-        Checksum of the whole file, where one is told.
-    """
+    """An unfinished file and its record."""
 
     def __init__(self, path: Path, url: str, sha256: str = "") -> None:
         self.path, self.url, self.sha256 = path, url, sha256

@@ -101,36 +101,7 @@ def fetch_product(
 ) -> list[Path]:
     """Fetch an original product from the service that holds it.
 
-    Parameters
-    ----------
-    name : {"oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"}
-        OSCAR v2 final (Earthdata login, whole globe), GLORYS12 and DUACS (Copernicus Marine login), ERA5 (Climate Data
-        Store key), NCEP/NCAR R1 10 m wind (no login, whole years), GEBCO_2020 sea floor (no login).
-    folder : str or Path
-        Where the files go.
-    lon, lat : tuple of float
-        Box (degrees, -180..180).
-    time : tuple, optional
-        First and last day (UTC); only the sea floor needs none.
-    fields : sequence of str
-        Fields of `FIELDS`; none = `DEFAULT_FIELDS`, or all where these name none.
-    depth : float
-        Deepest level wanted (m), where the product has levels.
-    progress : bool or callable
-        As in `fetch_a68a`, for services without a client of their own.
-    tell : callable
-        Called with a word on sizes and on files that have changed at their source.
-    **addresses
-        ``ncep_url`` and ``gebco_url``: address of the NCEP files, and of the ERDDAP that has GEBCO, if others.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    ForcingError
-        If the client of the service is not installed, not logged in, or refused; the message says what to do.
+    ``lon``, ``lat``: box (degrees, -180..180); ``depth``: deepest level wanted (m), where the product has levels.
     """
     if name not in FIELDS:
         raise ForcingError(

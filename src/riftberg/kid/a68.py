@@ -46,14 +46,7 @@ def case_data(driver: NamelistGroup, case: Path) -> Path:
 def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
     """Return the grid of the data file: corners at its longitudes + 360 and its latitudes.
 
-    Parameters
-    ----------
-    driver : NamelistGroup
-        Its ``REarth`` gives the metrics.
-    case : pathlib.Path
-        Run folder.
-    period : float
-        Zonal period, degrees; the domain itself is not cyclic.
+    ``period``: zonal period, degrees.
     """
     return read_grid(case_data(driver, case) / GRID_FILE, radius=driver.number("REarth"), period=period)
 
@@ -61,14 +54,7 @@ def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
 def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
     """Return the grid of a file with ``longitude`` and ``latitude``, as the driver makes it.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        Grid file.
-    radius : float
-        Radius of the sphere for the metrics, m.
-    period : float
-        Zonal period, degrees.
+    ``radius``: radius of the sphere for the metrics, m; ``period``: zonal period, degrees.
     """
     with opened_dataset(path) as dataset:
         lon, lat = unpacked(dataset, path, "longitude"), unpacked(dataset, path, "latitude")
@@ -135,21 +121,7 @@ def hourly_records(
 ) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
     """Return forcing as `riftberg.ocean.gridded.GriddedForcing` takes it; arguments as `open_hours` gives them.
 
-    Parameters
-    ----------
-    files : sequence of HourlyFile
-        Wind, currents and sea level.
-    assemble : Assembler
-        Makes states of the records of an hour.
-    start : int
-        Record of the start of the run, from 1.
-
-    Returns
-    -------
-    records : Fields or callable
-        The one state of constant forcing, or a function of the number of hours since the start.
-    times : ndarray or None
-        Times of the hours since the start of the run, s; None for constant forcing.
+    Returns ``times``: times of the hours since the start of the run, s.
     """
 
     def load(k: int) -> Fields:
@@ -167,13 +139,7 @@ def hourly_records(
 def a68_records(
     driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid, case: Path, dt: float, steps: int
 ) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
-    """Return the forcing of the A68 test as `hourly_records` does.
-
-    Raises
-    ------
-    ForcingError
-        If a file is missing, has the wrong size, or ends before the run does.
-    """
+    """Return the forcing of the A68 test as `hourly_records` does."""
     start = driver.whole("transient_a68_data_start_ind")
     if start < 1:
         raise driver.error(f"transient_a68_data_start_ind = {start} with a68_test", "Give the first record, from 1")
@@ -217,17 +183,7 @@ def _check_depth(icebergs: NamelistGroup) -> None:
 
 
 class Assembler:
-    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared.
-
-    Parameters
-    ----------
-    grid : Grid
-        Grid of the records.
-    still : Fields
-        State that holds what the records do not.
-    is_velocity : bool
-        ``ua`` and ``va`` are wind, not its stress.
-    """
+    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared."""
 
     def __init__(self, grid: Grid, still: Fields, is_velocity: bool = True) -> None:
         self._grid, self._still, self._is_velocity = grid, still, is_velocity

@@ -39,13 +39,6 @@ class BlockWriter:
 
     A block goes into a copy of the file, which then takes its name (`riftberg.whole_files`). The container is NetCDF-4
     with the classic data model: KID's own classic files take ten times as long to write.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        File to make; an existing one is replaced. Who makes it sees to it that nobody else does (`riftberg.one_writer`).
-    columns : list of Column
-        Variables in their order.
     """
 
     def __init__(self, path: Path, columns: list[Column]) -> None:

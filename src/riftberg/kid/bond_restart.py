@@ -35,30 +35,7 @@ _MIRRORED: Final = ("tangd1", "tangd2", "rel_rotation")
 
 
 def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
-    """Read a bond restart.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    elements : Elements
-        Elements of the same run; ``bond_count`` is set.
-    metric : Metric
-        Coordinates, for the present length of the bonds.
-
-    Returns
-    -------
-    Bonds
-        Each pair once, ``first < second``; what belongs to a direction is taken from the record of the first. Bonds
-        that the file calls broken have ``break_time`` 0.
-
-    Raises
-    ------
-    InputError
-        If the file or a variable is missing or cut short, or has the obsolete layout.
-    BergError
-        If a bond names an unknown element, or lacks its mirror.
-    """
+    """Read a bond restart."""
     path = Path(path)
     with opened_dataset(path) as dataset:
         _refuse_obsolete(dataset, path)

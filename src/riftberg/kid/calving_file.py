@@ -23,22 +23,7 @@ AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
 
 
 def read_stores(path: Path, grid: Grid, classes: int) -> Stores | None:
-    """Return what the file holds; None without a file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    grid : Grid
-        Its cells.
-    classes : int
-        Size classes.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, does not fit the grid, or holds what cannot be.
-    """
+    """Return what the file holds; None without a file."""
     if not path.is_file():
         return None
     shape = grid.arrays.nj, grid.arrays.ni

@@ -134,29 +134,7 @@ def land_ice(driver: NamelistGroup, grid: Grid, step: int) -> tuple[Floats, Floa
 
 
 class CoupledRun:
-    """A case with an ocean, read and checked, ready to run; nothing is written.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Run folder.
-    namelist : KidNamelist
-        With the group ``drv_nml``.
-    ranks : tuple of int
-        See `riftberg.kid.run.load_case`.
-
-    Attributes
-    ----------
-    parameters : Parameters
-    clock : Clock
-    grid : Grid
-    model : Model
-    exchange : ReferenceExchange
-    returned : list of Returned
-        What each step has given to the ocean.
-    notes : list of str
-        What was done beyond the namelist.
-    """
+    """A case with an ocean, read and checked, ready to run; nothing is written."""
 
     def __init__(self, folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> None:
         self.namelist = namelist

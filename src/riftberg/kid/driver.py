@@ -56,21 +56,11 @@ COLLISION_CENTRE: Final = 10_000.0
 
 @dataclass(frozen=True)
 class Clock:
-    """Length of the run and its calendar.
+    """Length of the run and its calendar."""
 
-    Attributes
-    ----------
-    dt : float
-        Long step, s.
-    steps : int
-        Number of long steps.
-    offset : float
-        Start of the run after 0001-01-01 00:00, s.
-    """
-
-    dt: float
-    steps: int
-    offset: float
+    dt: float  # Long step, s
+    steps: int  # Number of long steps
+    offset: float  # Start of the run after 0001-01-01 00:00, s
 
     def date(self, time: float) -> Date:
         """Return the date at a time (s) after the start of the run."""
@@ -97,15 +87,7 @@ def build_clock(namelist: KidNamelist) -> Clock:
 
 
 def build_grid(namelist: KidNamelist, case: Path) -> Grid:
-    """Return the driver's grid.
-
-    Parameters
-    ----------
-    namelist : KidNamelist
-        Both groups.
-    case : pathlib.Path
-        Run folder, from which ``data_dir`` counts.
-    """
+    """Return the driver's grid."""
     driver, icebergs = namelist.driver, namelist.icebergs
     a68 = driver.flag("a68_test")
     if a68 != icebergs.flag("grid_is_latlon"):
@@ -163,17 +145,6 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
     """Return the driver's forcing.
 
     ``sample`` at the start time of a step gives the fields that the driver hands over in that step.
-
-    Parameters
-    ----------
-    namelist : KidNamelist
-        Both groups.
-    grid : Grid
-        The driver's grid.
-    case : pathlib.Path
-        Run folder.
-    clock : Clock
-        Length of the run.
     """
     driver, icebergs = namelist.driver, namelist.icebergs
     rules = _field_rules(icebergs)
@@ -268,13 +239,6 @@ def apply_beam_test(elements: Elements, kind: int) -> None:
     """Put the loads and supports of the beam tests on the elements (section 10.3).
 
     They are found by exact equality of their x with the ends or the middle of the beam.
-
-    Parameters
-    ----------
-    elements : Elements
-        ``load_y`` and ``free_y`` are changed.
-    kind : int
-        1 simply supported, 2 cantilever; others change nothing.
     """
     west, east = elements.lon.min(), elements.lon.max()
     if kind == 1:

@@ -25,13 +25,7 @@ REALS_SIZE: Final = 10
 
 
 def find_entry(group: str, name: str, where: str = "") -> Entry:
-    """Return the entry ``name`` (any case) of a group.
-
-    Raises
-    ------
-    NamelistError
-        If KID knows no such entry; the message offers the nearest name, or the other group.
-    """
+    """Return the entry ``name`` (any case) of a group."""
     known = _BY_NAME[group]
     entry = known.get(name.lower())
     if entry is not None:
@@ -84,19 +78,7 @@ def _reals(entry: Entry, raw: object, where: str, start: int) -> tuple[float, ..
 
 
 def convert(entry: Entry, raw: Any, where: str = "", start: int = 1) -> Value:
-    """Return a raw namelist value as the entry's type.
-
-    Parameters
-    ----------
-    entry : Entry
-        What the value is for.
-    raw : object
-        Value as the namelist parser gives it; None (no value) means the default.
-    where : str
-        File and group, for messages.
-    start : int
-        First index that a list sets (``mass_scaling(3) = ...``).
-    """
+    """Return a raw namelist value as the entry's type."""
     if raw is None:
         return entry.default
     if entry.kind == REALS:

@@ -33,39 +33,18 @@ ONE_PROCESS: Final = "the run is a single process with one file"
 
 @dataclass(frozen=True)
 class Entry:
-    """One namelist entry.
+    """One namelist entry."""
 
-    Attributes
-    ----------
-    name : str
-        Name as KID spells it; namelists ignore the case.
-    kind : str
-        ``"logical"``, ``"integer"``, ``"real"``, ``"reals"`` (ten of them) or ``"text"``.
-    default : bool, int, float, str or tuple of float
-        Value where the namelist is silent.
-    unit : str
-        Unit, empty where there is none.
-    meaning : str
-        What it does in KID.
-    treatment : {"honoured", "refused", "reported"}
-        Honoured; refused unless it has the ``accepted`` value; or only reported, being without effect here.
-    note : str
-        How it is honoured, why it is refused, or why it has no effect.
-    accepted : bool, float or None
-        The value of a refused entry that a run may have.
-    remedy : str
-        What to write instead of a refused value.
-    """
-
-    name: str
-    kind: Kind
-    default: Value
-    unit: str
-    meaning: str
+    name: str  # Name as KID spells it; namelists ignore the case
+    kind: Kind  # ``"logical"``, ``"integer"``, ``"real"``, ``"reals"`` (ten of them) or ``"text"``
+    default: Value  # Value where the namelist is silent
+    unit: str  # Unit, empty where there is none
+    meaning: str  # What it does in KID
+    # Honoured; refused unless it has the ``accepted`` value; or only reported, being without effect here
     treatment: Treatment = HONOURED
-    note: str = ""
-    accepted: bool | float | None = None
-    remedy: str = ""
+    note: str = ""  # How it is honoured, why it is refused, or why it has no effect
+    accepted: bool | float | None = None  # The value of a refused entry that a run may have
+    remedy: str = ""  # What to write instead of a refused value
 
 
 def _yes(name: str, kind: Kind, default: Value, unit: str, meaning: str, note: str = "") -> Entry:

@@ -53,32 +53,7 @@ UNITS: Final = {
 class HourlyFile:
     """Variables of shape (time, nj, ni) of one file; one block of their records is in memory.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        NetCDF file.
-    names : sequence of str
-        Its variables.
-    grid : Grid
-        Grid whose domain the fields must have.
-    stamp : callable, optional
-        Gives the date of a record, counted from 0, for messages.
-    stress : bool
-        ``ua`` and ``va`` are the stress of the wind, Pa.
-    bare_gaps : bool
-        Whether NaN is a gap although the file does not declare it as missing.
-
-    Attributes
-    ----------
-    count : int
-        Records of each variable.
-
-    Raises
-    ------
-    InputError
-        If the file or a variable is missing, or the file cannot be read.
-    ForcingError
-        If a variable does not fit the grid, or the variables differ in their number of records.
+    ``stress``: ``ua`` and ``va`` are the stress of the wind, Pa.
     """
 
     def __init__(
@@ -107,11 +82,6 @@ class HourlyFile:
         """Return one record, counted from 0, of all variables; NaN where values are missing.
 
         A file of one record holds a field that is constant in time: its record is every record.
-
-        Raises
-        ------
-        ForcingError
-            If it holds what is neither a number nor declared as missing, numbers beyond belief, or nothing.
         """
         number = number if self.count > 1 else 0
         if not self._held or not self._first <= number < self._first + self._length():
@@ -162,12 +132,7 @@ class HourlyFile:
         return "m" if name == "SSH" else "m s-1", LIMITS.get(name, math.inf)
 
     def check_place(self) -> bool:
-        """Compare the positions that the file gives, if any, with those of the grid; returns whether there are some.
-
-        Raises
-        ------
-        ForcingError
-        """
+        """Compare the positions that the file gives, if any, with those of the grid; returns whether there are some."""
         g, (rows, columns) = self._grid.arrays, self._grid.domain
         found = []
         with opened_dataset(self.path) as dataset:
@@ -205,13 +170,7 @@ class HourlyFile:
                     )  # fmt: skip
 
     def dates(self) -> list[str]:
-        """Return the dates of the records by the file's own variable ``time``; none where it has no such dates.
-
-        Raises
-        ------
-        ForcingError
-            If they are not an hour apart.
-        """
+        """Return the dates of the records by the file's own variable ``time``; none where it has no such dates."""
         with opened_dataset(self.path) as dataset:
             time = dataset.variables.get("time")
             units = "" if time is None else str(getattr(time, "units", ""))

@@ -35,17 +35,7 @@ def cell_indices(elements: Elements, grid: Grid) -> tuple[Ints, Ints]:
 
 
 def new_identifiers(elements: Elements, grid: Grid, seam: bool = False) -> Ints:
-    """Return identifiers for elements that have none: a count per cell, in the order of the elements.
-
-    Parameters
-    ----------
-    elements : Elements
-    grid : Grid
-    seam : bool
-        The driver's domain is cyclic, but coordinates have no period. Then the west corners of the first column lie at the
-        east end, and the reference finds every element in that column, inside out: a point on the edge of two rows belongs
-        to the southern one.
-    """
+    """Return identifiers for elements that have none: a count per cell, in the order of the elements."""
     ine, jne = cell_indices(elements, grid)
     if seam:
         ine, jne = np.ones_like(ine), np.where(elements.eta == 0.0, jne - 1, jne)
@@ -61,16 +51,7 @@ def new_identifiers(elements: Elements, grid: Grid, seam: bool = False) -> Ints:
 class IdentifierCounter:
     """Identifiers for what is born in a run: each cell counts its own (files 0.4).
 
-    Parameters
-    ----------
-    grid : Grid
-    counts : array of int, shape (rows, columns)
-        Of the domain, without the halo; ``iceberg_counter_grd`` of KID's restarts. Taken over.
-
-    Attributes
-    ----------
-    counts : array of int
-        As they stand.
+    ``counts``: of the domain, without the halo (shape (rows, columns)).
     """
 
     def __init__(self, grid: Grid, counts: Ints) -> None:

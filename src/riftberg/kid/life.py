@@ -28,14 +28,6 @@ def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: 
 
     So it is with rates of zero, no bits to melt and no element that would roll, now or once its bonds have broken, and with
     bergs that do not decay while nothing is returned to an ocean.
-
-    Parameters
-    ----------
-    p : Parameters
-    elements, bonds : Elements, Bonds
-        At the start.
-    passive : bool
-        Whether nothing is returned to an ocean.
     """
     if p.footloose.enabled:
         return p
@@ -59,21 +51,7 @@ def _would_roll(elements: Elements, p: Parameters) -> NDArray[np.bool_]:
 
 
 def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path, ranks: tuple[int, int]) -> None:
-    """Give the life of a model KID's rules: its environment, dates, identifiers and random numbers.
-
-    Parameters
-    ----------
-    model : Model
-        Changed.
-    group : NamelistGroup
-        ``icebergs_nml``.
-    clock : Clock
-        Calendar of the run.
-    restarts : pathlib.Path
-        Folder of the restart files.
-    ranks : tuple of int
-        Processes along x and y of the run of the reference that is followed.
-    """
+    """Give the life of a model KID's rules: its environment, dates, identifiers and random numbers."""
     life, grid = model.life, model.forcing.grid
     if life is None or grid is None:
         return

@@ -34,24 +34,12 @@ _REPEATED: Final = re.compile(r"(?<![\w.])(\d{3,})\*")
 
 @dataclass(frozen=True)
 class NamelistGroup:
-    """Values of one group, defaults where the file is silent.
+    """Values of one group, defaults where the file is silent."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the group.
-    values : dict
-        Value of every entry, by KID's spelling of the name.
-    given : frozenset of str
-        Entries that the file sets.
-    where : str
-        File and group, for messages.
-    """
-
-    name: str
-    values: dict[str, Value]
-    given: frozenset[str]
-    where: str
+    name: str  # Name of the group
+    values: dict[str, Value]  # Value of every entry, by KID's spelling of the name
+    given: frozenset[str]  # Entries that the file sets
+    where: str  # File and group, for messages
 
     def _get(self, name: str, *types: type) -> Any:
         value = self.values[name]
@@ -86,22 +74,14 @@ class NamelistGroup:
 
 @dataclass(frozen=True)
 class KidNamelist:
-    """The two groups of a KID namelist file that matter.
+    """The two groups of a KID namelist file that matter."""
 
-    Attributes
-    ----------
-    path : pathlib.Path
-        The file.
-    icebergs, driver : NamelistGroup
-        Groups ``icebergs_nml`` and ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``.
-    ignored_groups : tuple of str
-        Other groups in the file.
-    """
-
-    path: Path
+    path: Path  # The file
+    # Groups ``icebergs_nml`` and ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``
     icebergs: NamelistGroup
+    # Groups ``icebergs_nml`` and ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``
     driver: NamelistGroup
-    ignored_groups: tuple[str, ...]
+    ignored_groups: tuple[str, ...]  # Other groups in the file
 
     @property
     def coupled(self) -> bool:
@@ -135,13 +115,7 @@ def _entry_report(group: NamelistGroup, entry: Entry) -> str:
 
 
 def read_namelist(path: Path) -> KidNamelist:
-    """Read a KID namelist file.
-
-    Raises
-    ------
-    NamelistError
-        If the file or one of the two groups is missing, or an entry is unknown or has a value of the wrong type.
-    """
+    """Read a KID namelist file."""
     path = check_file(path, most=MOST_YAML, remedy=_REMEDY, kind=NamelistError)
     with reading(path, "cannot be read", _REMEDY, NamelistError):
         text = path.read_text(encoding="latin-1")

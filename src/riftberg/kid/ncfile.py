@@ -156,21 +156,7 @@ def unpacked(dataset: netCDF4.Dataset, path: Path, name: str, selection: Any = s
 
 
 def column(dataset: netCDF4.Dataset, path: Path, name: str, size: int, default: float | None = None) -> Floats:
-    """Return one real number per element or bond.
-
-    Parameters
-    ----------
-    dataset : netCDF4.Dataset
-        Open file.
-    path : pathlib.Path
-        Its name, for messages.
-    name : str
-        Variable.
-    size : int
-        Number of records expected.
-    default : float, optional
-        Value of an optional variable that the file lacks; None if it is required.
-    """
+    """Return one real number per element or bond."""
     if default is not None and name not in dataset.variables:
         return np.full(size, default)
     values = _sized(unpacked(dataset, path, name), path, name, size)
@@ -222,19 +208,7 @@ def checksum(values: NDArray[Any]) -> str:
 
 
 def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], size: int, *, counter: bool) -> None:
-    """Write a file in the layout of KID's restarts.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        File to make; an existing one is replaced.
-    columns : list of (Column, ndarray)
-        Variables in their order.
-    size : int
-        Number of records.
-    counter : bool
-        Write the scalar ``i`` with the number of records.
-    """
+    """Write a file in the layout of KID's restarts."""
     with replacing(path, to_disk=True) as part, open_netcdf(part, "w", format="NETCDF3_64BIT_OFFSET") as dataset:
         dataset.setncatts(
             {

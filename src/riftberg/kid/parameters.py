@@ -24,18 +24,7 @@ NEVER: Final = sys.float_info.max
 
 
 def to_parameters(namelist: KidNamelist) -> Parameters:
-    """Return the physics of the namelist with the numerics and quirks of the reference.
-
-    Parameters
-    ----------
-    namelist : KidNamelist
-        Both groups; the driver's ``ibdt`` sets the long step.
-
-    Raises
-    ------
-    NamelistError
-        If an active entry is not supported, or entries contradict each other.
-    """
+    """Return the physics of the namelist with the numerics and quirks of the reference."""
     check_supported(namelist)
     group = namelist.icebergs
     _check_scheme(group)

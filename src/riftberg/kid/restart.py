@@ -77,27 +77,6 @@ def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
 
     Cells are found from the positions; the file's ``ine`` and ``jne`` (often never assigned) are not used. Without
     ``id_cnt`` and ``id_ij``, or with the old ``iceberg_num``, identifiers are made anew in the order of the file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file.
-    grid : Grid
-        Grid on which the elements lie.
-    seam : bool, optional
-        See `riftberg.kid.identifiers.new_identifiers`.
-
-    Returns
-    -------
-    Elements
-        With ``u_pair = u_sync = u``, ``lon_pair = lon``, cells and identifiers; environment not yet filled.
-
-    Raises
-    ------
-    InputError
-        If the file or a variable is missing, cut short or of a wrong size.
-    BergError
-        If an element is impossible, outside the grid, on land, or not unique.
     """
     path = Path(path)
     with opened_dataset(path) as dataset:

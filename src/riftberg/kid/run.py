@@ -45,55 +45,25 @@ Writer = TrajectoryRecorder | BondRecorder
 
 @dataclass
 class KidCase:
-    """A KID run folder, read and checked, ready to run.
+    """A KID run folder, read and checked, ready to run."""
 
-    Attributes
-    ----------
-    folder : pathlib.Path
-        The run folder.
-    namelist : KidNamelist
-        ``input.nml``.
-    parameters : Parameters
-        What it says about the physics.
-    clock : Clock
-        Length and calendar.
-    grid : Grid
-        The driver's grid.
-    model : Model
-        The model at its initial state.
-    notes : list of str
-        What was done beyond the namelist.
-    coupled : CoupledRun or None
-        The run, where the case exchanges with an ocean (group ``drv_nml``).
-    """
-
-    folder: Path
-    namelist: KidNamelist
-    parameters: Parameters
-    clock: Clock
-    grid: Grid
-    model: Model
-    notes: list[str] = field(default_factory=list)
-    coupled: CoupledRun | None = None
+    folder: Path  # The run folder
+    namelist: KidNamelist  # ``input.nml``
+    parameters: Parameters  # What it says about the physics
+    clock: Clock  # Length and calendar
+    grid: Grid  # The driver's grid
+    model: Model  # The model at its initial state
+    notes: list[str] = field(default_factory=list)  # What was done beyond the namelist
+    coupled: CoupledRun | None = None  # The run, where the case exchanges with an ocean (group ``drv_nml``)
 
 
 @dataclass(frozen=True)
 class KidReport:
-    """What a KID run did.
+    """What a KID run did."""
 
-    Attributes
-    ----------
-    case : KidCase
-        The case, its model at the final state.
-    files : tuple of pathlib.Path
-        Files written.
-    lines : tuple of str
-        One line for each namelist entry of the file, each ignored group, and each note.
-    """
-
-    case: KidCase
-    files: tuple[Path, ...]
-    lines: tuple[str, ...]
+    case: KidCase  # The case, its model at the final state
+    files: tuple[Path, ...]  # Files written
+    lines: tuple[str, ...]  # One line for each namelist entry of the file, each ignored group, and each note
 
     def describe(self, entries: bool = True) -> str:
         """Return the report as text, without the lines of the namelist if ``entries`` is off."""

@@ -154,13 +154,7 @@ def trajectory_columns(group: NamelistGroup, parameters: Parameters) -> list[Col
 
 
 def sampling_hours(group: NamelistGroup) -> float:
-    """Return the interval of the records (h); -1 means every step.
-
-    Raises
-    ------
-    NamelistError
-        If it is neither -1 nor positive.
-    """
+    """Return the interval of the records (h); -1 means every step."""
     name = "traj_write_hrs" if group.flag("debug_write") else "traj_sample_hrs"
     hours = group.number(name)
     if hours != -1.0 and hours <= 0.0:
@@ -232,17 +226,7 @@ class _Sampler:
 
 
 class TrajectoryRecorder(_Sampler):
-    """Writes KID's trajectory file during a run; a recorder of `riftberg.Model`.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        File to make; an existing one is replaced.
-    group : NamelistGroup
-        ``icebergs_nml``: layout, sampling and selection.
-    clock : Clock
-        Calendar of the run.
-    """
+    """Writes KID's trajectory file during a run; a recorder of `riftberg.Model`."""
 
     def _columns(self, model: BareModel) -> list[Column]:
         return trajectory_columns(self.group, model.parameters)

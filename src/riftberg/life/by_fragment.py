@@ -19,14 +19,8 @@ KEPT: Final = "melt_by_fragment"
 def add_melt(remembered: MutableMapping[str, Floats], fragment: Ints, water: Floats) -> None:
     """Add a step.
 
-    Parameters
-    ----------
-    remembered : mapping
-        Where the table lives.
-    fragment : array of int, shape (elements,)
-        Number of the fragment of each element.
-    water : array, shape (processes, elements)
-        kg.
+    ``fragment``: number of the fragment of each element (shape (elements,)); ``water``: kg (shape (processes,
+    elements)).
     """
     table = _table(remembered)
     numbers, sums = summed(table[:, 0].astype(np.int64), table[:, 1:].T, fragment, water)
@@ -45,13 +39,7 @@ def melt_of(remembered: Mapping[str, Floats], numbers: Ints) -> Floats:
 
 
 def _table(remembered: Mapping[str, Floats]) -> Floats:
-    """Return the table so far.
-
-    Raises
-    ------
-    InputError
-        If a restart file holds something else under its name.
-    """
+    """Return the table so far."""
     table = np.asarray(remembered.get(KEPT, np.zeros((0, 1 + len(PROCESSES)))))
     if table.ndim != 2 or table.shape[1] != 1 + len(PROCESSES) or table.dtype.kind not in "fiu":
         raise InputError(

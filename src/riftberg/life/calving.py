@@ -31,26 +31,14 @@ WITHIN: Final = 0.8
 
 
 class Classes(NamedTuple):
-    """Size classes of one hemisphere; arrays of shape (classes,).
+    """Size classes of one hemisphere; arrays of shape (classes,)."""
 
-    Attributes
-    ----------
-    mass : array
-        Of one berg, kg.
-    fraction : array
-        Part of the mass of calved ice.
-    scaling : array
-        Number of bergs that one element stands for.
-    thickness, width, length : array
-        Of one berg, m.
-    """
-
-    mass: Floats
-    fraction: Floats
-    scaling: Floats
-    thickness: Floats
-    width: Floats
-    length: Floats
+    mass: Floats  # Of one berg, kg
+    fraction: Floats  # Part of the mass of calved ice
+    scaling: Floats  # Number of bergs that one element stands for
+    thickness: Floats  # Of one berg, m
+    width: Floats  # Of one berg, m
+    length: Floats  # Of one berg, m
 
 
 def size_classes(table: ClassTable, calving: Calving, density: float) -> Classes:
@@ -68,27 +56,14 @@ def size_classes(table: ClassTable, calving: Calving, density: float) -> Classes
 
 @dataclass
 class Stores:
-    """Ice that has left the land and is not yet a berg; arrays over the cells of the domain, without halo.
+    """Ice that has left the land and is not yet a berg; arrays over the cells of the domain, without halo."""
 
-    Attributes
-    ----------
-    ice : array, shape (classes, nj, ni)
-        By size class, kg.
-    heat : array, shape (nj, ni)
-        Heat that came with it, J.
-    counter : array of int, shape (nj, ni)
-        Bergs born in each cell so far.
-    mean_flux, mean_heat : array or None
-        Running means, kg m-2 s-1 and W m-2; None before the first step.
-    begun : bool
-        Whether the heat in the stores is known: at the first flux of a fresh run it is set from that flux.
-    """
-
-    ice: Floats
-    heat: Floats
-    counter: Ints
-    mean_flux: Floats | None = None
-    mean_heat: Floats | None = None
+    ice: Floats  # By size class, kg; shape (classes, nj, ni)
+    heat: Floats  # Heat that came with it, J; shape (nj, ni)
+    counter: Ints  # Bergs born in each cell so far; shape (nj, ni)
+    mean_flux: Floats | None = None  # Running means, kg m-2 s-1 and W m-2; None before the first step
+    mean_heat: Floats | None = None  # Running means, kg m-2 s-1 and W m-2; None before the first step
+    # Whether the heat in the stores is known: at the first flux of a fresh run it is set from that flux
     begun: bool = False
 
     @classmethod
@@ -99,15 +74,7 @@ class Stores:
 
     @classmethod
     def random(cls, south: Classes, north: Classes, grid: Grid, *, by_column: bool) -> Stores:
-        """Return stores filled at random, as the reference does without a file of stores (files, 3.3).
-
-        Parameters
-        ----------
-        south, north : Classes
-        grid : Grid
-        by_column : bool
-            One stream of draws for each column instead of one for each cell.
-        """
+        """Return stores filled at random, as the reference does without a file of stores (files, 3.3)."""
         g = grid.arrays
         stores = cls.empty(south.mass.size, grid)
         stores.begun = False
@@ -140,60 +107,28 @@ class Stores:
 
 
 class Accumulated(NamedTuple):
-    """What a flux of ice became in a step.
+    """What a flux of ice became in a step."""
 
-    Attributes
-    ----------
-    flux, heat_flux : array
-        Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean.
-    left, heat_left : array
-        What no class takes: ice (kg s-1) and heat (W) of each cell.
-    stored, heat_stored : float
-        What went into the stores, kg and J.
-    """
-
-    flux: Floats
-    heat_flux: Floats
-    left: Floats
-    heat_left: Floats
-    stored: float
-    heat_stored: float
+    flux: Floats  # Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean
+    heat_flux: Floats  # Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean
+    left: Floats  # What no class takes: ice (kg s-1) and heat (W) of each cell
+    heat_left: Floats  # What no class takes: ice (kg s-1) and heat (W) of each cell
+    stored: float  # What went into the stores, kg and J
+    heat_stored: float  # What went into the stores, kg and J
 
 
 class Births(NamedTuple):
-    """Bergs born in a step.
+    """Bergs born in a step."""
 
-    Attributes
-    ----------
-    elements : Elements
-        Not yet in the model; placed, with cells.
-    ids : array of int
-        Identifiers by the creating cell.
-    mass, heat : float
-        What left the stores, kg and J.
-    real : array, shape (classes, nj, ni)
-        Ice calved by class, kg s-1.
-    """
-
-    elements: Elements
-    ids: Ints
-    mass: float
-    heat: float
-    real: Floats
+    elements: Elements  # Not yet in the model; placed, with cells
+    ids: Ints  # Identifiers by the creating cell
+    mass: float  # What left the stores, kg and J
+    heat: float  # What left the stores, kg and J
+    real: Floats  # Ice calved by class, kg s-1; shape (classes, nj, ni)
 
 
 class FluxCalving:
-    """Calving from a flux of land ice, on the grid of an ocean.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Group ``calving``, and what of the reference is to be followed.
-    grid : Grid
-        Of the ocean.
-    stores : Stores, optional
-        Ice to begin with; none by default.
-    """
+    """Calving from a flux of land ice, on the grid of an ocean."""
 
     def __init__(self, parameters: Parameters, grid: Grid, stores: Stores | None = None) -> None:
         calving, density = parameters.calving, parameters.ice.density
@@ -209,12 +144,8 @@ class FluxCalving:
     def take(self, flux: Floats, heat_flux: Floats, dt: float) -> Accumulated:
         """Take the flux of one step into the stores.
 
-        Parameters
-        ----------
-        flux, heat_flux : array, shape (nj, ni)
-            Ice (kg m-2 s-1, not negative) and heat (W m-2) that leave the land.
-        dt : float
-            Step, s.
+        ``flux``, ``heat_flux``: ice (kg m-2 s-1, not negative) and heat (W m-2) that leave the land (shape (nj, ni));
+        ``dt``: step, s.
         """
         s = self.stores
         flux, heat_flux = flux * self._mask, heat_flux * self._mask
@@ -245,12 +176,7 @@ class FluxCalving:
     def bear(self, year: int, day: float, dt: float) -> Births:
         """Let bergs leave the stores that hold enough ice for one (files, 3.2).
 
-        Parameters
-        ----------
-        year, day : int and float
-            Date of birth.
-        dt : float
-            Step, s.
+        ``dt``: step, s.
         """
         s = self.stores
         rows: list[tuple[int, int, int, float, float]] = []
@@ -311,13 +237,7 @@ class FluxCalving:
 
 
 def check_flux(flux: Floats, heat_flux: Floats, mask: NDArray[np.float64], where: str) -> None:
-    """Refuse a flux of land ice that cannot be.
-
-    Raises
-    ------
-    InputError
-        If it is negative, not a number, or arrives in a cell of land.
-    """
+    """Refuse a flux of land ice that cannot be."""
     for name, values in (("calving flux", flux), ("heat of the calving flux", heat_flux)):
         bad = ~np.isfinite(values) & (mask >= 0.5)
         if name == "calving flux":

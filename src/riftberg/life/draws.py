@@ -24,6 +24,7 @@ class FmsStream:
     --------
     >>> round(FmsStream((0, 0, 1, 1, 1, 0, 0, 0)).next(), 6)
     0.121208
+
     """
 
     def __init__(self, seed: int | Sequence[int]) -> None:
@@ -37,12 +38,7 @@ class FmsStream:
 class ReferenceDraws:
     """Draws as in the reference (quirk T10): a stream for each process, seeded by its rank and the date of its first step.
 
-    Parameters
-    ----------
-    date : tuple of int
-        Year, month, day, hour, minute and second of the first step.
-    one_draw : bool
-        The first draw counts for ever.
+    ``date``: year, month, day, hour, minute and second of the first step.
     """
 
     def __init__(self, date: tuple[int, ...], one_draw: bool = False) -> None:
@@ -59,14 +55,7 @@ class ReferenceDraws:
 
 
 class OwnDraws:
-    """Draws by seed, step and element, so that a run that is resumed goes on alike, and no berg changes another's.
-
-    Parameters
-    ----------
-    seed : int
-    one_draw : bool
-        All children start at the same part of the rim.
-    """
+    """Draws by seed, step and element, so that a run that is resumed goes on alike, and no berg changes another's."""
 
     def __init__(self, seed: int, one_draw: bool = False) -> None:
         self._seed, self._one_draw = seed, one_draw

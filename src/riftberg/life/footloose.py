@@ -65,52 +65,29 @@ class Living(Protocol):
 
 
 class Circumstances(NamedTuple):
-    """When and where bergs calve.
+    """When and where bergs calve."""
 
-    Attributes
-    ----------
-    year, day : int and float
-        Date of birth.
-    step : int
-        Number of the long step.
-    grid : Grid or None
-        Grid on which the children lie.
-    draws : Draws
-        Random places on the rim.
-    ranks : tuple of int
-        Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own.
-    names : callable or None
-        Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them.
-    """
-
-    year: int
-    day: float
-    step: int
-    grid: Grid | None
-    draws: Draws
+    year: int  # Date of birth
+    day: float  # Date of birth
+    step: int  # Number of the long step
+    grid: Grid | None  # Grid on which the children lie
+    draws: Draws  # Random places on the rim
+    # Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own
     ranks: tuple[int, int] = (1, 1)
+    # Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them
     names: Callable[[int, int], int] | None = None
 
 
 class Calved(NamedTuple):
-    """What footloose calving did in a step.
+    """What footloose calving did in a step."""
 
-    Attributes
-    ----------
-    cell_i, cell_j : array of int
-        Cells of the parents, one entry for each change of their bits.
-    bits : array
-        Change of the mass of their footloose bits, kg, of all bergs that an element stands for; negative for bergs made of bits.
-    children : int
-        Elements born.
-    density_mass : float
-        Mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs.
-    """
-
-    cell_i: Ints
-    cell_j: Ints
+    cell_i: Ints  # Cells of the parents, one entry for each change of their bits
+    cell_j: Ints  # Cells of the parents, one entry for each change of their bits
+    # Change of the mass of their footloose bits, kg, of all bergs that an element stands for; negative for bergs made
+    # of bits
     bits: Floats
-    children: int
+    children: int  # Elements born
+    # Mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs
     density_mass: float
 
 
@@ -399,13 +376,7 @@ def _ready(
 
 
 def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> Calved:
-    """Let all bergs of a model calve by the footloose mechanism, and make bergs of bits.
-
-    Raises
-    ------
-    RunError
-        If a berg with bonds would calve by the reference's rules, which know no such bergs.
-    """
+    """Let all bergs of a model calve by the footloose mechanism, and make bergs of bits."""
     return _Calving(model, p, values, when).run()
 
 

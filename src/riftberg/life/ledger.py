@@ -47,32 +47,17 @@ def water_by_process(step: MeltStep) -> Floats:
 
 
 class Balance(NamedTuple):
-    """The ledger between two moments.
+    """The ledger between two moments."""
 
-    Attributes
-    ----------
-    start, now : float
-        Ice, kg.
-    water : dict of str to float
-        Melt water by process, kg.
-    gained : dict of str to float
-        Ice that came otherwise, kg; negative where it went.
-    heat_start, heat_now : float
-        Heat of the ice, J.
-    heat : dict of str to float
-        Heat that the melt water brought to the ocean by process, J; negative, for it takes the latent heat from there.
-    heat_gained : float
-        Heat of the ice that came otherwise, J.
-    """
-
-    start: float
-    now: float
-    water: dict[str, float]
-    gained: dict[str, float]
-    heat_start: float
-    heat_now: float
+    start: float  # Ice, kg
+    now: float  # Ice, kg
+    water: dict[str, float]  # Melt water by process, kg
+    gained: dict[str, float]  # Ice that came otherwise, kg; negative where it went
+    heat_start: float  # Heat of the ice, J
+    heat_now: float  # Heat of the ice, J
+    # Heat that the melt water brought to the ocean by process, J; negative, for it takes the latent heat from there
     heat: dict[str, float]
-    heat_gained: float
+    heat_gained: float  # Heat of the ice that came otherwise, J
 
     @property
     def error(self) -> float:
@@ -101,13 +86,7 @@ class Balance(NamedTuple):
 
 
 class Ledger:
-    """Sums over the steps of a run; its numbers live in two arrays that a restart keeps.
-
-    Attributes
-    ----------
-    mass, heat : array
-        Stock at the start, then melt by process, then other sources.
-    """
+    """Sums over the steps of a run; its numbers live in two arrays that a restart keeps."""
 
     def __init__(self, elements: Elements) -> None:
         size = 1 + len(PROCESSES) + len(SOURCES)

@@ -29,56 +29,32 @@ from riftberg.state.numbering import numbered
 
 
 class Melted(NamedTuple):
-    """Losses and remains of the elements in one step; arrays of shape (elements,), for one of the bergs each stands for.
+    """Losses and remains of the elements in one step; arrays of shape (elements,), for one of the bergs each stands for."""
 
-    Attributes
-    ----------
-    base, sides, waves : array
-        Ice that the berg lost by each process, kg; ``waves`` holds what became bergy bits too.
-    loss : array
-        Ice that the berg lost, kg; the sum of the three where they act one after the other.
-    bits_born, bits_melt : array
-        Bergy bits that waves broke off, and those that melted, kg.
-    fl_loss, fl_base, fl_sides, fl_waves : array
-        The same of footloose bits.
-    fl_bits_born, fl_bits_melt : array
-        The same of their bergy bits.
-    mass, thickness, width, length : array
-        Of the berg after melt and rolling (kg, m).
-    bits, fl_bits, fl_bergy_bits : array
-        Mass of bits after it, kg.
-    foot : array
-        Area of the foot after it, m2.
-    fl_thickness, fl_width, fl_length : array
-        Of one footloose bit after it, m; 0 where there are none.
-    dropped : array
-        Bits that vanish without melt water (quirk T44), kg.
-    """
-
-    base: Floats
-    sides: Floats
-    waves: Floats
-    loss: Floats
-    bits_born: Floats
-    bits_melt: Floats
-    fl_loss: Floats
-    fl_base: Floats
-    fl_sides: Floats
-    fl_waves: Floats
-    fl_bits_born: Floats
-    fl_bits_melt: Floats
-    mass: Floats
-    thickness: Floats
-    width: Floats
-    length: Floats
-    bits: Floats
-    fl_bits: Floats
-    fl_bergy_bits: Floats
-    foot: Floats
-    fl_thickness: Floats
-    fl_width: Floats
-    fl_length: Floats
-    dropped: Floats
+    base: Floats  # Ice that the berg lost by each process, kg; ``waves`` holds what became bergy bits too
+    sides: Floats  # Ice that the berg lost by each process, kg; ``waves`` holds what became bergy bits too
+    waves: Floats  # Ice that the berg lost by each process, kg; ``waves`` holds what became bergy bits too
+    loss: Floats  # Ice that the berg lost, kg; the sum of the three where they act one after the other
+    bits_born: Floats  # Bergy bits that waves broke off, and those that melted, kg
+    bits_melt: Floats  # Bergy bits that waves broke off, and those that melted, kg
+    fl_loss: Floats  # The same of footloose bits
+    fl_base: Floats  # The same of footloose bits
+    fl_sides: Floats  # The same of footloose bits
+    fl_waves: Floats  # The same of footloose bits
+    fl_bits_born: Floats  # The same of their bergy bits
+    fl_bits_melt: Floats  # The same of their bergy bits
+    mass: Floats  # Of the berg after melt and rolling (kg, m)
+    thickness: Floats  # Of the berg after melt and rolling (kg, m)
+    width: Floats  # Of the berg after melt and rolling (kg, m)
+    length: Floats  # Of the berg after melt and rolling (kg, m)
+    bits: Floats  # Mass of bits after it, kg
+    fl_bits: Floats  # Mass of bits after it, kg
+    fl_bergy_bits: Floats  # Mass of bits after it, kg
+    foot: Floats  # Area of the foot after it, m2
+    fl_thickness: Floats  # Of one footloose bit after it, m; 0 where there are none
+    fl_width: Floats  # Of one footloose bit after it, m; 0 where there are none
+    fl_length: Floats  # Of one footloose bit after it, m; 0 where there are none
+    dropped: Floats  # Bits that vanish without melt water (quirk T44), kg
 
     @property
     def water(self) -> Floats:
@@ -127,12 +103,7 @@ def melt_rates(
 ) -> tuple[float, float, float]:
     """Rates (m s-1) at which base, sides and waves take from an element (files, 1.2 to 1.4).
 
-    Parameters
-    ----------
-    span : float
-        Length that the law of the base takes, m.
-    covered : int
-        Sides that bonds cover.
+    ``span``: length that the law of the base takes, m.
     """
     if values.zero_rates:
         return 0.0, 0.0, 0.0

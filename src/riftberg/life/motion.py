@@ -48,32 +48,20 @@ CLOSES: Final = 1e-9
 
 
 class MotionBalance(NamedTuple):
-    """The ledger of motion between two moments.
+    """The ledger of motion between two moments."""
 
-    Attributes
-    ----------
-    momentum_start, momentum_now : tuple of float
-        East and north, N s.
-    impulse : dict of str to tuple of float
-        Momentum given by each of `GIVERS`, N s.
-    kinetic_start, kinetic_now : float
-        Kinetic energy, J, with that of spin.
-    work : dict of str to float
-        Work of each of `GIVERS`, J.
-    elastic_start, elastic_now : float or None
-        Elastic energy in bonds, J; None where bonds are not those of a lattice that vibrates (scheme mts, law dem).
-    released : float
-        Elastic energy that bonds held before the step in which they broke; in the quasi-static scheme that of the cracks. J.
-    """
-
-    momentum_start: tuple[float, float]
-    momentum_now: tuple[float, float]
-    impulse: dict[str, tuple[float, float]]
-    kinetic_start: float
-    kinetic_now: float
-    work: dict[str, float]
+    momentum_start: tuple[float, float]  # East and north, N s
+    momentum_now: tuple[float, float]  # East and north, N s
+    impulse: dict[str, tuple[float, float]]  # Momentum given by each of `GIVERS`, N s
+    kinetic_start: float  # Kinetic energy, J, with that of spin
+    kinetic_now: float  # Kinetic energy, J, with that of spin
+    work: dict[str, float]  # Work of each of `GIVERS`, J
+    # Elastic energy in bonds, J; None where bonds are not those of a lattice that vibrates (scheme mts, law dem)
     elastic_start: float | None
+    # Elastic energy in bonds, J; None where bonds are not those of a lattice that vibrates (scheme mts, law dem)
     elastic_now: float | None
+    # Elastic energy that bonds held before the step in which they broke; in the quasi-static scheme that of the cracks.
+    # J
     released: float
 
     @property
@@ -235,12 +223,7 @@ def _add_entries(
 
 
 class MotionLedger:
-    """Sums over the steps of a run; its numbers live in one array, which a restart keeps with the model.
-
-    Parameters
-    ----------
-    parameters : Parameters
-    """
+    """Sums over the steps of a run; its numbers live in one array, which a restart keeps with the model."""
 
     def __init__(self, parameters: Parameters) -> None:
         self.parameters = parameters
@@ -251,16 +234,7 @@ class MotionLedger:
     ) -> None:  # fmt: skip
         """Enter a step of motion.
 
-        Parameters
-        ----------
-        before, bonds_before : Elements, Bonds
-            State before it; the rows are those of now.
-        run : RunState
-            The model after it.
-        applied : array, shape (elements, forces, 2)
-            Mean accelerations, m s-2.
-        remembered : mapping
-            Where the numbers live.
+        ``applied``: mean accelerations, m s-2 (shape (elements, forces, 2)).
         """
         p, now = self.parameters, run.elements
         entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
@@ -321,13 +295,7 @@ class MotionLedger:
 
 
 def _known(remembered: Mapping[str, Floats]) -> Floats | None:
-    """Return a copy of the numbers so far, None where there are none.
-
-    Raises
-    ------
-    InputError
-        If a restart file holds something else under their name.
-    """
+    """Return a copy of the numbers so far, None where there are none."""
     if KEPT not in remembered:
         return None
     kept = np.asarray(remembered[KEPT])

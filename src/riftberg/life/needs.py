@@ -11,11 +11,6 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
     """Refuse melt without a temperature, or without a salinity where the law of the base needs one.
 
     Runs with the reference's numerics take what their driver hands over.
-
-    Raises
-    ------
-    InputError
-        Naming what is missing and how it can be given.
     """
     melt = p.melt
     if not melt.enabled or melt.zero_rates or p.compatibility.zero_start:

@@ -40,40 +40,15 @@ class LifeModel(Living, Protocol):
 
 
 class LifeStep(NamedTuple):
-    """What happened in a step beside motion.
-
-    Attributes
-    ----------
-    melt : MeltStep
-    calved : Calved or None
-        Of footloose calving; None without.
-    water : array, shape (processes, elements)
-        Melt water by process, kg; see `riftberg.life.ledger.water_by_process`.
-    """
+    """What happened in a step beside motion."""
 
     melt: MeltStep
-    calved: Calved | None
-    water: Floats
+    calved: Calved | None  # Of footloose calving; None without
+    water: Floats  # Melt water by process, kg; see `riftberg.life.ledger.water_by_process`; shape (processes, elements)
 
 
 class LifeProcess:
-    """Melt, rolling and footloose calving of a model, once in each long step.
-
-    Parameters
-    ----------
-    parameters : Parameters
-
-    Attributes
-    ----------
-    last : LifeStep or None
-        What the last step did, for those who hand it on to an ocean.
-    look_around : callable or None
-        Called with the model before the melt, where the environment must be taken anew (KID).
-    born : callable
-        Returns year and day of the year for what is born in the step that has just ended.
-    ranks, names, draws
-        See `riftberg.life.footloose.Circumstances`.
-    """
+    """Melt, rolling and footloose calving of a model, once in each long step."""
 
     def __init__(self, parameters: Parameters) -> None:
         self.parameters, self.values = parameters, life_values(parameters)

@@ -16,37 +16,17 @@ from riftberg.state import Elements, Floats, Ints, Life, Place
 
 
 class MeltStep(NamedTuple):
-    """What the ocean got in one step, for whoever hands it on; the rows are those of the elements before any was removed.
+    """What the ocean got in one step, for whoever hands it on; the rows are those of the elements before any was removed."""
 
-    Attributes
-    ----------
-    id : array of int
-        Elements.
-    place : Place
-        Where they were: positions, cells, places in the cells.
-    scaling : array
-        Number of bergs that each stands for: everything in ``melted`` is for one of them.
-    heat_density : array
-        Heat that the ice brings with it, J kg-1.
-    start_mass : array
-        Mass at calving, kg.
-    u, v : array
-        Velocity, m s-1.
-    melted : Melted
-        Losses and remains.
-    gone : array of bool
-        Elements of which nothing is left; they are removed.
-    """
-
-    id: Ints
-    place: Place
-    scaling: Floats
-    heat_density: Floats
-    start_mass: Floats
-    u: Floats
-    v: Floats
-    melted: Melted
-    gone: NDArray[np.bool_]
+    id: Ints  # Elements
+    place: Place  # Where they were: positions, cells, places in the cells
+    scaling: Floats  # Number of bergs that each stands for: everything in ``melted`` is for one of them
+    heat_density: Floats  # Heat that the ice brings with it, J kg-1
+    start_mass: Floats  # Mass at calving, kg
+    u: Floats  # Velocity, m s-1
+    v: Floats  # Velocity, m s-1
+    melted: Melted  # Losses and remains
+    gone: NDArray[np.bool_]  # Elements of which nothing is left; they are removed
 
     @property
     def water(self) -> Floats:
@@ -55,17 +35,7 @@ class MeltStep(NamedTuple):
 
 
 def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -> MeltStep:
-    """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed.
-
-    Parameters
-    ----------
-    elements : Elements
-        Changed.
-    values : LifeValues
-        Parameters.
-    born : tuple of int and float
-        Year, and day of it, for bergs that footloose bits become where the berg itself has melted.
-    """
+    """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed."""
     body, life = elements.body, elements.life
     result = melted(elements, values)
     place = Place(*(getattr(elements, name).copy() for name in Place._fields))

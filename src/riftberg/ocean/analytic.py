@@ -182,22 +182,9 @@ class Convergence(Steady):
     The northward current falls from ``speed`` south of the line to ``-speed`` north of it over ``ramp`` metres on either
     side, and sets in and ends over ``ramp`` along x: what bilinear interpolation gives on a grid of that spacing.
 
-    Parameters
-    ----------
-    current : tuple of float
-        Uniform current, m s-1.
-    speed : float
-        Speed towards the line, m s-1.
-    line : float
-        y of the line, m.
-    span : tuple of float
-        Where along x the current converges, m; it ends ``ramp`` behind the second.
-    ramp : float
-        Width of the transition, m.
-    period : float
-        Zonal period, m.
-    depth : float
-        Depth of water, m.
+    ``current``: uniform current, m s-1; ``speed``: speed towards the line, m s-1; ``line``: y of the line, m; ``span``:
+    where along x the current converges, m; ``ramp``: width of the transition, m; ``period``: zonal period, m;
+    ``depth``: depth of water, m.
     """
 
     def __init__(
@@ -240,16 +227,8 @@ class Convergence(Steady):
 class SeamountFlow(Steady):
     """A uniform current over a Gaussian seamount (equations 10.4).
 
-    Parameters
-    ----------
-    current : tuple of float
-        m s-1.
-    centre : tuple of float
-        x and y of the summit, m.
-    height, width : float
-        Height over the plain, and standard deviation, m.
-    depth : float
-        Depth of the plain, m.
+    ``centre``: x and y of the summit, m; ``height``, ``width``: height over the plain, and standard deviation, m;
+    ``depth``: depth of the plain, m.
     """
 
     def __init__(

@@ -33,25 +33,13 @@ SURFACE: Final = np.array([0.0, 1.0])
 
 
 class Blend(NamedTuple):
-    """A field at one time, between two records.
+    """A field at one time, between two records."""
 
-    Attributes
-    ----------
-    before, after : ndarray, shape (levels, rows, columns)
-        Records around the time; NaN where nothing is known.
-    weight : float
-        Weight of ``after``.
-    limits : ndarray, shape (levels + 1,)
-        Depths (m) of the limits of the levels' layers.
-    absent : float
-        What counts where a record knows nothing; NaN if the other record is to count.
-    """
-
-    before: Floats
-    after: Floats
-    weight: float
-    limits: Floats
-    absent: float
+    before: Floats  # Records around the time; NaN where nothing is known; shape (levels, rows, columns)
+    after: Floats  # Records around the time; NaN where nothing is known; shape (levels, rows, columns)
+    weight: float  # Weight of ``after``
+    limits: Floats  # Depths (m) of the limits of the levels' layers; shape (levels + 1,)
+    absent: float  # What counts where a record knows nothing; NaN if the other record is to count
 
 
 @kernel
@@ -62,16 +50,7 @@ def mean_to_draft(levels: Floats, limits: Floats, draft: float, j: int, i: int) 
     the limits ``l`` and ``l + 1``) that lies above ``D``. In water shallower than the draft the mean ends at the sea floor;
     below the last limit the last counts.
 
-    Parameters
-    ----------
-    levels : ndarray, shape (levels, rows, columns)
-        Values; NaN in rock.
-    limits : ndarray
-        Depths (m) of the limits, ascending from 0.
-    draft : float
-        m.
-    j, i : int
-        Point.
+    ``levels``: values (shape (levels, rows, columns)); ``limits``: depths (m) of the limits, ascending from 0.
     """
     total, water = 0.0, 0.0
     for level in range(levels.shape[0]):
@@ -152,20 +131,7 @@ def _record_at(
 def fill_values(moment: Blend, places: Places, draft: Floats, columns: int, near: Ints, out: Floats) -> None:
     """Fill a field at many places; NaN where it is unknown, and outside.
 
-    Parameters
-    ----------
-    moment : Blend
-        The field.
-    places : Places
-        Where.
-    draft : ndarray
-        Drafts, m; 1 for fields without levels.
-    columns : int
-        Columns after which the first follows again, or 0.
-    near : ndarray
-        `RINGS`, or `NO_RINGS`.
-    out : ndarray
-        Filled.
+    ``draft``: drafts, m.
     """
     before, after, weight, limits, absent = moment
     for n in range(out.size):
@@ -204,20 +170,7 @@ def fill_vorticity(
 ) -> None:
     """Fill the vorticity ``dv/dE - du/dN`` (s-1) of a current; 0 where a point around does not know it.
 
-    Parameters
-    ----------
-    east, north : Blend
-        Components.
-    places : Places
-        Where, inside of the product.
-    points : Points
-        Positions of the product's points.
-    lon, lat : ndarray
-        Positions of the places, degrees.
-    draft : ndarray
-        m.
-    out : ndarray
-        Filled.
+    ``lon``, ``lat``: positions of the places, degrees.
     """
     x, y = points.lon, points.lat
     for n in range(out.size):
@@ -276,14 +229,7 @@ def fill_slopes(
     Changes half-way between points, 0 beside land, are interpolated linearly to the place (as in equations 3.2), and so are
     the distances between the points: the slope of a plane is exact on any grid.
 
-    Parameters
-    ----------
-    level : Blend
-        Sea level, m.
-    places, points, lon, lat
-        As in `fill_vorticity`.
-    out_x, out_y : ndarray
-        Filled.
+    ``level``: sea level, m.
     """
     rows, columns = points.lon.shape
     for n in range(out_x.size):
@@ -311,19 +257,7 @@ def fill_slopes(
 def add_shore_drift(
     moment: Blend, places: Places, points: Points, lon: Floats, lat: Floats, speed: float, out_x: Floats, out_y: Floats
 ) -> None:
-    """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell.
-
-    Parameters
-    ----------
-    moment : Blend
-        Current to the east, which is unknown on land.
-    places, points, lon, lat
-        As in `fill_vorticity`.
-    speed : float
-        m s-1.
-    out_x, out_y : ndarray
-        Added to.
-    """
+    """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell."""
     x, y = points.lon, points.lat
     for n in range(out_x.size):
         j, i, j1, i1 = places.row[n], places.column[n], places.next_row[n], places.next_column[n]

@@ -100,14 +100,7 @@ def contains(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlo
 def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
     """Whether a point lies in a cell; south and west edges belong to the cell, north and east do not (equations 2.5).
 
-    Parameters
-    ----------
-    x, y : float
-        Longitude and latitude (degrees) or Cartesian position (m), any image of it.
-    i, j : int
-        Array column and row of the cell, both at least 1.
-    grid : GridArrays
-        Grid.
+    ``x``, ``y``: longitude and latitude (degrees) or Cartesian position (m), any image of it.
     """
     return contains(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.period)
 
@@ -210,20 +203,7 @@ def adjust_cell(
 ) -> tuple[float, float, int, int, float, float, bool]:
     """Move a point that may have left its cell into the right one; land stops it, velocity is untouched (equations 8.1).
 
-    Parameters
-    ----------
-    x, y : float
-        New position, degrees or m.
-    i, j : int
-        Cell before the move.
-    grid : GridArrays
-        Grid.
-
-    Returns
-    -------
-    x, y, i, j, xi, eta, bounced
-        Position (5 % inside the last cell on the way after a bounce on land or a move over more than four cells),
-        its cell, which may lie in the halo, its coordinates in the cell, and whether land stopped it.
+    ``x``, ``y``: new position, degrees or m.
     """
     xi, eta, inside = position_in_cell(x, y, i, j, grid)
     if inside:
@@ -255,20 +235,6 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
 
     Elements with ``static`` >= 0.5 stay untouched. An element that left a cyclic domain comes back on the other side:
     ``lon`` and ``lon_pair`` change by exactly one period.
-
-    Parameters
-    ----------
-    elements : Elements
-        Changed in place.
-    grid : GridArrays
-        Grid.
-    params : KernelParameters
-        Not used: the grid knows its geometry. Kept so that all parts of a step are called alike.
-
-    Returns
-    -------
-    int
-        Number of elements that land stopped.
     """
     place, static, shown_x = elements.place, elements.body.static, elements.shown.lon_pair
     px, py, cell_i, cell_j, along, across = place.lon, place.lat, place.cell_i, place.cell_j, place.xi, place.eta

@@ -97,14 +97,7 @@ class Part(NamedTuple):
 def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Part:
     """Return a canonical dataset on its own points and at its own times.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset.
-    start : datetime
-        Date of time 0 (UTC).
-    keel : float, optional
-        Deepest draft (m); levels below it are not read.
+    ``keel``: deepest draft (m).
     """
     return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), served(records))
 

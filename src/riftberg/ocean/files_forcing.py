@@ -80,22 +80,7 @@ class Run(NamedTuple):
 
 
 def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
-    """Return the forcing for a run.
-
-    Parameters
-    ----------
-    settings : FileForcing
-        Files, box, and perhaps spacing of a model grid.
-    folder : pathlib.Path
-        Folder of relative file names.
-    run : Run
-        What it is for.
-
-    Raises
-    ------
-    ForcingError
-        If a pattern matches nothing, or currents are missing, or the files do not cover place and time.
-    """
+    """Return the forcing for a run."""
     opened = open_named(_paths(settings.entries, folder))
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
     if not any("uo" in ds for ds in datasets):
@@ -141,22 +126,12 @@ def _not_too_fine(ds: xr.Dataset) -> xr.Dataset:
 
 
 class ModelGrid(NamedTuple):
-    """Equal cells over the box of a run, on whose corners all products are interpolated at equal intervals.
+    """Equal cells over the box of a run, on whose corners all products are interpolated at equal intervals."""
 
-    Attributes
-    ----------
-    lon, lat : ndarray
-        Lines of corners, degrees.
-    moments : list of datetime
-        Dates (UTC).
-    grid : Grid
-        The cells; land where the sea floor is above the water.
-    """
-
-    lon: Floats
-    lat: Floats
-    moments: list[datetime]
-    grid: Grid
+    lon: Floats  # Lines of corners, degrees
+    lat: Floats  # Lines of corners, degrees
+    moments: list[datetime]  # Dates (UTC)
+    grid: Grid  # The cells; land where the sea floor is above the water
 
     @classmethod
     def of(cls, settings: FileForcing, datasets: list[xr.Dataset], run: Run) -> ModelGrid:
@@ -298,13 +273,7 @@ def _box(longitude: tuple[float, float]) -> tuple[float, float]:
 
 
 def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
-    """Return a dataset around place and time of the run, in parts without records that hold no value.
-
-    Raises
-    ------
-    ForcingError
-        If the records have too long a gap in the run, or do not cover it.
-    """
+    """Return a dataset around place and time of the run, in parts without records that hold no value."""
     own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
     margin = MARGIN * own if settings.spacing is None else 2.0 * settings.spacing
     if "time" not in ds.dims:

@@ -96,22 +96,7 @@ class TurningWindPart(Section):
 
 
 def checked(part: type[Section], latlon: bool | None, **values: Any) -> list[Any]:
-    """Return values of a formula without units, or refuse them in the words that an experiment file gets.
-
-    Parameters
-    ----------
-    part : type
-        The section of the formula.
-    latlon : bool or None
-        Positions are degrees; otherwise metres.
-    **values
-        By their keys in the section.
-
-    Raises
-    ------
-    ForcingError
-        If one is of the wrong kind, has a wrong unit, or is not possible.
-    """
+    """Return values of a formula without units, or refuse them in the words that an experiment file gets."""
     return [_place(name, value, bool(latlon)) if name in ("centre", "point") else
             value if value is None else steady_value(part, name, value) for name, value in values.items()]  # fmt: skip
 

@@ -58,17 +58,11 @@ class Formula(ShownForcing):
 
     A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are
     what maps ask for.
-
-    Parameters
-    ----------
-    latlon : bool, optional
-        Positions are degrees; otherwise metres.
-    latitude : float, optional
-        Latitude (degrees) of the Coriolis parameter; by default that of each place. Needed for positions in metres.
     """
 
     grid: Grid | None = None
-    latlon: bool | None = None
+    latlon: bool | None = None  # Positions are degrees; otherwise metres
+    # Latitude (degrees) of the Coriolis parameter; by default that of each place. Needed for positions in metres
     latitude: float | None = None
     provides: frozenset[str] = frozenset()
     """What is known of the sea beside its motion: ``sst``, ``sss``."""
@@ -140,18 +134,7 @@ def _parts_of(forcing: Any) -> list[Any]:
 
 
 class Sum(Formula):
-    """Several forcings as one: formulas, on top of at most one that is none, such as fields from files.
-
-    Parameters
-    ----------
-    parts : sequence of Forcing
-        Their currents, slopes of the sea surface, winds and sea ice are added; the shallowest sea floor counts.
-
-    Raises
-    ------
-    ForcingError
-        If two parts are no formulas, or parts do not agree what positions are.
-    """
+    """Several forcings as one: formulas, on top of at most one that is none, such as fields from files."""
 
     def __init__(self, parts: Sequence[Any]) -> None:
         self.parts = tuple(sorted(parts, key=lambda part: isinstance(part, Formula)))
@@ -279,14 +262,8 @@ def heading(towards: float) -> Pair:
 class Uniform(Flow):
     """The same current, wind and sea ice everywhere, at all times.
 
-    Parameters
-    ----------
-    current, wind : tuple of float, optional
-        Eastward and northward, m s-1.
-    sea_ice : tuple of float, optional
-        Eastward and northward velocity (m s-1) and thickness (m).
-    depth : float, optional
-        Depth of water, m.
+    ``current``, ``wind``: eastward and northward, m s-1; ``sea_ice``: eastward and northward velocity (m s-1) and
+    thickness (m); ``depth``: depth of water, m.
     """
 
     def __init__(
@@ -330,16 +307,8 @@ class Eddy(Flow):
 
     The water turns with ``s (r / R) exp((1 - r^2 / R^2) / 2)``: at most with s, at the distance R from the centre.
 
-    Parameters
-    ----------
-    centre : tuple of float
-        Longitude and latitude (degrees; m if not ``latlon``) at the start.
-    radius : float
-        Distance of the fastest water from the centre, m.
-    speed : float
-        Its speed, m s-1; positive is counter-clockwise.
-    velocity : tuple of float, optional
-        Eastward and northward velocity of the centre, m s-1.
+    ``centre``: longitude and latitude (degrees; ``radius``: distance of the fastest water from the centre, m;
+    ``speed``: its speed, m s-1; ``velocity``: eastward and northward velocity of the centre, m s-1.
     """
 
     def __init__(
@@ -381,14 +350,8 @@ def travelled(point: Pair, velocity: Pair, time: float, latlon: bool) -> Pair:
 class Straight(Flow):
     """A current in one direction that depends on the distance from a line alone.
 
-    Parameters
-    ----------
-    point : tuple of float
-        A point of the line: longitude and latitude (degrees; m if not ``latlon``).
-    towards : float
-        Direction of the line, degrees clockwise from north; 90 is eastward.
-    width : float
-        Scale of the profile across the line, m.
+    ``point``: a point of the line: longitude and latitude (degrees; ``towards``: direction of the line, degrees
+    clockwise from north; ``width``: scale of the profile across the line, m.
     """
 
     def __init__(
@@ -418,15 +381,7 @@ class Straight(Flow):
 
 
 class Stream(Straight):
-    """A current in one direction whose profile scales with a speed.
-
-    Parameters
-    ----------
-    point, towards, width
-        As for `Straight`.
-    speed : float
-        m s-1.
-    """
+    """A current in one direction whose profile scales with a speed."""
 
     def __init__(
         self,
@@ -449,12 +404,7 @@ class Stream(Straight):
 class Jet(Stream):
     """A straight jet with the profile ``s / cosh(n / w)^2`` (Bickley).
 
-    Parameters
-    ----------
-    point, towards, width
-        As for `Straight`.
-    speed : float
-        Speed in the middle, m s-1.
+    ``speed``: speed in the middle, m s-1.
     """
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
@@ -466,12 +416,7 @@ class Jet(Stream):
 class Shear(Stream):
     """A shear layer: the water flows with ``s tanh(n / w)``, one way on the left of a line and the other way on its right.
 
-    Parameters
-    ----------
-    point, towards, width
-        As for `Straight`; the water on the left of the line flows ``towards``.
-    speed : float
-        Speed far from the line, m s-1.
+    ``speed``: speed far from the line, m s-1.
     """
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
@@ -486,16 +431,9 @@ class Front(Straight):
     The sea level is ``step / 2 tanh(n / w)`` and the current ``-g / f d(eta)/dn``: with high water on its right on the
     northern hemisphere, on its left on the southern one.
 
-    Parameters
-    ----------
-    point, width
-        As for `Straight`.
-    along : float
-        Direction of the line, degrees clockwise from north.
-    step : float
-        Sea level on the left of the line (looking along it) above that on its right, m.
-    temperature : tuple of float, optional
-        Temperature of the water on the left and on the right, degrees Celsius.
+    ``along``: direction of the line, degrees clockwise from north; ``step``: sea level on the left of the line (looking
+    along it) above that on its right, m; ``temperature``: temperature of the water on the left and on the right,
+    degrees Celsius.
     """
 
     def __init__(
@@ -543,18 +481,8 @@ NEAR_EQUATOR: Final = 5e-6
 class Tide(Flow):
     """A tidal current: an ellipse that the water goes through once in a period, the same everywhere.
 
-    Parameters
-    ----------
-    major : float
-        Largest speed, m s-1.
-    minor : float, optional
-        Smallest speed, m s-1; positive turns counter-clockwise, 0 goes to and fro.
-    towards : float, optional
-        Direction of the largest speed, degrees clockwise from north.
-    period : float, optional
-        s; by default that of the tide M2.
-    phase : float, optional
-        Part of the period (degrees) after the start at which the speed is largest.
+    ``major``: largest speed, m s-1; ``minor``: smallest speed, m s-1; ``towards``: direction of the largest speed,
+    degrees clockwise from north; ``phase``: part of the period (degrees) after the start at which the speed is largest.
     """
 
     M2: Final = M2
@@ -613,14 +541,8 @@ class SeaFloor(Formula):
 class Seamount(SeaFloor):
     """A bell on the sea floor: ``depth - height exp(-r^2 / (2 w^2))``.
 
-    Parameters
-    ----------
-    centre : tuple of float
-        Longitude and latitude (degrees; m if not ``latlon``) of the summit.
-    height, width : float
-        Height above the plain, and standard deviation, m.
-    depth : float
-        Depth of the plain, m.
+    ``centre``: longitude and latitude (degrees; ``height``, ``width``: height above the plain, and standard deviation,
+    m; ``depth``: depth of the plain, m.
     """
 
     def __init__(
@@ -654,18 +576,8 @@ class Seamount(SeaFloor):
 class Slope(SeaFloor):
     """A sea floor that deepens steadily in one direction.
 
-    Parameters
-    ----------
-    point : tuple of float
-        Where the water is ``depth`` deep: longitude and latitude (degrees; m if not ``latlon``).
-    towards : float
-        Direction in which it deepens, degrees clockwise from north.
-    gradient : float
-        Metres of depth per metre.
-    depth : float
-        m.
-    between : tuple of float, optional
-        Least and largest depth, m.
+    ``point``: where the water is ``depth`` deep: longitude and latitude (degrees; ``towards``: direction in which it
+    deepens, degrees clockwise from north; ``between``: least and largest depth, m.
     """
 
     def __init__(
@@ -693,14 +605,8 @@ class Slope(SeaFloor):
 class TurningWind(Formula):
     """A wind of one speed whose direction turns steadily.
 
-    Parameters
-    ----------
-    speed : float
-        m s-1.
-    towards : float, optional
-        Direction to which it blows at the start, degrees clockwise from north.
-    turning : float, optional
-        How fast it turns, degrees per hour; positive is clockwise.
+    ``towards``: direction to which it blows at the start, degrees clockwise from north; ``turning``: how fast it turns,
+    degrees per hour.
     """
 
     def __init__(

@@ -91,14 +91,7 @@ class GridTurn(TypedDict, total=False):
 class Grid:
     """Grid of the ocean with its halo; make one with `Grid.cartesian` or `Grid.from_corners`.
 
-    Attributes
-    ----------
-    arrays : GridArrays
-        Corners, metrics and land for compiled code.
-    earth_radius : float
-        Radius of the sphere that gave the metrics, m.
-    bergs_on_land : bool
-        Whether elements may lie in cells of land, as in the reference.
+    ``earth_radius``: radius of the sphere that gave the metrics, m.
     """
 
     def __init__(self, arrays: GridArrays, earth_radius: float) -> None:
@@ -113,20 +106,7 @@ class Grid:
     ) -> Grid:  # fmt: skip
         """Return a grid of square cells in metres, as in the test cases of the reference (equations 10.1).
 
-        Parameters
-        ----------
-        ni, nj : int
-            Cells in x and y.
-        spacing : float
-            Side of a cell, m.
-        period : float
-            Zonal period, m; the grid is cyclic if it spans it. 0 for a closed grid.
-        offset : float
-            Added to all corner coordinates, m.
-        mask : array_like, optional
-            1 ocean, 0 land; shapes as in `extended`. All ocean if not given, land beyond closed ends.
-        halo : int
-            Width of the halo, cells.
+        ``spacing``: side of a cell, m; ``period``: zonal period, m; ``offset``: added to all corner coordinates, m.
         """
         x, y = np.meshgrid(spacing * np.arange(1, ni + 1) + offset, spacing * np.arange(1, nj + 1) + offset)
         grid = cls.from_corners(x, y, latlon=False, regular=True, period=period, mask=mask, halo=halo)
@@ -142,26 +122,8 @@ class Grid:
     ) -> Grid:  # fmt: skip
         """Return the grid with the given cell corners.
 
-        Parameters
-        ----------
-        lon2d, lat2d : array_like
-            North-east corners of the cells, shape (nj, ni), degrees or m.
-        latlon, regular : bool
-            Degrees or metres; edges along the axes.
-        period : float
-            Zonal period of the coordinate, 0 or less if none.
-        radius_for_metrics : float
-            Radius of the sphere for lengths and areas, m.
-        mask : array_like, optional
-            1 ocean, 0 land; shapes as in `extended`. All ocean if not given, land beyond closed ends.
-        halo : int
-            Width of the halo, cells, at least 2.
-        includes_southwest : bool
-            The corners have shape (nj + 1, ni + 1), the outermost south and west line first.
-        cyclic : bool, optional
-            Whether the western and eastern end are joined; found from ``period`` if not given.
-        **turn
-            ``cos_angle`` and ``sin_angle``: turn of the grid at the north-east corners; none if not given.
+        ``lon2d``, ``lat2d``: north-east corners of the cells, shape (nj, ni), degrees or m; ``radius_for_metrics``:
+        radius of the sphere for lengths and areas, m.
         """
         cos_angle, sin_angle = turn.get("cos_angle"), turn.get("sin_angle")
         lon_given, lat_given = np.asarray(lon2d, dtype=np.float64), np.asarray(lat2d, dtype=np.float64)
@@ -193,16 +155,7 @@ class Grid:
         return grid
 
     def extended(self, values: ArrayLike, outside: str = "nearest") -> Floats:
-        """Return values of cells or north-east corners on the full shape of the grid, as a new float64 array.
-
-        Parameters
-        ----------
-        values : array_like
-            A number or an array of shape (nj, ni); (nj + 1, ni + 1) with the outermost south and west line first;
-            (nj + 2, ni + 2) with one ring; or the full shape.
-        outside : {"nearest", "zero"}
-            What stands beyond closed ends where no value is given. Cyclic ends always hold copies.
-        """
+        """Return values of cells or north-east corners on the full shape of the grid, as a new float64 array."""
         g = self.arrays
         field = np.asarray(values, dtype=np.float64)
         if field.ndim == 0:
@@ -227,6 +180,7 @@ class Grid:
         >>> grid = Grid.cartesian(20, 20, 1000.0, period=20000.0)
         >>> float(grid.fields(uo=0.2, depth=1000.0).uo[10, 10])
         0.2
+
         """
         unknown = sorted(set(given) - set(Fields._fields))
         if unknown:
@@ -240,11 +194,6 @@ class Grid:
         """Set cell and coordinates in the cell of all elements, at the start of a run (equations 2.5).
 
         Longitudes that are whole periods off the grid's are brought to the grid's, together with ``lon_pair``.
-
-        Raises
-        ------
-        BergError
-            If an element lies outside the domain or on land.
         """
         e, g = elements, self.arrays
         locate_points(e.lon, e.lat, g, True, e.cell_i, e.cell_j, e.xi, e.eta)
@@ -265,13 +214,7 @@ class Grid:
         return np.asarray((i >= g.halo) & (i < g.halo + g.ni) & (j >= g.halo) & (j < g.halo + g.nj))
 
     def check_cells(self, elements: Elements) -> None:
-        """Refuse cells of elements that are not on the grid; those of a restart index memory from its first step on.
-
-        Raises
-        ------
-        BergError
-            Naming the first such element, and its cell.
-        """
+        """Refuse cells of elements that are not on the grid; those of a restart index memory from its first step on."""
         g, i, j = self.arrays, elements.cell_i, elements.cell_j
         rows, columns = g.mask.shape
         outside = np.flatnonzero((i < 0) | (i >= columns) | (j < 0) | (j >= rows))

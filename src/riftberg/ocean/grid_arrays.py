@@ -8,46 +8,25 @@ from riftberg.state import Floats
 
 
 class GridArrays(NamedTuple):
-    """What compiled code reads of a grid; 2-D arrays of shape (nj + 2 halo, ni + 2 halo).
+    """What compiled code reads of a grid; 2-D arrays of shape (nj + 2 halo, ni + 2 halo)."""
 
-    Attributes
-    ----------
-    lon, lat : ndarray
-        North-east corners, degrees or m.
-    lon_centre, lat_centre : ndarray
-        Mean of the four corners; row 0 and column 0 are no cells.
-    dx, dy : ndarray
-        Length of the north edge and of the east edge, m.
-    area : ndarray
-        Area of the cell, m2.
-    mask : ndarray
-        1 ocean, 0 land.
-    cos_angle, sin_angle : ndarray
-        Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u.
-    ni, nj, halo : int
-        Cells of the domain and width of the halo around it.
-    latlon, regular, cyclic : bool
-        Degrees or metres; edges along the axes; western and eastern end joined.
-    period : float
-        Zonal period of the coordinate, 0 or less if none. A regional grid in degrees has 360 without being cyclic.
-    """
-
-    lon: Floats
-    lat: Floats
-    lon_centre: Floats
-    lat_centre: Floats
-    dx: Floats
-    dy: Floats
-    area: Floats
-    mask: Floats
-    cos_angle: Floats
-    sin_angle: Floats
-    ni: int
-    nj: int
-    halo: int
-    latlon: bool
-    regular: bool
-    cyclic: bool
+    lon: Floats  # North-east corners, degrees or m
+    lat: Floats  # North-east corners, degrees or m
+    lon_centre: Floats  # Mean of the four corners; row 0 and column 0 are no cells
+    lat_centre: Floats  # Mean of the four corners; row 0 and column 0 are no cells
+    dx: Floats  # Length of the north edge and of the east edge, m
+    dy: Floats  # Length of the north edge and of the east edge, m
+    area: Floats  # Area of the cell, m2
+    mask: Floats  # 1 ocean, 0 land
+    cos_angle: Floats  # Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u
+    sin_angle: Floats  # Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u
+    ni: int  # Cells of the domain and width of the halo around it
+    nj: int  # Cells of the domain and width of the halo around it
+    halo: int  # Cells of the domain and width of the halo around it
+    latlon: bool  # Degrees or metres; edges along the axes; western and eastern end joined
+    regular: bool  # Degrees or metres; edges along the axes; western and eastern end joined
+    cyclic: bool  # Degrees or metres; edges along the axes; western and eastern end joined
+    # Zonal period of the coordinate, 0 or less if none. A regional grid in degrees has 360 without being cyclic
     period: float
 
 

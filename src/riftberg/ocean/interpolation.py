@@ -105,22 +105,8 @@ def biquadratic_depth(
 ) -> float:  # fmt: skip
     """Return the biquadratic depth of water (m) at a point of cell (i, j): sea floor plus sea level (equations 3.2).
 
-    Parameters
-    ----------
-    depth, ssh : ndarray
-        Depth of the floor and sea level at cell centres, m.
-    lon, lat : ndarray
-        Cell centres, degrees or m.
-    boxes : bool
-        The cells are Cartesian boxes.
-    period : float
-        Zonal period, 0 or less if none.
-    halo : int
-        Width of the halo, cells.
-    even_parity : bool
-        Anchor the 3 x 3 stencils at even cells of the reference's count instead of odd ones (quirk Q20).
-    x, y, i, j, xi, eta : float or int
-        Position, its cell and its coordinates there.
+    ``depth``, ``ssh``: depth of the floor and sea level at cell centres, m; ``lon``, ``lat``: cell centres, degrees or
+    m.
     """
     i0 = _stencil_start(i, halo, xi, even_parity)
     j0 = _stencil_start(j, halo, eta, even_parity)
@@ -249,24 +235,8 @@ def sample_gridded(
 ) -> None:  # fmt: skip
     """Fill the environment of all elements, ``uo`` to ``vorticity`` (equations 3.2).
 
-    Parameters
-    ----------
-    elements : Elements
-        Read: position, cell and coordinates in the cell.
-    grid : GridArrays
-        Grid.
-    fields : Fields
-        Fields without gaps (see `riftberg.ocean.loading.without_gaps`).
-    depth_rule : int
-        `DEPTH_OF_CELL`, `DEPTH_BIQUADRATIC` or `DEPTH_ZONE`.
-    zone_lon, zone_lat : float
-        South-west point of the dry quadrant, degrees, for `DEPTH_ZONE`.
-    coastal_drift : float
-        Speed of the drift away from land, m s-1.
-    mirrored : bool
-        Mirror the bilinear weights (quirk Q22).
-    even_parity : bool
-        Other parity of the depth stencil (quirk Q20).
+    ``zone_lon``, ``zone_lat``: south-west point of the dry quadrant, degrees, for `DEPTH_ZONE`; ``coastal_drift``:
+    speed of the drift away from land, m s-1.
     """
     # Each part is a loop of its own over bare arrays: handing the tuples of arrays to a helper for every element would
     # count references to seventy arrays each time.
@@ -305,19 +275,7 @@ def sample_gridded(
 def blend_around(
     cell_i: Ints, cell_j: Ints, margin: int, first: Fields, second: Fields, weights: Floats, out: Fields
 ) -> None:
-    """Blend two states in time into ``out``, only in the box of cells around the elements.
-
-    Parameters
-    ----------
-    cell_i, cell_j : ndarray
-        Cells of the elements; none means the whole grid.
-    margin : int
-        Cells added on each side of the box, as many as the interpolation reaches.
-    first, second, out : Fields
-        States before, after and between.
-    weights : ndarray
-        Weight of ``second`` for each field, shape (12,); negative leaves ``out`` as it is.
-    """
+    """Blend two states in time into ``out``, only in the box of cells around the elements."""
     rows, columns = first.uo.shape
     south, north, west, east = 0, rows, 0, columns
     if cell_i.size > 0:

@@ -33,18 +33,7 @@ def corner_mask(mask: Floats) -> Floats:
 
 
 def at_corners(u: Floats, v: Floats, grid: Grid, staggering: Staggering) -> tuple[Floats, Floats]:
-    """Return a vector field at north-east corners (B-grid) from any of the usual staggerings (equations 3.1).
-
-    Parameters
-    ----------
-    u, v : ndarray
-        Components on the full shape of the grid. B: at north-east corners. C: ``u`` on east faces, ``v`` on north
-        faces. A: both at cell centres.
-    grid : Grid
-        Its mask zeroes corners that touch land (A and C only).
-    staggering : {"A", "B", "C"}
-        Where the values stand.
-    """
+    """Return a vector field at north-east corners (B-grid) from any of the usual staggerings (equations 3.1)."""
     if staggering == "B":
         return u.copy(), v.copy()
     wet = corner_mask(grid.arrays.mask)

@@ -38,40 +38,22 @@ FOR_PLANE = 9
 
 
 class Points(NamedTuple):
-    """Points of a product, degrees, shape (rows, columns); NaN where there is none.
+    """Points of a product, degrees, shape (rows, columns); NaN where there is none."""
 
-    Attributes
-    ----------
-    lon, lat : ndarray
-        Positions.
-    columns : int
-        Columns after which the first follows again, where the product goes round the globe; else 0.
-    """
-
-    lon: Floats
-    lat: Floats
-    columns: int
+    lon: Floats  # Positions
+    lat: Floats  # Positions
+    columns: int  # Columns after which the first follows again, where the product goes round the globe; else 0
 
 
 class Places(NamedTuple):
-    """Cells and coordinates in them of many places.
+    """Cells and coordinates in them of many places."""
 
-    Attributes
-    ----------
-    row, column : ndarray
-        First point of the cell; row -1 outside of the product.
-    next_row, next_column : ndarray
-        Opposite point of the cell.
-    xi, eta : ndarray
-        Coordinates in the cell along the columns and along the rows, 0 to 1.
-    """
-
-    row: Ints
-    column: Ints
-    next_row: Ints
-    next_column: Ints
-    xi: Floats
-    eta: Floats
+    row: Ints  # First point of the cell; row -1 outside of the product
+    column: Ints  # First point of the cell; row -1 outside of the product
+    next_row: Ints  # Opposite point of the cell
+    next_column: Ints  # Opposite point of the cell
+    xi: Floats  # Coordinates in the cell along the columns and along the rows, 0 to 1
+    eta: Floats  # Coordinates in the cell along the columns and along the rows, 0 to 1
 
 
 class Mesh(Protocol):
@@ -86,13 +68,7 @@ class Mesh(Protocol):
 
 
 def mesh_of(ds: xr.Dataset) -> Mesh:
-    """Return the mesh of a canonical dataset.
-
-    Raises
-    ------
-    ForcingError
-        If its dimensions are none of (lat, lon), (y, x) with positions or a projection, and (node).
-    """
+    """Return the mesh of a canonical dataset."""
     if {"lat", "lon"} <= set(ds.dims):
         return AxesMesh(_axis(ds, "lon"), _axis(ds, "lat"))
     if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
@@ -118,13 +94,7 @@ def _axis(ds: xr.Dataset, name: str) -> Floats:
 
 
 class AxesMesh:
-    """Points on axes of longitude and latitude (degrees, ascending).
-
-    Parameters
-    ----------
-    lon, lat : (m,) and (n,) array
-        Axes.
-    """
+    """Points on axes of longitude and latitude (degrees, ascending)."""
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
         repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
@@ -142,14 +112,7 @@ class AxesMesh:
 class ProjectedMesh:
     """Points on the axes of a map projection (m, ascending).
 
-    Parameters
-    ----------
-    x, y : (m,) and (n,) array
-        Axes.
-    positions : tuple of (n, m) array
-        Longitudes and latitudes of the points, degrees.
-    project : callable
-        Gives x and y of longitudes and latitudes.
+    ``positions``: longitudes and latitudes of the points, degrees ((n, m)).
     """
 
     def __init__(
@@ -179,10 +142,7 @@ def _placed(columns: tuple[Ints, Floats], rows: tuple[Ints, Floats], around: int
 class CurvilinearMesh:
     """Points at the corners of quadrilaterals; NaN where there is none.
 
-    Parameters
-    ----------
-    lon, lat : (n, m) array
-        Positions, degrees.
+    ``lon``, ``lat``: positions, degrees ((n, m)).
     """
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
@@ -209,10 +169,7 @@ class CurvilinearMesh:
 class NodeMesh:
     """Scattered points without cells: a place belongs to the nearest.
 
-    Parameters
-    ----------
-    lon, lat : (n,) array
-        Positions, degrees.
+    ``lon``, ``lat``: positions, degrees.
     """
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
@@ -238,12 +195,7 @@ class NodeMesh:
     def slopes(self, values: Floats, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return the slope to the east and north (per m) of a field at positions: of the plane through the nodes near by.
 
-        Parameters
-        ----------
-        values : (n,) array
-            The field at the nodes.
-        lon, lat : array
-            Positions, degrees.
+        ``lon``, ``lat``: positions, degrees.
         """
         _, near = self._tree.query(unit_vectors(lon, lat), k=min(FOR_PLANE, values.size))
         turn = (self.points.lon[0][near] - lon[:, None] + 180.0) % 360.0 - 180.0
@@ -276,16 +228,7 @@ def find_quadrilaterals(
 ) -> None:
     """Find the quadrilateral around each place.
 
-    Parameters
-    ----------
-    lon, lat : ndarray
-        Places, degrees.
-    points : Points
-        Corners of the quadrilaterals; those of the last column and of the first too where the product goes round.
-    row, column : ndarray
-        Nearest point of each place; becomes the first corner of its quadrilateral, row -1 where there is none.
-    xi, eta : ndarray
-        Filled.
+    ``lon``, ``lat``: places, degrees.
     """
     x, y, around = points.lon, points.lat, points.columns
     rows, columns = x.shape

@@ -10,17 +10,8 @@ from riftberg.state import Floats
 def haversine(lon1: Floats, lat1: Floats, lon2: Floats, lat2: Floats, radius: float) -> Floats:
     """Return great-circle distances.
 
-    Parameters
-    ----------
-    lon1, lat1, lon2, lat2 : ndarray
-        Ends, degrees.
-    radius : float
-        Radius of the sphere, m.
-
-    Returns
-    -------
-    ndarray
-        Distances, m: R 2 atan2(sqrt a, sqrt(1 - a)), a = sin2(dlat/2) + cos lat1 cos lat2 sin2(dlon/2) (equations 10.5).
+    ``lon1``, ``lat1``, ``lon2``, ``lat2``: ends, degrees; ``radius``: radius of the sphere, m; returns distances, m: R
+    2 atan2(sqrt a, sqrt(1 - a)), a = sin2(dlat/2) + cos lat1 cos lat2 sin2(dlon/2) (equations 10.5).
     """
     phi1, phi2 = np.radians(lat1), np.radians(lat2)
     across = np.sin(0.5 * np.radians(np.subtract(lon2, lon1))) ** 2

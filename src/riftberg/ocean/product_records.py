@@ -68,27 +68,7 @@ def as_they_are(ds: xr.Dataset, records: slice) -> xr.Dataset:
 class ProductRecords:
     """Fields of one canonical dataset in time.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset, around place and time of the run.
-    start : datetime
-        Date of time 0 (UTC).
-    moments : array of datetime64, optional
-        Dates of the records that ``reader`` gives, if not those of the dataset.
-    reader : callable, optional
-        Gives some records (a slice) of the dataset.
-    keel : float, optional
-        Deepest draft (m); levels below it are not read.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Canonical names of the fields; wind stress has become wind, the direction of waves its parts.
-    dates : ndarray of datetime64
-        Dates of the records (UTC); none for fields without time.
-    times : list of float
-        The same in seconds since the start.
+    ``keel``: deepest draft (m); ``times``: the same in seconds since the start.
     """
 
     def __init__(
@@ -135,13 +115,7 @@ class ProductRecords:
         return self._limits.size > 2 and name in self.ds and "depth" in self.ds[name].dims
 
     def moment(self, name: str, time: float) -> Blend:
-        """Return a field at a time.
-
-        Raises
-        ------
-        ForcingError
-            If the time lies outside of the records, or in too long a gap.
-        """
+        """Return a field at a time."""
         around = self._between(time)
         before = self._record(around.before)[name]
         after = self._record(around.after)[name] if around.weight > 0.0 else before
@@ -149,13 +123,7 @@ class ProductRecords:
         return Blend(before, after, around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
 
     def check(self, start: float, end: float) -> None:
-        """Read all records from ``start`` to ``end`` (s).
-
-        Raises
-        ------
-        ForcingError
-            If they do not cover these times, have too long a gap, or hold values that cannot be.
-        """
+        """Read all records from ``start`` to ``end`` (s)."""
         first, last = self._between(start), self._between(end)
         for record in range(first.before, last.after + 1):
             if record < last.after:

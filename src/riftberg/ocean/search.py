@@ -111,19 +111,7 @@ def find_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
 def locate_points(
     lon: Floats, lat: Floats, grid: GridArrays, thorough: bool, cell_i: Ints, cell_j: Ints, xi: Floats, eta: Floats
 ) -> None:
-    """Fill cell and coordinates in the cell of many points; ``cell_i`` = -1 for points outside the domain.
-
-    Parameters
-    ----------
-    lon, lat : ndarray
-        Points, any image.
-    grid : GridArrays
-        Grid.
-    thorough : bool
-        Scan all cells before a point counts as outside; maps of large grids do without.
-    cell_i, cell_j, xi, eta : ndarray
-        Filled.
-    """
+    """Fill cell and coordinates in the cell of many points; ``cell_i`` = -1 for points outside the domain."""
     h = grid.halo
     domain = grid.lat[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
     south, north = domain.min(), domain.max()

@@ -35,13 +35,7 @@ class ConstantForcing(Section):
 
 
 def steady_value(part: type[Section], name: str, value: Any) -> Any:
-    """Return a value of a section without unit, or refuse it in the words that an experiment file gets.
-
-    Raises
-    ------
-    ForcingError
-        If it is of the wrong kind, has a wrong unit, or is larger than anything in nature.
-    """
+    """Return a value of a section without unit, or refuse it in the words that an experiment file gets."""
     plain = given(_ice_in_units(value) if name == "sea_ice" else value, part, name, kind=ForcingError)
     if name in MOST_IN_PART:
         try:

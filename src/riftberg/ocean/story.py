@@ -40,65 +40,36 @@ LATITUDE, LONGITUDE = -55.8, -37.4
 
 @dataclass(frozen=True)
 class StoryNumbers:
-    """Numbers of the fitted ocean.
+    """Numbers of the fitted ocean."""
 
-    Attributes
-    ----------
-    path_x, path_y : tuple of float
-        Path of the centre, km in local coordinates: polynomials in days since the start, highest power first.
-    last_day : float
-        After this many days the drift keeps its velocity.
-    drift_radius, drift_gain : float
-        Radius of the drift's rim (m), and by how much the drift exceeds the velocity of its centre.
-    eddy_spin : float
-        Largest spin of the eddy at its centre, s-1; negative is clockwise.
-    eddy_day, eddy_days : float
-        Day of that spin, and its duration (half-width of a sech^2), days.
-    late_spin : float
-        Spin after the ninth day, s-1.
-    eddy_radius : float
-        Radius, m.
-    surge : float
-        Displacement of an onshore surge to the north-east around day 7.8, m.
-    jet_speed, jet_width, jet_latitude : float
-        Speed (m s-1, eastward), half-width (m) and latitude (degrees) of the jet.
-    counter_speed, counter_width, counter_latitude : float
-        The same of the counter-current, westward.
-    shear_flow : float
-        Uniform eastward current that goes with jet and counter-current, m s-1.
-    shear_start, shear_end : float
-        Days on which the shear has grown and decayed to half; each takes about a day.
-    wind : tuple of float
-        Eastward and northward wind, m s-1.
-    fitted_with : str
-        Numerics by which it was fitted, for titles, if not Riftberg's own.
-    shoal : tuple of float
-        Longitude and latitude (degrees), length scale (m), height above the floor (m) and depth of the floor (m).
-    """
-
+    # Path of the centre, km in local coordinates: polynomials in days since the start, highest power first
     path_x: tuple[float, ...]
+    # Path of the centre, km in local coordinates: polynomials in days since the start, highest power first
     path_y: tuple[float, ...]
-    last_day: float
-    eddy_spin: float
-    eddy_day: float
-    eddy_days: float
-    late_spin: float
-    jet_speed: float
-    jet_width: float
-    jet_latitude: float
-    shear_end: float
+    last_day: float  # After this many days the drift keeps its velocity
+    eddy_spin: float  # Largest spin of the eddy at its centre, s-1; negative is clockwise
+    eddy_day: float  # Day of that spin, and its duration (half-width of a sech^2), days
+    eddy_days: float  # Day of that spin, and its duration (half-width of a sech^2), days
+    late_spin: float  # Spin after the ninth day, s-1
+    jet_speed: float  # Speed (m s-1, eastward), half-width (m) and latitude (degrees) of the jet
+    jet_width: float  # Speed (m s-1, eastward), half-width (m) and latitude (degrees) of the jet
+    jet_latitude: float  # Speed (m s-1, eastward), half-width (m) and latitude (degrees) of the jet
+    shear_end: float  # Days on which the shear has grown and decayed to half; each takes about a day
+    # Longitude and latitude (degrees), length scale (m), height above the floor (m) and depth of the floor (m)
     shoal: tuple[float, float, float, float, float]
-    eddy_radius: float = 100e3
+    eddy_radius: float = 100e3  # Radius, m
+    # Radius of the drift's rim (m), and by how much the drift exceeds the velocity of its centre
     drift_radius: float = math.inf
+    # Radius of the drift's rim (m), and by how much the drift exceeds the velocity of its centre
     drift_gain: float = 1.0
-    surge: float = 0.0
-    counter_speed: float = 0.0
-    counter_width: float = 25e3
-    counter_latitude: float = -56.0
-    shear_flow: float = 0.0
-    shear_start: float = -math.inf
-    wind: tuple[float, float] = (5.0, -2.0)
-    fitted_with: str = ""
+    surge: float = 0.0  # Displacement of an onshore surge to the north-east around day 7.8, m
+    counter_speed: float = 0.0  # The same of the counter-current, westward
+    counter_width: float = 25e3  # The same of the counter-current, westward
+    counter_latitude: float = -56.0  # The same of the counter-current, westward
+    shear_flow: float = 0.0  # Uniform eastward current that goes with jet and counter-current, m s-1
+    shear_start: float = -math.inf  # Days on which the shear has grown and decayed to half; each takes about a day
+    wind: tuple[float, float] = (5.0, -2.0)  # Eastward and northward wind, m s-1
+    fitted_with: str = ""  # Numerics by which it was fitted, for titles, if not Riftberg's own
 
 
 OWN = StoryNumbers(
@@ -233,15 +204,7 @@ def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
 
 
 class StoryOcean(ShownForcing):
-    """The fitted ocean as forcing, evaluated at the elements themselves.
-
-    Parameters
-    ----------
-    numbers : StoryNumbers, optional
-        The fit.
-    shoal, shear : bool, optional
-        Whether there is a shoal, and a shear; without them the berg does not lose its tip, or its finger.
-    """
+    """The fitted ocean as forcing, evaluated at the elements themselves."""
 
     grid: Grid | None = None
     citations = ("Huth, A., Adcroft, A., Sergienko, O., Khan, N. (2022), doi:10.1126/sciadv.abq6974",)

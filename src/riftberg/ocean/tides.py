@@ -13,14 +13,7 @@ from riftberg.state import Elements, Floats, Ints
 def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
     """Return the seed of a cell: i + 10000 j + int(16384 |sin(262144 ssh)|), i and j counted from 1 in the domain.
 
-    Parameters
-    ----------
-    i, j : int
-        Array column and row.
-    ssh : float
-        Sea level in the cell, m.
-    halo : int
-        Width of the halo.
+    ``ssh``: sea level in the cell, m.
     """
     return (i - halo + 1) + 10_000 * (j - halo + 1) + int(16384.0 * abs(math.sin(262144.0 * ssh)))
 
@@ -65,20 +58,7 @@ def add_tidal_drift(
 ) -> None:
     """Add the random current near land to sampled currents ``uo vo ui vi`` (equations 3.2 tidal drift).
 
-    Parameters
-    ----------
-    elements : Elements
-        Sampled already; the increment is turned from the grid's axes to east and north, as the currents were.
-    grid : GridArrays
-        Grid.
-    ssh : ndarray
-        Sea level, which seeds the random numbers of each cell, m.
-    amplitude : float
-        Largest current added, m s-1.
-    mirrored : bool
-        As in `riftberg.ocean.interpolation.sample_gridded`.
-    order : array of int, optional
-        Rows of the elements in the order in which those of a cell draw their numbers; the last row first if left out.
+    ``ssh``: sea level, which seeds the random numbers of each cell, m; ``amplitude``: largest current added, m s-1.
     """
     e = elements
     east, north = _draws(e.cell_i, e.cell_j, ssh, grid.halo, order)

@@ -12,10 +12,7 @@ NOTES = ("elevations are turned into depths, positive down; land is missing (NaN
 def depth_from_elevation(ds: xr.Dataset) -> xr.Dataset:
     """Return the dataset with ``depth_below_surface`` made from the elevation that it holds under that name so far.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset in which ``depth_below_surface`` still holds the elevation (m, positive up).
+    ``ds``: canonical dataset in which ``depth_below_surface`` still holds the elevation (m, positive up).
     """
     if "depth_below_surface" not in ds.data_vars:
         return ds

@@ -18,29 +18,7 @@ _SAME = ("h", "mask_rho", "mask_u", "mask_v")
 def grid_of(
     ds: xr.Dataset, patterns: Sequence[str], wanted: Sequence[str], fits: Callable[[xr.Dataset], bool]
 ) -> xr.Dataset | None:
-    """Return what the one grid file beside a file gives; None if there is none.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        The file, with ``encoding["source"]``.
-    patterns : sequence of str
-        Patterns of names in its folder.
-    wanted : iterable of str
-        Variables to take; the first two are the positions that a grid file must have.
-    fits : callable
-        Whether a grid has the size of the file.
-
-    Returns
-    -------
-    xarray.Dataset or None
-        With the attribute ``told``, which names the grid file.
-
-    Raises
-    ------
-    ForcingError
-        If two different grids fit, or those that are there belong to something else.
-    """
+    """Return what the one grid file beside a file gives; None if there is none."""
     where = str(ds.encoding.get("source", ""))
     folder = Path(where).parent
     own = Path(str(ds.attrs.get("grd_file", ""))).name

@@ -11,31 +11,15 @@ from riftberg.errors import ForcingError
 
 @dataclass(frozen=True)
 class Quantity:
-    """One canonical variable.
+    """One canonical variable."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the canonical dataset.
-    units : str
-        CF units.
-    standard_name, long_name : str
-        CF standard name and meaning in plain words.
-    sign : str
-        What a positive value means.
-    limit : float
-        Magnitude beyond which a value is not believable (in ``units``).
-    lowest : float
-        Value below which none is believable.
-    """
-
-    name: str
-    units: str
-    standard_name: str
-    long_name: str
-    sign: str
-    limit: float
-    lowest: float
+    name: str  # Name in the canonical dataset
+    units: str  # CF units
+    standard_name: str  # CF standard name and meaning in plain words
+    long_name: str  # CF standard name and meaning in plain words
+    sign: str  # What a positive value means
+    limit: float  # Magnitude beyond which a value is not believable (in ``units``)
+    lowest: float  # Value below which none is believable
 
     @property
     def range(self) -> tuple[float, float]:
@@ -244,13 +228,7 @@ _UNITS: dict[str, dict[str, tuple[float, float]]] = {
 
 
 def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, float]:
-    """Return factor and offset that turn ``units`` into the units of ``quantity``.
-
-    Raises
-    ------
-    ForcingError
-        If the units are not known for this quantity.
-    """
+    """Return factor and offset that turn ``units`` into the units of ``quantity``."""
     table = _UNITS[quantity.units]
     key = " ".join(units.split()).lower()
     if key not in table:
@@ -270,19 +248,7 @@ def _ways(table: dict[str, tuple[float, float]]) -> list[str]:
 
 
 def canonicalise(data: xr.DataArray, quantity: Quantity, units: str, *, where: str) -> xr.DataArray:
-    """Return ``data`` in canonical units with canonical attributes; nothing is computed where the units agree already.
-
-    Parameters
-    ----------
-    data : xarray.DataArray
-        Decoded values in ``units``.
-    quantity : Quantity
-        What it is.
-    units : str
-        Units stated by the file, or by the product where the file states none.
-    where : str
-        File and variable, for messages.
-    """
+    """Return ``data`` in canonical units with canonical attributes; nothing is computed where the units agree already."""
     factor, offset = conversion(quantity, units, where=where)
     if factor != 1.0:
         data = data * factor
@@ -304,15 +270,7 @@ def labelled(data: xr.DataArray, quantity: Quantity) -> xr.DataArray:
 
 
 def unlikely(name: str, low: float, high: float) -> str:
-    """Return what is wrong with values of a field from ``low`` to ``high``; empty if they are believable.
-
-    Parameters
-    ----------
-    name : str
-        Canonical name.
-    low, high : float
-        Smallest and largest value (canonical units).
-    """
+    """Return what is wrong with values of a field from ``low`` to ``high``; empty if they are believable."""
     quantity = QUANTITIES[name]
     least, most = quantity.range
     if name == "ice_fraction" and most < high <= 100.5:

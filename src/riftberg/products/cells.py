@@ -53,17 +53,7 @@ def goes_round_in_x(points: Floats) -> bool:
 def curvilinear(lon: Floats, lat: Floats, to_lon: Floats, to_lat: Floats) -> Stencil:
     """Place targets on a grid with two-dimensional positions.
 
-    Parameters
-    ----------
-    lon, lat : (rows, columns) array
-        Positions of the grid (degrees, any branch); NaN where there are none.
-    to_lon, to_lat : array
-        Targets, of one shape.
-
-    Returns
-    -------
-    Stencil
-        Bilinear in the cells of the grid. Targets beyond it by up to half a cell take the value at its edge.
+    ``lon``, ``lat``: positions of the grid (degrees, any branch) ((rows, columns)).
     """
     points = unit_vectors(lon, lat)
     rows, columns = points.shape[:2]
@@ -145,17 +135,7 @@ def spacing_of_points(lon: Floats, lat: Floats) -> Floats:
 def scattered(lon: Floats, lat: Floats, to_lon: Floats, to_lat: Floats) -> Stencil:
     """Place targets among scattered points: the three nearest, weighted by the inverse square of their distance.
 
-    Parameters
-    ----------
-    lon, lat : (n,) array
-        Positions of the source (degrees).
-    to_lon, to_lat : array
-        Targets, of one shape.
-
-    Returns
-    -------
-    Stencil
-        Of a source with one row. Targets farther than `REACH` usual spacings from any point lie outside.
+    ``lon``, ``lat``: positions of the source (degrees).
     """
     points, targets = unit_vectors(lon, lat), unit_vectors(np.ravel(to_lon), np.ravel(to_lat))
     tree, known = _tree(points)

@@ -188,17 +188,7 @@ _ASIDE = re.compile(r"error|deviation|quality|flag|mask|number_of|_at_|status|un
 
 
 def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> list[str]:
-    """Return in words which variables speak of something that a run takes and that nothing else in the file gives.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded file.
-    quantities : iterable of str
-        Canonical names that are read.
-    names : iterable of str
-        Variables that are read.
-    """
+    """Return in words which variables speak of something that a run takes and that nothing else in the file gives."""
     taken, read = set(quantities), set(names)
     said: dict[str, list[str]] = {}
     for name in map(str, ds.data_vars):
@@ -227,15 +217,7 @@ def _shown(variable: xr.Variable, name: str) -> str:
 
 
 def statistic(variable: xr.Variable | xr.DataArray, quantity: str) -> str:
-    """Return in words which statistic of a field a variable is, rather than the field itself; empty if it is none.
-
-    Parameters
-    ----------
-    variable : xarray.Variable or DataArray
-        With the attributes of the file.
-    quantity : str
-        Canonical name of the field.
-    """
+    """Return in words which statistic of a field a variable is, rather than the field itself; empty if it is none."""
     match = _SPREADS.search(str(variable.attrs.get("cell_methods", "")))
     if match:
         return f"{match[2]} over {match[1]} (cell_methods)"
@@ -251,13 +233,7 @@ def _rank(quantity: str, name: str) -> int:
 
 
 def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
-    """Return the variable of each quantity, with a remark where others could be it too.
-
-    Raises
-    ------
-    ForcingError
-        If several variables could be it and none has a usual name.
-    """
+    """Return the variable of each quantity, with a remark where others could be it too."""
     chosen: dict[str, tuple[str, str]] = {}
     for quantity in _STANDARD:
         candidates = _candidates(ds, quantity)

@@ -36,24 +36,7 @@ _PERIODS = {
 
 
 def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray:
-    """Return a field with its dates on the dimension ``time``, or without any if the file tells none.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded file.
-    name : str
-        Variable.
-    where : str
-        File, for messages.
-    moves : bool
-        Whether the field changes by the day; one that does not (the sea floor) loses its time.
-
-    Raises
-    ------
-    ForcingError
-        If a dimension of time has no dates, or dates are written in a way that is not understood.
-    """
+    """Return a field with its dates on the dimension ``time``, or without any if the file tells none."""
     field = ds[name]
     stamps = _stamps(ds, name, where)
     stamped = [c for c in stamps if ds[c].ndim == 1]

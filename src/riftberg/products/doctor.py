@@ -85,28 +85,9 @@ def doctor(
 ) -> Report:
     """Tell what files are and whether they serve an experiment; never raises for bad files, it reports them.
 
-    Parameters
-    ----------
-    files : path or sequence of paths
-        Files, patterns or Zarr stores.
-    lon, lat : tuple of float, optional
-        Box of the experiment (degrees).
-    time : tuple, optional
-        First and last moment (UTC).
-    needed : sequence of str
-        Canonical names of the fields that the run needs.
-    path : sequence of (lon, lat), optional
-        Positions of the berg, where missing values matter.
-    product : str or mapping, optional
-        Name of the product, instead of recognising it; or of each file or pattern of ``files``.
-    max_gap, hold : float, optional
-        What the run allows, s: the longest gap that is interpolated across, and how long the ends are held.
-    wished : sequence of str, optional
-        Fields that a run should have and starts without; by default those of `ASSUMED`, and none if ``needed`` is given.
-
-    Returns
-    -------
-    Report
+    ``lon``, ``lat``: box of the experiment (degrees); ``path``: positions of the berg, where missing values matter
+    ((lon, lat)); ``max_gap``, ``hold``: what the run allows, s: the longest gap that is interpolated across, and how
+    long the ends are held.
     """
     unknown = [name for name in needed if name not in QUANTITIES]
     if unknown:

@@ -34,13 +34,7 @@ _KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
 
 
 def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
-    """Return the canonical fields of a decoded file, one dataset for each grid and set of dates.
-
-    Raises
-    ------
-    ForcingError
-        If the file holds no field of the product, or one of them cannot be placed for certain.
-    """
+    """Return the canonical fields of a decoded file, one dataset for each grid and set of dates."""
     groups: dict[tuple[object, ...], dict[str, xr.DataArray]] = {}
     levels: dict[tuple[object, ...], bytes] = {}
     remarks_by_field: dict[tuple[object, ...], list[str]] = {}

@@ -43,35 +43,17 @@ class DataFinding:
 
 @dataclass
 class Report:
-    """What `doctor` found.
+    """What `doctor` found."""
 
-    Attributes
-    ----------
-    data : list of DataFinding
-        One entry per dataset.
-    unreadable : dict of str to str
-        Files that could not be used, and why.
-    clashes : list of str
-        Files that are good by themselves and cannot be used together, and why.
-    notes : list of str
-        What should be known of the files together.
-    missing : list of str
-        Needed fields that no dataset gives.
-    advice : list of str
-        What to do, the most pressing first.
-    assumed : list of str
-        What a run takes for that which no file gives.
-    refusal : str or None
-        Why a run with these files does not start, empty if it does; None where none was tried, and the advice decides.
-    """
-
-    data: list[DataFinding] = field(default_factory=list)
-    unreadable: dict[str, str] = field(default_factory=dict)
+    data: list[DataFinding] = field(default_factory=list)  # One entry per dataset
+    unreadable: dict[str, str] = field(default_factory=dict)  # Files that could not be used, and why
+    # Files that are good by themselves and cannot be used together, and why
     clashes: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    missing: list[str] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
-    assumed: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # What should be known of the files together
+    missing: list[str] = field(default_factory=list)  # Needed fields that no dataset gives
+    advice: list[str] = field(default_factory=list)  # What to do, the most pressing first
+    assumed: list[str] = field(default_factory=list)  # What a run takes for that which no file gives
+    # Why a run with these files does not start, empty if it does; None where none was tried, and the advice decides
     refusal: str | None = None
 
     @property

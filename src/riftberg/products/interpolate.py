@@ -47,34 +47,9 @@ def to_grid(
 ) -> xr.Dataset:
     """Interpolate a canonical dataset to points and dates.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset on ``lat``, ``lon`` or on a projection (``y``, ``x`` with ``crs_wkt``).
-    lon, lat : array
-        Target axes (1-D, ascending) or positions of every point (2-D, same shape), degrees.
-    times : sequence of dates, optional
-        Moments (UTC); without them all records are given as they are.
-    max_gap : numpy.timedelta64 or float (s), optional
-        Longest interval between two records that is interpolated across; default 2.5 times the interval of the
-        product (`riftberg.products.records`).
-    hold : numpy.timedelta64 or float (s), optional
-        How long the first and last record are held beyond themselves; default half the averaging time of means, else 0.
-    fill_cells : int
-        How many source cells inland the nearest wet value is used.
-    outside : {"raise", "mask"}
-        What to do with targets beyond the source: error, or 0 with origin 0.
-
-    Returns
-    -------
-    xarray.Dataset
-        Each field on ``(time, ..., lat, lon)`` or ``(time, ..., y, x)``, without NaN, and ``<name>_origin``
-        (0 nothing known, 1 interpolated, 2 nearest wet point).
-
-    Raises
-    ------
-    ForcingError
-        If dates lie outside the records or in a longer gap, or targets outside the source.
+    ``lon``, ``lat``: target axes (1-D, ascending) or positions of every point (2-D, same shape), degrees; ``max_gap``:
+    longest interval between two records that is interpolated across ((s)); ``hold``: how long the first and last record
+    are held beyond themselves ((s)).
     """
     target = _Target.of(lon, lat)
     source = _averaged(_averageable(_around_target(ds, target, fill_cells)), target)

@@ -45,22 +45,7 @@ def _levelled(ds: xr.Dataset) -> list[str]:
 def keel_mean(ds: xr.Dataset, draft: float | xr.DataArray) -> xr.Dataset:
     """Replace currents on levels by their mean from the surface to the draft.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset with ``uo`` or ``vo`` on ``depth``.
-    draft : float or xarray.DataArray
-        Draft (m, positive); an array on any dims of the dataset gives each column its own.
-
-    Returns
-    -------
-    xarray.Dataset
-        Without ``depth``; NaN where there is no water at all.
-
-    Raises
-    ------
-    ForcingError
-        If the draft is not positive or reaches below the deepest layer of the data.
+    ``draft``: draft (m, positive).
     """
     names = _levelled(ds)
     limits = layer_limits(ds["depth"].values)
@@ -93,16 +78,8 @@ def _check_draft(draft: float | xr.DataArray, deepest: float, ds: xr.Dataset) ->
 def keel_integral(ds: xr.Dataset) -> xr.Dataset:
     """Integrate currents and water from the surface down to each layer limit.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset with ``uo`` and ``vo`` on ``depth``.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``uo_integral``, ``vo_integral`` (m2 s-1) and ``wet_thickness`` (m) on the dimension ``draft`` (m, ascending
-        from 0). No NaN: land has integrals of zero.
+    Returns ``uo_integral``, ``vo_integral`` (m2 s-1) and ``wet_thickness`` (m) on the dimension ``draft`` (m, ascending
+    from 0).
     """
     names = _levelled(ds)
     limits = layer_limits(ds["depth"].values)
@@ -127,19 +104,8 @@ def _running(layers: xr.DataArray, limits: Floats) -> xr.DataArray:
 def mean_over_draft(limits: Floats, integral: Floats, wet: Floats, draft: Floats) -> Floats:
     """Return the mean current (m s-1) from the surface to each draft.
 
-    Parameters
-    ----------
-    limits : (k,) array
-        Depths (m) of the integrals, ascending from 0.
-    integral, wet : (..., k) array
-        Running integrals of current (m2 s-1) and water (m), from `keel_integral`.
-    draft : (...) array
-        Draft (m) of each element; drafts below the last limit take the last.
-
-    Returns
-    -------
-    (...) array
-        NaN where there is no water.
+    ``limits``: depths (m) of the integrals, ascending from 0; ``integral``, ``wet``: running integrals of current (m2
+    s-1) and water (m), from `keel_integral`; ``draft``: draft (m) of each element.
     """
     draft = np.clip(np.asarray(draft, float), 0.0, limits[-1])
     lower = np.clip(np.searchsorted(limits, draft, side="right") - 1, 0, limits.size - 2)

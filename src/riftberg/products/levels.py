@@ -39,26 +39,7 @@ _TOLD = re.compile(
 def judged(
     ds: xr.Dataset, name: str, field: xr.DataArray, quantity: str, *, where: str
 ) -> tuple[xr.DataArray, list[str]]:
-    """Return a field on ``depth`` or without levels, and what should be known of it.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded file.
-    name : str
-        Variable.
-    field : xarray.DataArray
-        Its values so far (dates may have been named).
-    quantity : str
-        Canonical name.
-    where : str
-        File, for messages.
-
-    Raises
-    ------
-    ForcingError
-        If the field holds elsewhere than the run needs it, or on levels that nothing places.
-    """
+    """Return a field on ``depth`` or without levels, and what should be known of it."""
     _judge_words(field, name, quantity, where)
     levels = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
     remarks: list[str] = []

@@ -34,13 +34,6 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
 
     Months stamped on their first or last day are put in mid-month, days stamped 00:00 at noon of the day that begins there:
     thus the common services and tools write them. As values of the stamp they would be half an interval off in any case.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset, all its files joined.
-    known : bool, optional
-        The product says itself what its records are, where the file does not.
     """
     said = str(ds.attrs.get("means", ""))
     if MEAN_OF in ds.coords or float(ds.attrs.get("averaging_seconds", 0.0)) > 0.0:

@@ -16,13 +16,7 @@ _PACKING = ("scale_factor", "add_offset")
 
 
 def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
-    """Return an undecoded dataset whose scale factors and offsets are numbers, also where the file writes them as text.
-
-    Raises
-    ------
-    ForcingError
-        If one of them is no number.
-    """
+    """Return an undecoded dataset whose scale factors and offsets are numbers, also where the file writes them as text."""
     for name, variable in raw.variables.items():
         for key in _PACKING:
             value = variable.attrs.get(key)

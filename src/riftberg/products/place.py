@@ -37,24 +37,7 @@ STRAIGHT = 1e-5
 
 
 def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) -> xr.DataArray:
-    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded file.
-    name : str
-        Variable.
-    field : xarray.DataArray
-        Its values on time, depth and dimensions of place.
-    where : str
-        File, for messages.
-
-    Raises
-    ------
-    ForcingError
-        If a dimension is no position, date or level, or positions are missing or impossible.
-    """
+    """Return a field on ``lat`` and ``lon``, on ``y`` and ``x`` with positions, or on ``node``."""
     field, rest = _without_singles(ds, name, field, where)
     coordinates = list(coordinates_of(ds, name))
     projected = _projected(ds, name, field, rest, coordinates)

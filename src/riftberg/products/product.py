@@ -29,86 +29,42 @@ def unchanged(ds: xr.Dataset) -> xr.Dataset:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a product keeps one canonical quantity.
+    """Where a product keeps one canonical quantity."""
 
-    Attributes
-    ----------
-    quantity : str
-        Canonical name.
-    names : tuple of str
-        Names of the variable in files, the preferred one first.
-    units : str
-        Units to assume where the file states none; empty = the file must state them.
-    evidence : {"sample", "layout", "documentation"}, optional
-        What the reader of this quantity was checked against, where it is not that of the product.
-    """
-
-    quantity: str
-    names: tuple[str, ...]
-    units: str = ""
+    quantity: str  # Canonical name
+    names: tuple[str, ...]  # Names of the variable in files, the preferred one first
+    units: str = ""  # Units to assume where the file states none; empty = the file must state them
+    # What the reader of this quantity was checked against, where it is not that of the product
     evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
 class Product:
-    """One data product.
+    """One data product."""
 
-    Attributes
-    ----------
-    name : str
-        Short name, used on the command line and in files.
-    title : str
-        Full name.
-    citation : str
-        How to cite it.
-    evidence : {"sample", "layout", "documentation"}
-        What the reader was checked against: a real file, a published header, or documentation only.
-    variants : tuple of (str, evidence)
-        Other layouts, and what their reading was checked against.
-    matches : callable
-        Tells from an undecoded dataset (names, dimensions, attributes) whether it is this product.
-    sources : tuple of Source
-        Fields that it may hold.
-    mend : callable
-        Repairs metadata before xarray decodes packing and time.
-    reshape : callable
-        Brings decoded data to the dimensions ``time, depth, lat, lon`` (or ``y, x``) by name.
-    finish : callable
-        Last change of the canonical dataset: masks, position of the stamp in time.
-    settle : callable
-        What needs the records of all files together, after they were joined: the length of time that one stands for.
-    averaging : numpy.timedelta64
-        Length of time that one record stands for; 0 for instants.
-    kind_matters : bool
-        Whether a heading that speaks of a forecast or of near real time is worth a remark.
-    select : callable, optional
-        Returns the variable of each quantity in a decoded file, and a remark (empty if none), instead of ``sources``.
-    longest_step : float
-        Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
-        Without it months, or a week where there are only two records.
-    left_out : tuple of str
-        Variables that are not taken on purpose, whatever their metadata say.
-    notes : tuple of str
-        Signs, stamps and quirks that a user should know, in plain words.
-    """
-
-    name: str
-    title: str
-    citation: str
-    evidence: Evidence
+    name: str  # Short name, used on the command line and in files
+    title: str  # Full name
+    citation: str  # How to cite it
+    evidence: Evidence  # What the reader was checked against: a real file, a published header, or documentation only
+    # Tells from an undecoded dataset (names, dimensions, attributes) whether it is this product
     matches: Callable[[xr.Dataset], bool]
-    sources: tuple[Source, ...]
-    mend: Step = unchanged
-    reshape: Step = unchanged
-    finish: Step = unchanged
+    sources: tuple[Source, ...]  # Fields that it may hold
+    mend: Step = unchanged  # Repairs metadata before xarray decodes packing and time
+    reshape: Step = unchanged  # Brings decoded data to the dimensions ``time, depth, lat, lon`` (or ``y, x``) by name
+    finish: Step = unchanged  # Last change of the canonical dataset: masks, position of the stamp in time
+    # What needs the records of all files together, after they were joined: the length of time that one stands for
     settle: Step = unchanged
+    # Length of time that one record stands for; 0 for instants
     averaging: np.timedelta64 = field(default_factory=lambda: np.timedelta64(0, "s"))
-    left_out: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    kind_matters: bool = True
+    left_out: tuple[str, ...] = ()  # Variables that are not taken on purpose, whatever their metadata say
+    notes: tuple[str, ...] = ()  # Signs, stamps and quirks that a user should know, in plain words
+    kind_matters: bool = True  # Whether a heading that speaks of a forecast or of near real time is worth a remark
+    # Returns the variable of each quantity in a decoded file, and a remark (empty if none), instead of ``sources``
     select: Callable[[xr.Dataset], dict[str, tuple[str, str]]] | None = None
+    # Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
+    # Without it months, or a week where there are only two records
     longest_step: float | None = None
-    variants: tuple[tuple[str, Evidence], ...] = ()
+    variants: tuple[tuple[str, Evidence], ...] = ()  # Other layouts, and what their reading was checked against
 
     @property
     def gives(self) -> tuple[str, ...]:

@@ -32,22 +32,7 @@ def states_radius(mapping: xr.Variable) -> bool:
 
 
 def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
-    """Name the projected axes ``x`` and ``y`` in metres and note the projection as ``crs_wkt``.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded dataset with one-dimensional projection coordinates.
-    x, y : str
-        Names of these coordinates.
-    fallback : str
-        Projection (anything pyproj reads) where the file describes none.
-
-    Raises
-    ------
-    ForcingError
-        If the projection does not lead to the latitudes and longitudes that the file gives.
-    """
+    """Name the projected axes ``x`` and ``y`` in metres and note the projection as ``crs_wkt``."""
     crs = _crs_of(ds, fallback)
     ds = ds.rename({old: new for old, new in ((x, "x"), (y, "y")) if old != new})
     for axis in ("x", "y"):
@@ -144,17 +129,7 @@ def _check_projection(ds: xr.Dataset, crs: Any) -> None:
 def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
     """Regrid a projected or curvilinear dataset to longitudes and latitudes, bilinearly in the projection or its cells.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset with dims ``y``, ``x`` and attribute ``crs_wkt``, or with two-dimensional ``lat`` and ``lon``.
-    lon, lat : array
-        Target axes (degrees), ascending.
-
-    Returns
-    -------
-    xarray.Dataset
-        Canonical dataset on ``lat``, ``lon``; NaN outside and next to missing values.
+    ``lon``, ``lat``: target axes (degrees), ascending.
     """
     lon, lat = np.asarray(lon, float), np.asarray(lat, float)
     grid_lon, grid_lat = np.meshgrid(lon, lat)

@@ -95,19 +95,7 @@ def check_readable(path: str) -> None:
 
 
 def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
-    """Open a file or Zarr store without decoding anything, lazily; text variables are left out.
-
-    Parameters
-    ----------
-    path : str
-        netCDF file, or Zarr store (folder or address).
-    chunked : bool
-        Whether to keep later arithmetic lazy too, which needs dask; without dask it is computed at once.
-
-    Returns
-    -------
-    xarray.Dataset
-    """
+    """Open a file or Zarr store without decoding anything, lazily; text variables are left out."""
     ds = _open(path)
     ds = with_text_dates(ds)
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
@@ -167,26 +155,7 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
 
 
 def read(path: str, product: Product) -> list[xr.Dataset]:
-    """Read one file of ``product`` into canonical datasets, lazily: one for each grid and set of dates in it.
-
-    Parameters
-    ----------
-    path : str
-        File or Zarr store.
-    product : Product
-        What it is.
-
-    Returns
-    -------
-    list of xarray.Dataset
-        Canonical datasets; only the fields that the file holds. Components along a grid are not turned yet
-        (`riftberg.products.vectors.together` does, once all files are read).
-
-    Raises
-    ------
-    ForcingError
-        If the file cannot be read, for whatever reason.
-    """
+    """Read one file of ``product`` into canonical datasets, lazily: one for each grid and set of dates in it."""
     try:
         return _read_as(path, product)
     except ForcingError:
@@ -205,17 +174,7 @@ def _read_as(path: str, product: Product) -> list[xr.Dataset]:
 
 
 def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:
-    """Return what `read` does of a dataset that is open already, decoded or not.
-
-    Parameters
-    ----------
-    raw : xarray.Dataset
-        As in a file of the product.
-    product : Product
-        What it is.
-    path : str
-        Where it comes from, for messages.
-    """
+    """Return what `read` does of a dataset that is open already, decoded or not."""
     raw = _without_false_fill(product.mend(with_plain_time_units(with_text_dates(with_plain_packing(raw, path)))))
     ds = product.reshape(within_valid_range(_decoded_dataset(raw)))
     ds.encoding["source"] = path

@@ -83,13 +83,7 @@ def product_named(name: str) -> Product:
 
 
 def recognise(path: str | Path) -> Product:
-    """Return the product that a file belongs to, told by its attributes, variables and dimensions.
-
-    Raises
-    ------
-    ForcingError
-        If no product matches; the message lists what the file holds.
-    """
+    """Return the product that a file belongs to, told by its attributes, variables and dimensions."""
     with open_raw(str(path), chunked=False) as ds:
         if product := product_of(ds):
             return product
@@ -148,30 +142,7 @@ def expand(paths: Paths) -> list[str]:
 
 
 def open_product(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> xr.Dataset:
-    """Open the files of one product as one canonical dataset, lazily.
-
-    Parameters
-    ----------
-    paths : str, Path or sequence of them
-        Files, patterns (``*.nc``), Zarr stores or their addresses. Files may follow one another in time and hold
-        different variables (``uwnd.10m.gauss.2020.nc`` and ``vwnd.10m.gauss.2020.nc``), on one grid with the same
-        records.
-    product : str or Product, optional
-        What they are, instead of recognising it.
-    levels : bool, optional
-        Keep temperature and salinity (``sst``, ``sss``) on all their levels, for what melts over a draft; without it
-        they are those of the uppermost level. Currents keep their levels always.
-
-    Returns
-    -------
-    xarray.Dataset
-        Canonical dataset, see `riftberg.products`.
-
-    Raises
-    ------
-    ForcingError
-        If files are not recognised, or do not fit into one dataset; `open_all` opens such sets one by one.
-    """
+    """Open the files of one product as one canonical dataset, lazily."""
     parts = open_all(paths, product, levels=levels)
     if len(parts) > 1:
         served = "; ".join(
@@ -186,18 +157,7 @@ def open_product(paths: Paths, product: str | Product | None = None, *, levels: 
 
 
 def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> list[xr.Dataset]:
-    """Open files of any products; those on one grid with the same records are joined.
-
-    Parameters
-    ----------
-    paths, product, levels
-        As in `open_product`.
-
-    Returns
-    -------
-    list of xarray.Dataset
-        One canonical dataset for each product, grid and set of records.
-    """
+    """Open files of any products; those on one grid with the same records are joined."""
     opened = open_named((path, product) for path in expand(paths))
     # Currents keep their levels, for a mean over the draft.
     opened = opened if levels else [uppermost(ds, ("sst", "sss")) for ds in opened]
@@ -209,12 +169,7 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
 def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:
     """Open files as the products named beside them (None: recognise it), joined as `open_all` does.
 
-    Parameters
-    ----------
-    entries : iterable of (path, product)
-        Files.
-    turned : bool
-        Whether components along a grid are turned, which needs both; without it a file with one of them opens too.
+    ``entries``: files ((path, product)).
     """
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     products: dict[str, Product] = {}
@@ -237,18 +192,7 @@ def _named(ds: xr.Dataset, order: dict[str, int]) -> xr.Dataset:
 
 
 def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Return canonical datasets of others that are open already, one for each grid and set of records.
-
-    Parameters
-    ----------
-    datasets : sequence of xarray.Dataset
-        Of a product that is known, or with CF standard names, or usual names and units.
-
-    Raises
-    ------
-    ForcingError
-        If one holds nothing that is known, or does not say enough of it.
-    """
+    """Return canonical datasets of others that are open already, one for each grid and set of records."""
     parts = [
         _settled(part, product)
         for number, ds in enumerate(datasets, 1)

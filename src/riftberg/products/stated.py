@@ -33,13 +33,6 @@ def stated_interval(raw: xr.Dataset, path: str) -> float:
     Looked at are, in this order: bounds of the time, the attributes ``time_coverage_resolution`` (ISO 8601),
     ``frequency`` (CMIP) and ``delta_t`` (NOAA), headings that say daily or monthly mean, and the name of the file.
     ``cell_methods`` tell that a value is a mean, not over which time.
-
-    Parameters
-    ----------
-    raw : xarray.Dataset
-        File as it is, without decoding.
-    path : str
-        Its name.
     """
     ways = (
         _bounds(raw),

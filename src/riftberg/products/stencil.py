@@ -16,52 +16,19 @@ MISSING, INTERPOLATED, NEAREST = 0, 1, 2
 
 @dataclass(frozen=True)
 class Stencil:
-    """Four source points and weights for every target point.
+    """Four source points and weights for every target point."""
 
-    Attributes
-    ----------
-    index : (4, n) array of int
-        Flat source index (row-major ``y, x``) of the corners.
-    weight : (4, n) array
-        Bilinear weights, sum 1; NaN for targets outside the source.
-    nearest : (2, n) array of int
-        Row and column of the nearest source point.
-    shape : tuple of int
-        Shape of the targets.
-    source : tuple of int
-        Rows and columns of the source.
-    periodic : bool
-        Whether the source goes round in ``x``.
-    rings : bool
-        Whether neighbours in rows and columns are neighbours in space (not so among scattered points).
-    """
-
-    index: Integers
-    weight: Floats
-    nearest: Integers
-    shape: tuple[int, ...]
-    source: tuple[int, int]
-    periodic: bool = False
-    rings: bool = True
+    index: Integers  # Flat source index (row-major ``y, x``) of the corners
+    weight: Floats  # Bilinear weights, sum 1; NaN for targets outside the source
+    nearest: Integers  # Row and column of the nearest source point
+    shape: tuple[int, ...]  # Shape of the targets
+    source: tuple[int, int]  # Rows and columns of the source
+    periodic: bool = False  # Whether the source goes round in ``x``
+    rings: bool = True  # Whether neighbours in rows and columns are neighbours in space (not so among scattered points)
 
     @classmethod
     def bilinear(cls, x: Floats, y: Floats, to_x: Floats, to_y: Floats, *, turn: float = 0.0) -> Stencil:
-        """Place targets on a source with ascending axes.
-
-        Parameters
-        ----------
-        x, y : array
-            Source axes, ascending.
-        to_x, to_y : array
-            Target positions, same shape, same units as the axes.
-        turn : float
-            Length of a full turn in ``x`` if the source goes round (360 for longitudes), else 0.
-
-        Returns
-        -------
-        Stencil
-            Targets beyond the outermost points by up to half a step take the outermost value.
-        """
+        """Place targets on a source with ascending axes."""
         shape = np.shape(to_x)
         to_x, to_y = np.ravel(to_x).astype(float), np.ravel(to_y).astype(float)
         if turn:
@@ -92,22 +59,7 @@ class Stencil:
         return total.reshape(*np.shape(field)[:-2], *self.shape)
 
     def wet(self, field: Floats, fill_cells: int) -> tuple[Floats, NDArray[np.int8]]:
-        """Interpolate over the wet (not NaN) points only, then fill from near wet points.
-
-        Parameters
-        ----------
-        field : (..., y, x) array
-            NaN over land.
-        fill_cells : int
-            How many source cells away a wet point may lie that fills a target without wet corners.
-
-        Returns
-        -------
-        values : array
-            (..., targets), 0 where nothing wet is near.
-        origin : array of int8
-            `MISSING`, `INTERPOLATED` or `NEAREST`.
-        """
+        """Interpolate over the wet (not NaN) points only, then fill from near wet points."""
         flat = self._flat(field)
         total = np.zeros((flat.shape[0], self.index.shape[1]))
         share = np.zeros_like(total)

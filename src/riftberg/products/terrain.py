@@ -55,26 +55,7 @@ UPPERMOST = 0.1
 
 
 def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: Any, *, where: str) -> xr.DataArray:
-    """Return a placed field on ``depth`` instead of ``s_level``; NaN below the sea floor.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded file.
-    field : xarray.DataArray
-        Placed field on ``s_level``.
-    axis : xarray.DataArray
-        The levels, 0 at the surface and -1 at the floor.
-    place : callable
-        Places another variable of the file.
-    where : str
-        File, for messages.
-
-    Raises
-    ------
-    ForcingError
-        If the file lacks what the formula needs, or its levels begin far below the surface.
-    """
+    """Return a placed field on ``depth`` instead of ``s_level``; NaN below the sea floor."""
     s = np.asarray(axis.values, float)
     if s.min() < -1.0 - 1e-6 or s.max() > 1e-6 or s.max() < -UPPERMOST:
         raise ForcingError(

@@ -60,21 +60,7 @@ def is_true(field: xr.DataArray, name: str) -> bool:
 
 
 def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, where: str) -> xr.DataArray:
-    """Return a component along the grid with the angle of the grid at its points as the coordinate ``grid_angle``.
-
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Decoded file.
-    field : xarray.DataArray
-        Placed component.
-    name : str
-        Variable in the file.
-    place : callable
-        Places another variable of the file, as the field was.
-    where : str
-        File, for messages.
-    """
+    """Return a component along the grid with the angle of the grid at its points as the coordinate ``grid_angle``."""
     if "node" in field.dims:
         raise ForcingError(
             f"{name} ({standard_name(ds[name]) or 'no standard name'}) lies on scattered points, and the file does not say "
@@ -228,13 +214,7 @@ def _positions(like: xr.DataArray | xr.Dataset) -> tuple[Floats, Floats]:
 
 
 def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Bring both components of each vector to the same points, and turn those along a grid to east and north.
-
-    Raises
-    ------
-    ForcingError
-        If a component along the grid lacks its partner.
-    """
+    """Bring both components of each vector to the same points, and turn those along a grid to east and north."""
     parts = list(datasets)
     for east, north in VECTORS:
         for k, ds in enumerate(parts):

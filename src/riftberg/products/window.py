@@ -33,29 +33,8 @@ def window(
 ) -> xr.Dataset:
     """Return the part of a canonical dataset in a box, lazily, with one more point and record on each side.
 
-    Parameters
-    ----------
-    ds : xarray.Dataset
-        Canonical dataset.
-    lon : tuple of float
-        West and east (degrees, any convention); east below west crosses the date line (170, -170).
-    lat : tuple of float
-        South and north (degrees).
-    time : tuple, optional
-        First and last moment (text, datetime or datetime64, UTC).
-    margin : float
-        Width added to the box on each side (degrees).
-
-    Returns
-    -------
-    xarray.Dataset
-        Longitudes are ascending and on the branch of the box's west. Where the data end inside the box the window ends
-        there too: `riftberg.products.doctor.diagnose` tells about that.
-
-    Raises
-    ------
-    ForcingError
-        If nothing of the dataset lies in the box.
+    ``lon``: west and east (degrees, any convention); ``lat``: south and north (degrees); ``margin``: width added to the
+    box on each side (degrees).
     """
     west, east = lon[0], lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
     box = (west - margin, east + margin, lat[0] - margin, lat[1] + margin)

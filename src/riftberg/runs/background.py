@@ -53,20 +53,7 @@ _SHAPE = 2.0
 
 
 def append_background(path: str | Path, model: BareModel) -> bool:
-    """Add the background to a finished run file, by way of a copy that takes its name.
-
-    Parameters
-    ----------
-    path : path
-        The run file.
-    model : BareModel
-        Gives the forcing, which is asked again for the times of the run.
-
-    Returns
-    -------
-    bool
-        False where the forcing cannot be asked for maps, or knows nothing here; the file is as it was then.
-    """
+    """Add the background to a finished run file, by way of a copy that takes its name."""
     path = Path(path)
     with open_netcdf(path) as run:
         seconds = np.asarray(run["time"][:])
@@ -153,13 +140,7 @@ def _write(
 
 
 class StoredWater:
-    """Currents and sea floor of a run, as far as its file keeps them; offers what maps ask of a forcing.
-
-    Parameters
-    ----------
-    background : xarray.Dataset
-        The group of the run file.
-    """
+    """Currents and sea floor of a run, as far as its file keeps them; offers what maps ask of a forcing."""
 
     def __init__(self, background: xr.Dataset) -> None:
         self.x: Floats = background["x"].values
@@ -199,13 +180,7 @@ class StoredWater:
 def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:
     """Interpolate on an even grid; NaN outside and beside missing values.
 
-    Parameters
-    ----------
-    x_axis, y_axis : array
-        Rising, evenly spaced.
-    field : array, shape (len(y_axis), len(x_axis))
-    x, y : array
-        Points.
+    ``field``:  (shape (len(y_axis)).
     """
     fx = (x - x_axis[0]) / (x_axis[1] - x_axis[0])
     fy = (y - y_axis[0]) / (y_axis[1] - y_axis[0])
@@ -220,13 +195,7 @@ def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Fl
 
 
 def stored_water(run: xr.Dataset | str | Path) -> StoredWater | None:
-    """Return the background of a run file, or None where it has none.
-
-    Parameters
-    ----------
-    run : xarray.Dataset or path
-        From `riftberg.runs.run_file.open_run`, or its file.
-    """
+    """Return the background of a run file, or None where it has none."""
     source = run if isinstance(run, str | Path) else run.encoding.get("source")
     if source is None or not Path(source).exists():
         return None
@@ -241,10 +210,6 @@ class KeptWater:
     """What maps ask of the forcing of a run that lives in memory alone; NaN where it has no answer.
 
     Copies of the run share it; a pickled run does without.
-
-    Parameters
-    ----------
-    forcing : Forcing, optional
     """
 
     def __init__(self, forcing: Forcing | None = None) -> None:
@@ -280,12 +245,6 @@ def keep_water(run: xr.Dataset, forcing: Forcing) -> None:
 
 
 def water_of(run: xr.Dataset) -> KeptWater | StoredWater | None:
-    """Return what a run knows of the water around it, or None.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
-    """
+    """Return what a run knows of the water around it, or None."""
     kept = run.encoding.get(_KEPT)
     return kept if isinstance(kept, KeptWater) else stored_water(run)

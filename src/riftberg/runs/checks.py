@@ -69,18 +69,7 @@ _LARGEST: Final = 1e30
 
 
 def open_checked(file: Path) -> xr.Dataset:
-    """Open a run file and check it; whatever is wrong is said in one sentence.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The run file.
-
-    Raises
-    ------
-    InputError
-        Naming the file, and the variable, record or attribute.
-    """
+    """Open a run file and check it; whatever is wrong is said in one sentence."""
     check_file(file, remedy=RUN_REMEDY)
     with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
         dataset = open_lazily(file, engine="netcdf4", lock=NETCDF, decode_times=False)  # never xarray's own lock
@@ -358,15 +347,7 @@ class State(Protocol):
 
 
 def check_restart(state: State, path: Path) -> None:
-    """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be.
-
-    Parameters
-    ----------
-    state : State
-        As read.
-    path : pathlib.Path
-        Its file, for messages.
-    """
+    """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be."""
     remedy = "The file is damaged: resume from another restart"
     dt = state.parameters.stepping.time_step
     if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
@@ -402,19 +383,12 @@ def check_restart(state: State, path: Path) -> None:
 
 
 class Bound(NamedTuple):
-    """Shape and values of one array of a restart file.
+    """Shape and values of one array of a restart file."""
 
-    Attributes
-    ----------
-    shape : tuple of int, str or None
-        Length of each dimension: a number, a name (equal names are equal lengths, see `check_extra`), or None for any.
-    least, most : int, str or None
-        Whole numbers between these; None for real numbers, which must be finite.
-    """
-
+    # Length of each dimension: a number, a name (equal names are equal lengths, see `check_extra`), or None for any
     shape: tuple[int | str | None, ...]
-    least: int | str | None = None
-    most: int | str | None = None
+    least: int | str | None = None  # Whole numbers between these; None for real numbers, which must be finite
+    most: int | str | None = None  # Whole numbers between these; None for real numbers, which must be finite
 
 
 LARGEST_WHOLE: Final = 2**62
@@ -586,19 +560,7 @@ def _check_substeps(state: State, path: Path, remedy: str) -> None:
 
 
 def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
-    """Refuse to go on from the restart of another experiment, ocean or start.
-
-    Parameters
-    ----------
-    state : State
-        The restart.
-    fresh : Model
-        The experiment that was named, at its start.
-    path : pathlib.Path
-        The restart, for messages.
-    named : str
-        How the experiment was named.
-    """
+    """Refuse to go on from the restart of another experiment, ocean or start."""
     remedy = "Name the experiment that it comes from, with the options of that run"
     where = f"--resume {shown(path)}"
     if state.parameters.earth.latlon != fresh.parameters.earth.latlon:
@@ -650,13 +612,7 @@ _BREAKUP: Final[Mapping[str, type | tuple[type, ...]]] = {
 
 
 def read_summary(path: Path) -> dict[str, Any]:
-    """Read ``summary.json`` and check what it holds.
-
-    Raises
-    ------
-    InputError
-        Naming the file and the key.
-    """
+    """Read ``summary.json`` and check what it holds."""
     remedy = "Make the run again: 'riftberg run' writes summary.json beside run.nc"
     check_file(path, remedy="Name folders that 'riftberg run' made", most=MOST_TEXT, missing="no summary.json")
     with reading(path, "not JSON, or a damaged file", remedy):

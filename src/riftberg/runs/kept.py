@@ -30,15 +30,6 @@ class StateKeeper:
 
     Give it after all recorders that leave something in the state. The run file is written first, so that it has all records
     up to a state that is kept.
-
-    Parameters
-    ----------
-    writer : RunWriter
-        Of the run file; the states are kept beside it.
-    every_days : float, optional
-        Simulated days between two of them.
-    minutes : float, optional
-        Wall time between two of them, minutes; 0 for none. Shorter runs keep none.
     """
 
     def __init__(self, writer: RunWriter, *, every_days: float | None = None, minutes: float = 10.0) -> None:
@@ -89,21 +80,7 @@ def last_good(
 ) -> Path:
     """Return the restart file from which the run in a folder goes on: the latest that is whole, with all records before it.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        With ``run.nc`` and restart files.
-    interval : float
-        Interval of the records, s.
-    check : callable
-        Refuses the state of another run.
-    tell : callable
-        Told of files that are passed over.
-
-    Raises
-    ------
-    InputError
-        If there is none.
+    ``interval``: interval of the records, s.
     """
     open_run(folder).close()  # refused here where it is none
     with open_netcdf(folder / "run.nc") as file:

@@ -15,23 +15,7 @@ GONE: Final = 2
 
 
 class Layout:
-    """Rows of a run file: all elements and bonds that the run has had, in order of birth.
-
-    Attributes
-    ----------
-    ids, bond_ids : array of int
-        Identifiers by row.
-    gaps : bool
-        Whether an element or bond is missing at some record.
-    moving : list of str
-        Variables of the shape of the elements that have changed in the run.
-    shape : dict
-        Shape by row, as first seen.
-    latest : dict
-        Last known state of the bonds by row; ``first`` and ``second`` are rows of the file.
-    outgrown : bool
-        Whether the file that was laid out last has no room for what has come since.
-    """
+    """Rows of a run file: all elements and bonds that the run has had, in order of birth."""
 
     def __init__(self) -> None:
         self.ids: Ints = np.zeros(0, np.int64)

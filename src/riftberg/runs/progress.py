@@ -22,14 +22,7 @@ LOG_SECONDS: Final = 10.0
 class ProgressRecorder:
     """Recorder that shows model date, speed, fragments and broken bonds.
 
-    Parameters
-    ----------
-    days : float
-        Length of this run, days.
-    quiet : bool, optional
-        Show nothing.
-    terminal : bool, optional
-        Draw a bar instead of lines; by default where the error stream is a terminal.
+    ``days``: length of this run, days.
     """
 
     def __init__(self, days: float, *, quiet: bool = False, terminal: bool | None = None) -> None:
@@ -93,13 +86,7 @@ class ProgressRecorder:
 
 
 class SweepBar:
-    """How many members of a sweep are done: a bar on a terminal and in a notebook, lines in a log.
-
-    Parameters
-    ----------
-    total : int
-        Members.
-    """
+    """How many members of a sweep are done: a bar on a terminal and in a notebook, lines in a log."""
 
     def __init__(self, total: int) -> None:
         self.total, self._shown = total, 0.0
@@ -133,13 +120,7 @@ def in_notebook() -> bool:
 
 
 class TerminalBar:
-    """A bar that is drawn over itself in a terminal.
-
-    Parameters
-    ----------
-    total : float
-        What is to be done.
-    """
+    """A bar that is drawn over itself in a terminal."""
 
     def __init__(self, total: float) -> None:
         from rich.console import Console
@@ -160,13 +141,7 @@ class TerminalBar:
 
 
 class NotebookBar:
-    """A bar in a notebook: plain HTML that is exchanged in place, without widgets.
-
-    Parameters
-    ----------
-    total : float
-        What is to be done.
-    """
+    """A bar in a notebook: plain HTML that is exchanged in place, without widgets."""
 
     def __init__(self, total: float) -> None:
         from IPython.display import HTML, display

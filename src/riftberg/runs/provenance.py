@@ -52,17 +52,7 @@ def citations(model: BareModel) -> list[str]:
 
 
 def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
-    """Return global attributes that let another person understand and repeat the run.
-
-    Parameters
-    ----------
-    model : BareModel
-        The model at its start.
-    experiment : str
-        Name of the experiment.
-    seed : int, optional
-        Seed of random numbers; none were drawn where it is absent.
-    """
+    """Return global attributes that let another person understand and repeat the run."""
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     return {
         "title": f"Drift and break-up of bonded icebergs: {experiment or 'run'}",

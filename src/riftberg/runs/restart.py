@@ -60,43 +60,20 @@ ADDED = {
 
 @dataclass
 class RestartState:
-    """What a restart file holds.
+    """What a restart file holds."""
 
-    Attributes
-    ----------
-    elements, bonds : Elements, Bonds
-        The state.
-    parameters : Parameters
-        All parameters of the run.
-    start : datetime.datetime
-        Date of time zero.
-    time : float
-        Seconds since the start.
-    step_number : int
-        Long steps taken.
-    fragments : list of dict
-        Rows of the family tree of the fragments, a dictionary of fields each.
-    extra : dict
-        Arrays that the model added by name.
-    forcing : str
-        Description of the forcing that the run used.
-    bergs : list of (str, int)
-        Name and number of elements of each berg of the start.
-    contacts : dict
-        Meetings of bergs, and which contacts are none.
-    """
-
-    elements: Elements
-    bonds: Bonds
-    parameters: Parameters
-    start: datetime
-    time: float
-    step_number: int
+    elements: Elements  # The state
+    bonds: Bonds  # The state
+    parameters: Parameters  # All parameters of the run
+    start: datetime  # Date of time zero
+    time: float  # Seconds since the start
+    step_number: int  # Long steps taken
+    # Rows of the family tree of the fragments, a dictionary of fields each
     fragments: list[dict[str, Any]] = field(default_factory=list)
-    extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)
-    forcing: str = ""
-    bergs: list[tuple[str, int]] = field(default_factory=list)
-    contacts: dict[str, Any] = field(default_factory=dict)
+    extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)  # Arrays that the model added by name
+    forcing: str = ""  # Description of the forcing that the run used
+    bergs: list[tuple[str, int]] = field(default_factory=list)  # Name and number of elements of each berg of the start
+    contacts: dict[str, Any] = field(default_factory=dict)  # Meetings of bergs, and which contacts are none
 
     def population(self) -> Population:
         """Return the elements and bonds, with the identifiers that come next."""
@@ -117,22 +94,7 @@ class RestartState:
 
 
 def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
-    """Write the state of ``model`` to ``path``; an earlier file is replaced only by a complete new one.
-
-    Parameters
-    ----------
-    model : BareModel
-        The model between two steps.
-    path : path
-        Name of the NetCDF-4 file.
-    extra : mapping of str to array, optional
-        Further arrays of numbers needed to go on exactly.
-
-    Returns
-    -------
-    pathlib.Path
-        The file.
-    """
+    """Write the state of ``model`` to ``path``; an earlier file is replaced only by a complete new one."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path, to_disk=True) as part, open_netcdf(part, "w") as file:
@@ -147,20 +109,7 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
 
 
 def load_state(path: str | Path, *, check: bool = True) -> RestartState:
-    """Read a file written by `save`.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    check : bool
-        Refuse a state that cannot be (`riftberg.runs.checks.check_restart`); False gives the numbers as they stand.
-
-    Raises
-    ------
-    riftberg.errors.InputError
-        If the file is missing, damaged, not a restart file of Riftberg, of a newer layout, or holds an impossible state.
-    """
+    """Read a file written by `save`."""
     path = Path(path)
     with _open_restart(path) as file, reading(path, "a damaged restart file", _REMEDY):
         file.set_auto_mask(False)

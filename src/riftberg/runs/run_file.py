@@ -391,14 +391,7 @@ class RunWriter:
 def missing_records(times: Floats, kept: Mapping[str, Any], interval: float) -> str:
     """Say which records of a run file are missing before a state that shall go on with it; nothing where all are there.
 
-    Parameters
-    ----------
-    times : array
-        Of the records in the file, s.
-    kept : mapping
-        What the state remembers of its run.
-    interval : float
-        Interval of the records that is asked for, s.
+    ``times``: of the records in the file, s; ``interval``: interval of the records that is asked for, s.
     """
     moment = kept.get(f"record_times_every_{interval:g}_s")
     if moment is None or f"record_rows_change_every_{interval:g}_s" not in kept:
@@ -498,14 +491,7 @@ class _RunWithDataset(RunWriter):
 def memory_run(output: str | Path | None, every_hours: float, forces: bool = False) -> Iterator[_RunWithDataset]:
     """Give a recorder for ``output``, or for a passing file whose content ends up in memory.
 
-    Parameters
-    ----------
-    output : path or None
-        The run file to write, if one is wanted.
-    every_hours : float
-        Interval between records, in hours of model time.
-    forces : bool, optional
-        Write the mean force of each medium.
+    ``every_hours``: interval between records, in hours of model time.
     """
     with TemporaryDirectory(prefix="riftberg-") as folder:
         path = Path(folder) / "run.nc" if output is None else Path(output)

@@ -60,19 +60,8 @@ def zonal_period(parameters: Parameters) -> float:
 def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
     """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
 
-    Parameters
-    ----------
-    x : array, shape (time, trajectory)
-        Positions without gaps; an element that is not there yet stands at its first place.
-    there : array of bool, shape (time, trajectory)
-        Whether the element is there.
-    period : float
-        Length after which x comes round; 0 where it does not.
-
-    Returns
-    -------
-    array, shape (time, trajectory)
-        Positions that differ from those given by whole periods.
+    ``x``: positions without gaps (shape (time, trajectory)); ``there``: whether the element is there (shape (time,
+    trajectory)); returns positions that differ from those given by whole periods.
     """
     if period <= 0.0 or not x.size:
         return x
@@ -90,21 +79,9 @@ def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
 class Scene:
     """Geometry of a run for drawing.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-
-    Attributes
-    ----------
-    x, y : array, shape (time, trajectory)
-        Positions; an element stands at its first before its birth, and at its last after its end.
-    berg : array of int, shape (time, trajectory)
-        Number of the fragment; 0 where the element is not there.
-    there : array of bool, shape (time, trajectory)
-        Whether the element is there.
-    area : array, shape (trajectory,)
-        Plan area, m2, as first known; see `area_at`.
+    ``x``, ``y``: positions (shape (time, trajectory)); ``berg``: number of the fragment (shape (time, trajectory));
+    ``there``: whether the element is there (shape (time, trajectory)); ``area``: plan area, m2, as first known (shape
+    (trajectory,)).
     """
 
     def __init__(self, run: xr.Dataset) -> None:

@@ -30,24 +30,9 @@ def element_polygons(
 ) -> NDArray[np.float64]:
     """Return the corners of elements in the units of their positions.
 
-    Parameters
-    ----------
-    lon, lat : array, shape (n,)
-        Centres, degrees (metres where ``latlon`` is false).
-    rotation : array, shape (n,)
-        Angle turned since the start, counter-clockwise, rad.
-    area : array, shape (n,)
-        Plan areas, m2.
-    packing : {"square", "hexagonal"}
-        Shape.
-    latlon : bool
-        Positions are degrees.
-    radius : float
-        Radius of the sphere, m.
-
-    Returns
-    -------
-    array, shape (n, corners, 2)
+    ``lon``, ``lat``: centres, degrees (metres where ``latlon`` is false) (shape (n,)); ``rotation``: angle turned since
+    the start, counter-clockwise, rad (shape (n,)); ``area``: plan areas, m2 (shape (n,)); ``radius``: radius of the
+    sphere, m.
     """
     offset = corner_offsets(packing)
     c, s = np.cos(rotation)[:, None], np.sin(rotation)[:, None]

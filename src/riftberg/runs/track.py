@@ -27,38 +27,18 @@ _REMEMBERED: Final = "daily_track"
 
 @dataclass(frozen=True)
 class Position:
-    """Place and heading of a berg.
+    """Place and heading of a berg."""
 
-    Attributes
-    ----------
-    lon, lat : float
-        Area-weighted centroid, degrees (metres on a Cartesian grid).
-    azimuth : float
-        Long axis, degrees clockwise from north, 0 to 180; NaN where no axis is longer.
-    area : float
-        Plan area, m2.
-    """
-
-    lon: float
-    lat: float
-    azimuth: float
-    area: float
+    lon: float  # Area-weighted centroid, degrees (metres on a Cartesian grid)
+    lat: float  # Area-weighted centroid, degrees (metres on a Cartesian grid)
+    azimuth: float  # Long axis, degrees clockwise from north, 0 to 180; NaN where no axis is longer
+    area: float  # Plan area, m2
 
 
 def long_axis(x: Floats, y: Floats, weight: Floats) -> float:
     """Azimuth of the axis of the largest second moment, degrees clockwise from north, 0 to 180.
 
-    Parameters
-    ----------
-    x, y : array
-        Positions, m east and north.
-    weight : array
-        Weights, for instance areas.
-
-    Returns
-    -------
-    float
-        NaN where the second moments have no direction (one element, a square).
+    ``x``, ``y``: positions, m east and north.
     """
     dx, dy = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
     xx, yy, xy = (float(np.average(p, weights=weight)) for p in (dx * dx, dy * dy, dx * dy))
@@ -73,18 +53,9 @@ def berg_position(
 ) -> Position:  # fmt: skip
     """Return centroid, heading and area of the elements given.
 
-    Parameters
-    ----------
-    lon, lat : array
-        Centres of the elements, degrees (metres where ``latlon`` is false).
-    area : array
-        Their plan areas, m2.
-    latlon : bool, optional
-        Positions are degrees.
-    radius : float, optional
-        Radius of the sphere, m.
-    period : float, optional
-        Length of a channel that comes round (m), where ``latlon`` is false; a berg on its seam is put together first.
+    ``lon``, ``lat``: centres of the elements, degrees (metres where ``latlon`` is false); ``area``: their plan areas,
+    m2; ``radius``: radius of the sphere, m; ``period``: length of a channel that comes round (m), where ``latlon`` is
+    false.
     """
     if not latlon:
         x = lon - period * np.round((lon - lon[0]) / period) if period > 0.0 else lon
@@ -117,13 +88,7 @@ def main_position(model: BareModel) -> Position:
 
 
 class DailyTrack:
-    """Recorder that keeps the position of the largest fragment once a day, at the hour of the start.
-
-    Attributes
-    ----------
-    rows : list of (datetime, Position)
-        One entry per day.
-    """
+    """Recorder that keeps the position of the largest fragment once a day, at the hour of the start."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[datetime, Position]] = []

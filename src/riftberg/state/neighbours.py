@@ -115,23 +115,8 @@ def find_pairs(
 ) -> PairList:
     """Find all partners of each element within ``reach``.
 
-    Parameters
-    ----------
-    x, y : array of float, shape (n,)
-        Positions, degrees or m.
-    berg : array of int, shape (n,)
-        Number of the conglomerate of each element.
-    reach : float
-        Distance, m.
-    rule : int
-        `ANY`, `SAME_BERG` or `OTHER_BERG`.
-    latlon, radius, period
-        Coordinates, see `riftberg.parameters.Earth`.
-
-    Returns
-    -------
-    PairList
-        Each pair stands in the lists of both partners; partners ascend.
+    ``x``, ``y``: positions, degrees or m (shape (n,)); ``berg``: number of the conglomerate of each element (shape
+    (n,)); ``reach``: distance, m.
     """
     return PairList(*_find_pairs(x, y, berg, reach, rule, latlon, radius, period))
 
@@ -204,17 +189,7 @@ def near_pairs(
     Elements are searched by classes of reach, each twice as wide as the next: a few that reach far make the search for
     the many others no dearer.
 
-    Parameters
-    ----------
-    x, y, berg, latlon, radius, period
-        See `find_pairs`.
-    reach : array of float
-        Of each element, m; above zero.
-
-    Returns
-    -------
-    first, second : array of int
-        Rows of the pairs, ``first < second``, in rising order.
+    ``reach``: of each element, m.
     """
     count = x.size
     if count == 0:
@@ -295,14 +270,7 @@ def _sort(values: Ints, first: int, behind: int) -> None:
 
 
 def adjacency(first: Ints, second: Ints, status: Ints, count: int) -> tuple[PairList, Ints]:
-    """Partners of each element over unbroken bonds, in order of bond number, and the bonds themselves.
-
-    Returns
-    -------
-    pairs : PairList
-    bond : array of int
-        Bond of each entry of ``pairs.partner``.
-    """
+    """Partners of each element over unbroken bonds, in order of bond number, and the bonds themselves."""
     start, partner, bond = partners_over_bonds(first, second, status, count)
     return PairList(start, partner), bond
 

@@ -15,11 +15,6 @@ def numbered(values: Ints) -> tuple[Ints, Ints]:
     """Return the different values, rising, and for each value its place among them: `numpy.unique` with its inverse.
 
     Numbers of bergs are small and whole, so that a table takes the place of a sort wherever it is not too long.
-
-    Parameters
-    ----------
-    values : array of int
-        Of any sign and size.
     """
     if values.size == 0 or values.min() < 0 or (top := int(values.max())) > SPARSE * values.size:
         numbers, place = np.unique(values, return_inverse=True)
@@ -32,24 +27,7 @@ def numbered(values: Ints) -> tuple[Ints, Ints]:
 
 
 def summed(known: Ints, sums: Floats, values: Ints, amounts: Floats) -> tuple[Ints, Floats]:
-    """Return sums by number with amounts added, in the order in which they stand.
-
-    Parameters
-    ----------
-    known : array of int
-        Numbers that have sums so far, each once.
-    sums : array of float
-        Their sums, [quantity, number].
-    values : array of int
-        Numbers to which the amounts belong.
-    amounts : array of float
-        [quantity, amount].
-
-    Returns
-    -------
-    numbers, sums : array
-        All different numbers, rising, and their sums.
-    """
+    """Return sums by number with amounts added, in the order in which they stand."""
     numbers, place = numbered(np.concatenate([known, values]))
     out = np.zeros((len(amounts), numbers.size))
     _add_columns(place[: known.size], np.ascontiguousarray(sums, dtype=float), out)

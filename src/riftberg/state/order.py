@@ -12,12 +12,6 @@ def listed(el: Elements, cell_i: Ints | None = None, cell_j: Ints | None = None)
 
     Row by row and column by column of the grid; in a cell by date, mass and place of origin, and of equals the one that came
     into the cell last goes first.
-
-    Parameters
-    ----------
-    el : Elements
-    cell_i, cell_j : array of int, optional
-        Cells in whose lists they stand, if not in those of their places now.
     """
     place, life = el.place, el.life
     columns, rows = (place.cell_i, place.cell_j) if cell_i is None or cell_j is None else (cell_i, cell_j)

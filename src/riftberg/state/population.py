@@ -27,20 +27,7 @@ class Saved(NamedTuple):
 
 
 class Population:
-    """Elements and bonds of a run.
-
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-        Those at the start; taken over, not copied.
-    next_element, next_bond : int, optional
-        Identifiers that the next newly born get; one above the largest by default.
-
-    Attributes
-    ----------
-    version : int
-        Rises whenever rows change: what is kept by row must be made anew then.
-    """
+    """Elements and bonds of a run."""
 
     def __init__(self, elements: Elements, bonds: Bonds, next_element: int = 0, next_bond: int = 0) -> None:
         self.version = 0
@@ -60,13 +47,7 @@ class Population:
         return self._bonds
 
     def rows(self, ids: Any) -> Ints:
-        """Return the rows of elements.
-
-        Raises
-        ------
-        InputError
-            If an identifier is not, or no longer, in the population.
-        """
+        """Return the rows of elements."""
         wanted = np.atleast_1d(np.asarray(ids, np.int64))
         order = np.argsort(self._elements.body.id, kind="stable")
         known = self._elements.body.id[order]
@@ -81,27 +62,7 @@ class Population:
         return np.asarray(order[place], np.int64)
 
     def append(self, elements: Elements, bonds: Bonds | None = None, *, ids: Ints | None = None) -> Ints:
-        """Add elements and bonds between them.
-
-        Parameters
-        ----------
-        elements : Elements
-            The newly born; copied.
-        bonds : Bonds, optional
-            Bonds between them; their ends are rows of ``elements``.
-        ids : array of int, optional
-            Their identifiers, which must never have been used; the next free ones if left out.
-
-        Returns
-        -------
-        array of int
-            Identifiers of the newly born.
-
-        Raises
-        ------
-        InputError
-            If an identifier is in use.
-        """
+        """Add elements and bonds between them."""
         if ids is None:
             ids = np.arange(self.next_element, self.next_element + elements.size)
         elif np.isin(ids, self._elements.body.id).any() or np.unique(ids).size != elements.size:
@@ -126,13 +87,7 @@ class Population:
         return self._add_bonds(new.arrays())
 
     def remove(self, ids: Any) -> None:
-        """Take elements out, with all bonds that end in them.
-
-        Raises
-        ------
-        InputError
-            If an identifier is not, or no longer, in the population.
-        """
+        """Take elements out, with all bonds that end in them."""
         stays = np.ones(self._elements.size, bool)
         stays[self.rows(ids)] = False
         row = np.cumsum(stays) - 1
@@ -145,13 +100,7 @@ class Population:
         self._hold(self._elements.copy(), self._bonds.copy())
 
     def saved(self, *, stepped_only: bool = False) -> Saved:
-        """Return a copy to which `restore` goes back.
-
-        Parameters
-        ----------
-        stepped_only : bool, optional
-            Copy only what a long step may change, and share the rest: for steps without melt, births and processes of a user.
-        """
+        """Return a copy to which `restore` goes back."""
         copies = (
             (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
             if stepped_only
@@ -207,16 +156,7 @@ def _extended(room: dict[str, NDArray[Any]], used: int, new: dict[str, NDArray[A
 
 
 def cut_out(elements: Elements, bonds: Bonds, rows: Ints, block: slice | None = None) -> tuple[Elements, Bonds, Ints]:
-    """Return some elements and a copy of the bonds between them, and the rows of these bonds.
-
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-    rows : array of int
-        Rows of the elements, rising.
-    block : slice, optional
-        The same rows where they follow one another: then the elements are no copy, but show those of ``elements``.
-    """
+    """Return some elements and a copy of the bonds between them, and the rows of these bonds."""
     place = np.full(elements.size, -1, np.int64)
     place[rows] = np.arange(rows.size)
     inside = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))

@@ -22,42 +22,18 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of the state.
+    """One variable of the state."""
 
-    Attributes
-    ----------
-    name : str
-        Field of a group of `Elements`, or of `Bonds`.
-    units : str
-        CF units.
-    long_name : str
-        Meaning in plain words.
-    standard_name : str
-        CF standard name where one exists, else empty.
-    dtype : str
-        ``"f8"`` or ``"i8"``.
-    restart : bool
-        Whether a restart file must hold it.
-    output : bool
-        Whether a run file holds it by default.
-    default : float
-        Value in a new state.
-    group : str
-        Field of `Elements` that holds it; empty for a variable of a bond.
-    stepped : bool
-        Whether a long step may change it; others change by melt, calving and births alone.
-    """
-
-    name: str
-    units: str
-    long_name: str
-    standard_name: str = ""
-    dtype: str = "f8"
-    restart: bool = True
-    output: bool = False
-    default: float = 0.0
-    group: str = ""
-    stepped: bool = True
+    name: str  # Field of a group of `Elements`, or of `Bonds`
+    units: str  # CF units
+    long_name: str  # Meaning in plain words
+    standard_name: str = ""  # CF standard name where one exists, else empty
+    dtype: str = "f8"  # ``"f8"`` or ``"i8"``
+    restart: bool = True  # Whether a restart file must hold it
+    output: bool = False  # Whether a run file holds it by default
+    default: float = 0.0  # Value in a new state
+    group: str = ""  # Field of `Elements` that holds it; empty for a variable of a bond
+    stepped: bool = True  # Whether a long step may change it; others change by melt, calving and births alone
 
 
 def _is(units: str, long_name: str, **extra: Any) -> Variable:

@@ -53,13 +53,7 @@ class Batch:
                 of_all.applied[self.rows] = around.applied
 
     def add_meetings(self, first: Ints, second: Ints) -> None:
-        """List the pairs of different bergs that may come into contact, behind those inside bergs.
-
-        Parameters
-        ----------
-        first, second : array of int
-            Rows of all elements of the run; both ends of a pair lie in one batch.
-        """
+        """List the pairs of different bergs that may come into contact, behind those inside bergs."""
         pairs = self.room.pairs
         used = int(pairs.count[0])
         self._inside = used

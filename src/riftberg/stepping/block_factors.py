@@ -23,13 +23,6 @@ def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:
 
     SuperLU finds it, for a matrix with a number instead of a block: that takes as long as the factors of a berg of some
     hundred elements. So it is kept: ice that melts changes the matrix in each step, and which bonds hold in few of them.
-
-    Parameters
-    ----------
-    count : int
-        Number of elements.
-    first, second : array of int
-        Ends of the bonds.
     """
     return _minimum_degree(count, first.tobytes(), second.tobytes())
 
@@ -51,14 +44,9 @@ def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
 class BlockFactors:
     """Factors of a symmetric positive definite matrix of 3 by 3 blocks.
 
-    Parameters
-    ----------
-    first, second : array of int, shape (bonds,)
-        Ends of the bonds.
-    diagonal : array of float, shape (elements, 3, 3)
-        Blocks of the elements.
-    between : array of float, shape (bonds, 3, 3)
-        Blocks of the bonds, in the row of the first end and the column of the second.
+    ``first``, ``second``: ends of the bonds (shape (bonds,)); ``diagonal``: blocks of the elements (shape (elements, 3,
+    3)); ``between``: blocks of the bonds, in the row of the first end and the column of the second (shape (bonds, 3,
+    3)).
     """
 
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
@@ -87,19 +75,9 @@ class BlockFactors:
     def solve_scaled(self, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
         """Solve for loads (N, N, N m), whose moments act at the rims ``radius`` (m) of the elements.
 
-        Parameters
-        ----------
-        right : array of float, shape (elements, 3)
-        radius : array of float, shape (elements,)
-        free : array of float, shape (3 elements,)
-            0 where there is no load whatever ``right`` says, else 1.
-        out : array of float, shape (elements, 3)
-            Takes the solution.
-
-        Returns
-        -------
-        float
-            The largest load, N.
+        ``right``:  (shape (elements, 3)); ``radius``:  (shape (elements,)); ``free``: 0 where there is no load whatever
+        ``right`` says, else 1 (shape (3 elements,)); ``out``: takes the solution (shape (elements, 3)); returns the
+        largest load, N.
         """
         return float(
             _solve(

@@ -28,45 +28,23 @@ Indices = NDArray[np.uint32]
 
 
 class BondRows(NamedTuple):
-    """Unbroken bonds in rows, layer by layer (see `riftberg.stepping.bond_blocks`).
+    """Unbroken bonds in rows, layer by layer (see `riftberg.stepping.bond_blocks`)."""
 
-    Attributes
-    ----------
-    bond : array of int
-        Number of the bond of each row, or -1.
-    second : array of int
-        Where the element at its second end stands in ``ends``. The first end of a row is its place in the layer.
-    ends : array of float
-        What the bonds see of the elements, in blocks, and one block more. Where no element is, numbers that differ.
-    own : array of float
-        What the elements have for themselves, in blocks (`riftberg.stepping.element_blocks`).
-    sums : array of float
-        Forces (N) and torques (N m) of all bonds that begin at each element, in blocks.
-    block : array of float
-        All quantities of all rows; one block more holds zeros.
-    sheet : array of float
-        What a block needs within a sub-step.
-    used : array of int
-        Numbers of the blocks with bonds, in order; as many as `load_rows` says.
-    slot : array of int, shape (elements, slots)
-        Where the k-th bond that ends in each element begins in ``block``; in the block of zeros where there are fewer.
-    turned : array of float
-        By how much the elements have turned since the rows were loaded, rad.
-    met : array of int
-        Room for a number for each element.
-    """
-
-    bond: Ints
+    bond: Ints  # Number of the bond of each row, or -1
+    # Where the element at its second end stands in ``ends``. The first end of a row is its place in the layer
     second: Indices
+    # What the bonds see of the elements, in blocks, and one block more. Where no element is, numbers that differ
     ends: Floats
-    own: Floats
-    sums: Floats
-    block: Floats
-    sheet: Floats
-    used: Ints
+    own: Floats  # What the elements have for themselves, in blocks (`riftberg.stepping.element_blocks`)
+    sums: Floats  # Forces (N) and torques (N m) of all bonds that begin at each element, in blocks
+    block: Floats  # All quantities of all rows; one block more holds zeros
+    sheet: Floats  # What a block needs within a sub-step
+    used: Ints  # Numbers of the blocks with bonds, in order; as many as `load_rows` says
+    # Where the k-th bond that ends in each element begins in ``block``; in the block of zeros where there are fewer;
+    # shape (elements, slots)
     slot: Indices
-    turned: Floats
-    met: Ints
+    turned: Floats  # By how much the elements have turned since the rows were loaded, rad
+    met: Ints  # Room for a number for each element
 
 
 def _aligned(count: int) -> Floats:
@@ -213,23 +191,7 @@ def _fill_slots(rows, ends):
 def load_rows(
     rows: BondRows, elements: Elements, bonds: Bonds, sizes: Sizes, earlier: Ints, p: KernelParameters
 ) -> int:
-    """Copy the unbroken bonds into the rows and find the rows of each element.
-
-    Parameters
-    ----------
-    rows : BondRows
-    elements, bonds
-        The state.
-    sizes : Sizes
-    earlier : array of int
-        Rank of each element in the order of processing, which decides which end counts as first in Q10 and Q11.
-    p : KernelParameters
-
-    Returns
-    -------
-    int
-        Number of blocks in use.
-    """
+    """Copy the unbroken bonds into the rows and find the rows of each element."""
     _lay_out(rows, bonds)
     count = _list_blocks(rows)
     _fill_slots(rows, bonds.second)

@@ -42,11 +42,6 @@ def break_overloaded(bond, block, sheet, ends, turned, bonds, aground, time):
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
-
-    Returns
-    -------
-    int
-        Bonds broken.
     """
     broken = 0
     for k in range(row.LANES):
@@ -123,16 +118,7 @@ def _force_while_breaking(block, sheet, ends, k):
 def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full, dt):
     """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
-    Parameters
-    ----------
-    pairs : ContactPairs
-    status : array of int
-        Of the bonds.
-    search : bool
-        The pairs are candidates of a search: a pair acts only while unbonded and while the partner has fewer than
-        ``max_bonds`` bonds (Q21); with ``skip_full`` an element with exactly ``max_bonds`` bonds does not look at all.
-    dt : float
-        Sub-step (s) by which damping is softened; 0 for fully explicit damping, as in the reference.
+    ``dt``: sub-step (s) by which damping is softened.
     """
     first, second, bond = pairs.first, pairs.second, pairs.bond
     x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count

@@ -14,16 +14,7 @@ from riftberg.state.neighbours import partners_over_bonds
 def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints:
     """Number the connected parts 0, 1, ... in order of their first element.
 
-    Parameters
-    ----------
-    count : int
-        Number of elements.
-    first, second, status : array of int, shape (bonds,)
-        Ends of the bonds; only bonds of status 0 connect.
-
-    Returns
-    -------
-    array of int, shape (count,)
+    ``first``, ``second``, ``status``: ends of the bonds (shape (bonds,)).
     """
     start, partner, _ = partners_over_bonds(first, second, status, count)
     part = np.full(count, -1, np.int64)
@@ -66,13 +57,7 @@ def drop_broken_bonds(bonds: Bonds) -> None:
 
 @stage
 def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_strength: float, time: float) -> int:
-    """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (equations 7.1).
-
-    Returns
-    -------
-    int
-        Bonds broken.
-    """
+    """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (equations 7.1)."""
     first, second, status, count = bonds.first, bonds.second, bonds.status, el.body.bond_count
     normal_stress, shear_stress, break_time = bonds.normal_stress, bonds.shear_stress, bonds.break_time
     own_strength, damage = bonds.strength, bonds.damage

@@ -21,40 +21,23 @@ _OTHER: Final = (1 << _HALF) - 1
 
 @dataclass(frozen=True)
 class Meeting:
-    """One meeting of two bergs or fragments.
+    """One meeting of two bergs or fragments."""
 
-    Attributes
-    ----------
-    first, second : int
-        Their numbers.
-    time, end : float
-        Start of the long step in which they first touched, and end of that in which they last did, s since the start.
-    lon, lat : float
-        Where they first touched, degrees (m on a Cartesian grid).
-    speed : float
-        Relative speed before they touched, m s-1.
-    """
-
-    first: int
-    second: int
+    first: int  # Their numbers
+    second: int  # Their numbers
+    # Start of the long step in which they first touched, and end of that in which they last did, s since the start
     time: float
+    # Start of the long step in which they first touched, and end of that in which they last did, s since the start
     end: float
-    lon: float
-    lat: float
-    speed: float
+    lon: float  # Where they first touched, degrees (m on a Cartesian grid)
+    lat: float  # Where they first touched, degrees (m on a Cartesian grid)
+    speed: float  # Relative speed before they touched, m s-1
 
 
 class ContactLog:
     """All meetings of a run.
 
     A piece and what it broke off touch from its birth on; that is no meeting before they have been `APART`.
-
-    Parameters
-    ----------
-    rows : list of Meeting, optional
-        Meetings so far.
-    quiet : dict, optional
-        When pairs last touched that are no meeting.
     """
 
     def __init__(self, rows: list[Meeting] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
@@ -101,16 +84,7 @@ class ContactLog:
     ) -> None:
         """Take note of the pairs of elements that touched in a long step.
 
-        Parameters
-        ----------
-        before : Elements
-            The state before the step: speeds, places, and numbers of the bergs, which may break when they meet.
-        pairs : tuple of array
-            Rows of the elements of each pair.
-        began, ended : float
-            Of the long step, s.
-        tree : FragmentTree
-        p : KernelParameters
+        ``began``, ``ended``: of the long step, s.
         """
         first, second = pairs
         if first.size == 0:

@@ -84,15 +84,7 @@ def first_break(
 ) -> tuple[int, float]:
     """Row of the bond that fails first between two equilibria, and the part of the step at which it does (1: none).
 
-    Parameters
-    ----------
-    lattice : ElasticLattice
-    alive : array of int
-        Bonds that hold.
-    before, after : array of float, shape (elements, 3)
-        Displacements at both ends of the step.
-    limits : Limits
-    p : KernelParameters
+    ``before``, ``after``: displacements at both ends of the step (shape (elements, 3)).
     """
     one, two = _deformation(lattice, alive, before), _deformation(lattice, alive, after)
     return first_overload(one, two, limits, False, lattice, alive, p)
@@ -104,18 +96,8 @@ def first_overload(
 ) -> tuple[int, float]:
     """Row of the place that is overloaded first, and the part of the step at which it is (1: none), by bisection.
 
-    Parameters
-    ----------
-    one, two : array of float, shape (places, 3)
-        What goes evenly from one end of the step to the other: extension, slip and bend of each bond, or an averaged tensor.
-    limits : Limits
-        Of each place.
-    averaged : bool
-        Whether it is the tensor.
-    lattice : ElasticLattice
-    alive : array of int
-        Bonds that hold, one for each place.
-    p : KernelParameters
+    ``one``, ``two``: what goes evenly from one end of the step to the other: extension, slip and bend of each bond, or
+    an averaged tensor (shape (places, 3)).
     """
     worst, earliest = -1, 1.0
     for k in range(one.shape[0]):

@@ -31,14 +31,7 @@ AT_ONCE = 512
 class Equilibrium:
     """A lattice under its loads, with the stress of its bonds, found when it is first asked for.
 
-    Parameters
-    ----------
-    lattice : ElasticLattice
-    alive : array of int
-        Bonds that hold.
-    bend : array of float, shape (elements, 3)
-        Displacements, m, m and rad.
-    p : KernelParameters
+    ``bend``: displacements, m, m and rad (shape (elements, 3)).
     """
 
     def __init__(self, lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> None:
@@ -106,20 +99,8 @@ class AveragedStress:
     The disc lies around the middle of each bond that holds and takes in the elements of the same fragment. Where its
     mean is above the strength, the bond breaks that is itself the most loaded in the disc: the one at the tip.
 
-    Parameters
-    ----------
-    lattice : ElasticLattice
-    alive : array of int
-        Bonds that hold.
-    flat : array of float, shape (elements, 2)
-        Places in the fragments, m.
-    body : array of int, shape (elements,)
-        Fragment of each element.
-    volume : array of float, shape (elements,)
-        Of the ice, m3.
-    distance : float
-        Characteristic distance, m.
-    p : KernelParameters
+    ``flat``: places in the fragments, m (shape (elements, 2)); ``body``: fragment of each element (shape (elements,));
+    ``volume``: of the ice, m3 (shape (elements,)); ``distance``: characteristic distance, m.
     """
 
     def __init__(
@@ -183,10 +164,6 @@ def element_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, volume:
 
     ``sigma = (1 / V) sum over bonds of sym(r F)`` with r from the middle of the element to the bond and F the pull of the
     bond (Love 1927; Bagi 1996, Mechanics of Materials 22). It is that of a uniform stress exactly, in both packings.
-
-    Returns
-    -------
-    array of float, shape (elements, 3)
     """
     stress = np.zeros((volume.size, 3))
     for k in range(alive.size):

@@ -59,21 +59,8 @@ def followed(
     the shape that they had. Where elements were born, bonded to others or moved, the fragment is made anew from the places of
     its elements without the displacements that load had given them.
 
-    Parameters
-    ----------
-    el, bonds : Elements, Bonds
-        As they are now.
-    old : Bodies
-        As the step has left them.
-    left : Left
-        The elements of ``old``, row by row.
-    p : KernelParameters
-
-    Returns
-    -------
-    bodies : Bodies
-    unknown : array of bool, shape (fragments,)
-        Fragments whose velocity is not in ``bodies``: that of their elements counts, which were born, pushed or held.
+    Returns ``unknown``: fragments whose velocity is not in ``bodies``: that of their elements counts, which were born,
+    pushed or held.
     """
     body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
     count = int(body.max()) + 1

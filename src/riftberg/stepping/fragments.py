@@ -17,60 +17,30 @@ from riftberg.stepping.media import aground
 
 @dataclass(frozen=True)
 class Fragment:
-    """One fragment at the time of its birth.
+    """One fragment at the time of its birth."""
 
-    Attributes
-    ----------
-    number : int
-        Number that its elements carry in ``Elements.berg``.
-    parent : int
-        Number of the fragment that it split from; 0 for a berg that was there at the start or was added to the run.
-    birth_time : float
-        Seconds since the start of the run.
-    lon, lat : float
-        Centroid at birth, degrees (m on a Cartesian grid).
-    elements : int
-        Number of elements.
-    area : float
-        Plan area, m2.
-    mass : float
-        kg.
-    bonds_broken : int
-        Broken bonds that joined it to the rest of its parent.
-    grounded : bool
-        Whether one of its elements was aground at birth, or an end of a bond of the cracks that freed it.
-    name : str
-        Name of a berg; a fragment has that of the berg that it comes from, with its number among the fragments of that.
-    calved_from : int
-        Number of the berg from whose edge it calved by the footloose mechanism; 0 for all others. No bond broke, so it has
-        no ``parent``.
-    """
-
-    number: int
+    number: int  # Number that its elements carry in ``Elements.berg``
+    # Number of the fragment that it split from; 0 for a berg that was there at the start or was added to the run
     parent: int
-    birth_time: float
-    lon: float
-    lat: float
-    elements: int
-    area: float
-    mass: float
-    bonds_broken: int
-    grounded: bool
+    birth_time: float  # Seconds since the start of the run
+    lon: float  # Centroid at birth, degrees (m on a Cartesian grid)
+    lat: float  # Centroid at birth, degrees (m on a Cartesian grid)
+    elements: int  # Number of elements
+    area: float  # Plan area, m2
+    mass: float  # kg
+    bonds_broken: int  # Broken bonds that joined it to the rest of its parent
+    grounded: bool  # Whether one of its elements was aground at birth, or an end of a bond of the cracks that freed it
+    # Name of a berg; a fragment has that of the berg that it comes from, with its number among the fragments of that
     name: str = ""
+    # Number of the berg from whose edge it calved by the footloose mechanism; 0 for all others. No bond broke, so it
+    # has no ``parent``
     calved_from: int = 0
 
 
 class FragmentTree:
     """All fragments that a run has seen.
 
-    Attributes
-    ----------
-    rows : list of Fragment
-        In order of birth; numbers rise by one.
-    bergs : sequence of (str, int)
-        Name and number of elements of each berg of the start, by row; empty for bergs without names.
-    mothers : dict of int to int
-        Number of the berg from which an element has calved since the last update, by the identifier of that element.
+    ``bergs``: name and number of elements of each berg of the start, by row ((str, int)).
     """
 
     def __init__(self, rows: list[Fragment] | None = None, bergs: Sequence[tuple[str, int]] = ()) -> None:
@@ -91,19 +61,6 @@ class FragmentTree:
 
         The heaviest piece of a fragment keeps its number, the others get new ones; bergs present at the start are
         numbered from 1. A berg added to the run gets the next number.
-
-        Parameters
-        ----------
-        elements, bonds : Elements, Bonds
-            The state; ``elements.berg`` is changed.
-        time : float
-            Seconds since the start.
-        p : KernelParameters
-
-        Returns
-        -------
-        int
-            Number of fragments now.
         """
         if elements.size == 0:
             return 0
@@ -142,17 +99,7 @@ class FragmentTree:
         return number
 
     def _berg_name(self, parent: int, row: int, at_start: bool) -> str:
-        """Return the name of the berg that a newborn comes from; empty for one without.
-
-        Parameters
-        ----------
-        parent : int
-            Number of the fragment that it split from, or 0.
-        row : int
-            Of its first element.
-        at_start : bool
-            Whether it was there at the start.
-        """
+        """Return the name of the berg that a newborn comes from; empty for one without."""
         if parent > 0:
             return self.rows[self.origin(parent) - 1].name
         if at_start and self.bergs:

@@ -23,27 +23,19 @@ from riftberg.state import Floats, Ints
 
 
 class Bodies(NamedTuple):
-    """All fragments as bodies; what a step with rigid bodies needs beside the state.
+    """All fragments as bodies; what a step with rigid bodies needs beside the state."""
 
-    Attributes
-    ----------
-    body : array of int, shape (elements,)
-        Fragment of each element, 0, 1, ...
-    shape : array of float, shape (elements, 3)
-        Place of each element in the frame of its fragment without load: a unit vector on a sphere, (x, y, 0) in metres
-        on a plane. The centre of mass stands at (0, 0, 1) or (0, 0).
-    pose : array of float, shape (fragments, 3, 3)
-        Frame of each fragment: rotation matrix on a sphere; on a plane the columns are both axes and the centre (m).
-    rate : array of float, shape (fragments, 3)
-        Velocity of the centre east and north (m s-1), and spin (rad s-1, counter-clockwise).
-    bend : array of float, shape (elements, 3)
-        Displacement of each element by its load along the axes of the fragment (m), and its turn (rad).
-    """
-
-    body: Ints
+    body: Ints  # Fragment of each element, 0, 1, ; shape (elements,)
+    # Place of each element in the frame of its fragment without load: a unit vector on a sphere, (x, y, 0) in metres on
+    # a plane. The centre of mass stands at (0, 0, 1) or (0, 0); shape (elements, 3)
     shape: Floats
+    # Frame of each fragment: rotation matrix on a sphere; on a plane the columns are both axes and the centre (m);
+    # shape (fragments, 3, 3)
     pose: Floats
+    # Velocity of the centre east and north (m s-1), and spin (rad s-1, counter-clockwise); shape (fragments, 3)
     rate: Floats
+    # Displacement of each element by its load along the axes of the fragment (m), and its turn (rad); shape (elements,
+    # 3)
     bend: Floats
 
 
@@ -100,12 +92,8 @@ def flat_shape(shape: Floats, latlon: bool, radius: float) -> Floats:
 def element_motion(bodies: Bodies, latlon: bool, radius: float) -> Floats:
     """How each element moves with its fragment, and how its own axes lie in it.
 
-    Returns
-    -------
-    array of float, shape (elements, 11)
-        Columns 0 to 2 and 3 to 5: eastward and northward velocity of the element by those of the centre and the spin;
-        6 to 8: its spin about its own vertical; 9 and 10: cosine and sine of the angle of its axis in the fragment
-        against local east.
+    Returns columns 0 to 2 and 3 to 5: eastward and northward velocity of the element by those of the centre and the
+    spin.
     """
     motion = np.empty((bodies.body.size, 11))
     find_element_motion(bodies, latlon, radius, motion)
@@ -260,13 +248,8 @@ def regrouped(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon:
 
     A piece takes over the mean displacement and turn that its load had given it, and the velocity that its centre had.
 
-    Parameters
-    ----------
-    bodies : Bodies
-    body : array of int, shape (elements,)
-        The new number of the fragment of each element.
-    mass, inertia : array of float, shape (elements,)
-        kg and kg m2.
+    ``body``: the new number of the fragment of each element (shape (elements,)); ``mass``, ``inertia``: kg and kg m2
+    (shape (elements,)).
     """
     return Bodies(*_regrouped(bodies, body, mass, inertia, latlon, radius))
 
@@ -356,20 +339,10 @@ def mean_bend(
 ) -> None:
     """Find the mean displacement (m) and turn (rad) of each fragment by the load of its elements.
 
-    Parameters
-    ----------
-    body : array of int, shape (elements,)
-        Fragment of each element.
-    flat : array of float, shape (elements, 2)
-        Places in the fragments (`flat_shape`), m.
-    bend : array of float, shape (elements, 3)
-        Displacements, m, m and rad.
-    mass, inertia : array of float, shape (elements,)
-        kg and kg m2.
-    mean : array of float, shape (fragments, 3)
-        Takes them.
-    first : array of float, shape (fragments, 4)
-        Takes the centre of mass (m), the mass (kg) and the moment of inertia (kg m2).
+    ``body``: fragment of each element (shape (elements,)); ``flat``: places in the fragments (`flat_shape`), m (shape
+    (elements, 2)); ``bend``: displacements, m, m and rad (shape (elements, 3)); ``mass``, ``inertia``: kg and kg m2
+    (shape (elements,)); ``mean``: takes them (shape (fragments, 3)); ``first``: takes the centre of mass (m), the mass
+    (kg) and the moment of inertia (kg m2) (shape (fragments, 4)).
     """
     mean[:, :] = 0.0
     first[:, :] = 0.0
@@ -435,14 +408,8 @@ def free_bodies(
 ) -> Bodies:
     """Make bodies of elements that stand free of load: first axis east, second north, at the centre of mass.
 
-    Parameters
-    ----------
-    lon, lat : array of float, shape (elements,)
-        Degrees or m.
-    body : array of int, shape (elements,)
-        Fragment of each element, 0, 1, ...
-    mass : array of float, shape (elements,)
-        kg.
+    ``lon``, ``lat``: degrees or m (shape (elements,)); ``body``: fragment of each element, 0, 1,  (shape (elements,));
+    ``mass``: kg (shape (elements,)).
     """
     return Bodies(*_gathered(lon, lat, body, mass, latlon, radius, period))
 

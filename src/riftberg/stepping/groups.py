@@ -30,13 +30,6 @@ def substeps_of_meeting(run: RunState, sizes: Sizes, first: Ints, second: Ints) 
 
     Bergs that may meet go through the sub-steps together, in the largest number that one of them needs, or that the
     stiffest of their contacts does.
-
-    Parameters
-    ----------
-    run : RunState
-    sizes : Sizes
-    first, second : array of int
-        Rows of the pairs that may come into contact.
     """
     el, own = run.elements, run.elements.body.substeps
     if first.size == 0:
@@ -83,19 +76,7 @@ def joined(pairs: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
 def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: KernelParameters) -> Ints:
     """Number the groups of bergs that are in reach of each other, directly or by way of others.
 
-    Parameters
-    ----------
-    el : Elements
-    collisions : PairList
-        Partners of other bergs, in reach or farther away: how far was searched may depend on bergs elsewhere.
-    radius : array of float
-        Of the elements, m.
-    p : KernelParameters
-
-    Returns
-    -------
-    array of int
-        Group of each element, 0 ...; empty where all belong to one.
+    ``radius``: of the elements, m.
     """
     if (el.body.berg == el.body.berg[:1]).all():
         return np.zeros(0, np.int64)

@@ -78,11 +78,6 @@ def implicit_kick(
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``.
 
     ``ax`` ... ``by`` hold the fast accelerations of the sub-step before (copied by the caller).
-
-    Returns
-    -------
-    int
-        Passes needed; -1 if the iteration did not settle.
     """
     view = pair_view(el, sizes)
     unsettled, before, change, norm = room.unsettled, room.norm_before, room.change, room.norm

@@ -98,19 +98,8 @@ def pair_terms(
 ) -> tuple[float, float, float, float, float]:
     """Spring acceleration (ix, iy; m s-2) and damping tensor (p11, p12, p22; s-1) of one pair; zeros if it does not act.
 
-    Parameters
-    ----------
-    kind : int
-        Kind of pair.
-    rx, ry : float
-        Vector from the partner to the element, m.
-    sum_radii : float
-        m.
-    mass_ratio : float
-        Smaller mass over the mass of the element.
-    du0, dv0, du1, dv1 : float
-        Partner's velocity minus the element's, at the start of the step and at the current iterate, m s-1.
-    law : PairLaw
+    ``rx``, ``ry``: vector from the partner to the element, m; ``du0``, ``dv0``, ``du1``, ``dv1``: partner's velocity
+    minus the element's, at the start of the step and at the current iterate, m s-1.
     """
     stiffness, reach = stiffness_and_reach(kind, sum_radii, law)
     d = math.sqrt(rx * rx + ry * ry)
@@ -169,25 +158,8 @@ def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, rest, own_size, view, law):
 def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view, law):
     """Sum over all partners of element ``e`` at (x, y): I, P and P u of the partners (equations 5.1).
 
-    Parameters
-    ----------
-    e : int
-        Row of the element.
-    x, y : float
-        Its position, degrees or m.
-    u0, v0, u1, v1 : float
-        Its velocity at the start of the step and at the current iterate, m s-1.
-    partners : Partners
-    plain : bool
-        Branch B: ``collision`` holds all elements in reach, bonds act in tension only.
-    bond_size : bool
-        Bonded pairs use the constant interaction size (equations 1.4, v).
-    view : PairView
-    law : PairLaw
-
-    Returns
-    -------
-    Terms
+    ``x``, ``y``: its position, degrees or m; ``u0``, ``v0``, ``u1``, ``v1``: its velocity at the start of the step and
+    at the current iterate, m s-1.
     """
     bond, rest, present = PLAIN_BOND if plain else BONDED, partners.rest, partners.rest[:0]
     b = _sum_over(e, x, y, u0, v0, u1, v1, bond, partners.bonded, rest, not bond_size, view, law)

@@ -57,16 +57,7 @@ def leaders(el: Elements, lon: Floats, lat: Floats, back: Floats, part: Ints, c:
     Of the elements of a part that with the longest way leads. Parts that this would push into each other, or farther into each
     other, go together.
 
-    Parameters
-    ----------
-    el : Elements
-    lon, lat : array of float
-        Positions before land stopped elements.
-    back : array of float, shape (elements, 2)
-        See `ways_back`.
-    part : array of int
-        Number of the rigid part to which each element belongs, 0, 1, ...
-    c : KernelParameters
+    ``back``: see `ways_back` (shape (elements, 2)).
     """
     way = np.hypot(back[:, 0], back[:, 1])
     count = int(part.max()) + 1
@@ -120,14 +111,6 @@ def settle_bergs(el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParamete
     """Find the cells of all elements at the end of a step; where land stops one, its berg goes back with it.
 
     Velocities are untouched, as in the reference. An element that touches nothing is stopped as there.
-
-    Parameters
-    ----------
-    el : Elements
-        Changed in place.
-    bonds : Bonds
-    grid : GridArrays
-    c : KernelParameters
     """
     part = None
     for _ in range(PASSES):

@@ -182,23 +182,10 @@ def balanced_loads(
 ) -> Floats:
     """Loads on the lattice in the axes of its fragment: forces less those that move it as a rigid body.
 
-    Parameters
-    ----------
-    body : array of int, shape (elements,)
-    flat : array of float, shape (elements, 2)
-        Places in the fragment, m.
-    turn : array of float, shape (elements, 2)
-        Cosine and sine of the angle of the fragment's axis against local east.
-    force : array of float, shape (elements, 3)
-        East, north (N) and torque (N m).
-    mass, inertia : array of float, shape (elements,)
-    spin : array of float, shape (fragments,)
-        rad s-1.
-
-    Returns
-    -------
-    array of float, shape (elements, 3)
-        N, N and N m; their sum and moment vanish for each fragment.
+    ``body``:  (shape (elements,)); ``flat``: places in the fragment, m (shape (elements, 2)); ``turn``: cosine and sine
+    of the angle of the fragment's axis against local east (shape (elements, 2)); ``force``: east, north (N) and torque
+    (N m) (shape (elements, 3)); ``mass``, ``inertia``:  (shape (elements,)); ``spin``: rad s-1 (shape (fragments,));
+    returns n, N and N m.
     """
     load, rate = np.empty((body.size, 3)), np.zeros((spin.size, 3))
     rate[:, 2] = spin
@@ -248,12 +235,7 @@ def balance_loads(
 class Holds:
     """Freedoms that supports hold, and those that springs hold so that the matrix can be solved.
 
-    Attributes
-    ----------
-    free : array of float, shape (3 elements,)
-        0 where a support holds the freedom, else 1.
-    any : bool
-        Whether there are supports at all.
+    ``free``: 0 where a support holds the freedom, else 1 (shape (3 elements,)).
     """
 
     def __init__(self, static: Floats, free_y: Floats) -> None:
@@ -318,17 +300,7 @@ def _rank(rows: list[Floats]) -> int:
 
 
 class Factors:
-    """Factors of the stiffness matrix, with corrections for bonds that have broken since.
-
-    Parameters
-    ----------
-    lattice : ElasticLattice
-    alive : array of int
-        Bonds that hold.
-    holds : Holds
-    springs : array of int
-        Freedoms that springs hold.
-    """
+    """Factors of the stiffness matrix, with corrections for bonds that have broken since."""
 
     def __init__(self, lattice: ElasticLattice, alive: Ints, holds: Holds, springs: Ints) -> None:
         self._lattice, self._free = lattice, holds.free
@@ -379,13 +351,7 @@ class Factors:
         self._signs.append(sign)
 
     def solve(self, load: Floats) -> Floats:
-        """Displacements (m, m, rad), shape (elements, 3), under loads in balance (N, N, N m).
-
-        Raises
-        ------
-        RunError
-            If the springs that hold the fragments carry a load (the lattice is a mechanism), or a load is not a number.
-        """
+        """Displacements (m, m, rad), shape (elements, 3), under loads in balance (N, N, N m)."""
         bend = np.empty(load.shape)
         size = self._factors.solve_scaled(load, self._lattice.radius, self._free, bend)
         if self._columns:

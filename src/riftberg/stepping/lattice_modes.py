@@ -34,42 +34,31 @@ MOST_STEPS = 400
 
 @dataclass(frozen=True)
 class BondOperator:
-    """Stiffness and damping of all unbroken bonds, mass-weighted, applied without building matrices.
+    """Stiffness and damping of all unbroken bonds, mass-weighted, applied without building matrices."""
 
-    Attributes
-    ----------
-    ends : array of int, shape (2 n,)
-        First, then second elements of the bonds.
-    count : int
-        Number of elements.
-    nx, ny : array of float, shape (n,)
-        Direction from the second to the first element.
-    lever1, lever2 : array of float
-        m.
-    normal, shear, bending : array of float
-        Square roots of the stiffnesses (N m-1, N m-1, N m).
-    damp_normal, damp_slip, damp_tangent, damp_spin : array of float
-        Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
-        relative spin (kg m2 s-1).
-    root_mass, root_inertia : array of float, shape (count,)
-        ``1 / sqrt(m)`` and ``1 / sqrt(I)``; 0 for elements that never move.
-    """
-
-    ends: Ints
-    count: int
-    nx: Floats
-    ny: Floats
-    lever1: Floats
-    lever2: Floats
-    normal: Floats
-    shear: Floats
-    bending: Floats
+    ends: Ints  # First, then second elements of the bonds; shape (2 n,)
+    count: int  # Number of elements
+    nx: Floats  # Direction from the second to the first element; shape (n,)
+    ny: Floats  # Direction from the second to the first element; shape (n,)
+    lever1: Floats  # m
+    lever2: Floats  # m
+    normal: Floats  # Square roots of the stiffnesses (N m-1, N m-1, N m)
+    shear: Floats  # Square roots of the stiffnesses (N m-1, N m-1, N m)
+    bending: Floats  # Square roots of the stiffnesses (N m-1, N m-1, N m)
+    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
+    # relative spin (kg m2 s-1)
     damp_normal: Floats
+    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
+    # relative spin (kg m2 s-1)
     damp_slip: Floats
+    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
+    # relative spin (kg m2 s-1)
     damp_tangent: Floats
+    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
+    # relative spin (kg m2 s-1)
     damp_spin: Floats
-    root_mass: Floats
-    root_inertia: Floats
+    root_mass: Floats  # ``1 / sqrt(m)`` and ``1 / sqrt(I)``; 0 for elements that never move; shape (count,)
+    root_inertia: Floats  # ``1 / sqrt(m)`` and ``1 / sqrt(I)``; 0 for elements that never move; shape (count,)
 
     @property
     def size(self) -> int:
@@ -202,14 +191,7 @@ def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
 
 
 def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> BondOperator:
-    """Linearise the unbroken bonds about the present positions, without strain.
-
-    Parameters
-    ----------
-    p : Parameters
-    elements, bonds : Elements, Bonds
-    sizes : Sizes
-    """
+    """Linearise the unbroken bonds about the present positions, without strain."""
     on = bonds.status == 0
     i, j = bonds.first[on], bonds.second[on]
     nothing = np.zeros(i.size)

@@ -61,14 +61,7 @@ def find_islands(
 ) -> tuple[Islands | None, NDArray[np.bool_]]:
     """Find the islands among the pairs that may come into contact, and which of the pairs are in none.
 
-    Parameters
-    ----------
-    run : RunState
-    sizes : Sizes
-    first, second : array of int
-        Rows of the pairs, in rising order.
-    polar_latitude : float
-        Bergs north of it (degrees) are left to the general sub-steps.
+    ``polar_latitude``: bergs north of it (degrees) are left to the general sub-steps.
     """
     el = run.elements
     others = np.ones(first.size, np.bool_)
@@ -143,19 +136,7 @@ def collide(
 ) -> tuple[Ints, Ints]:
     """Take the sub-steps of the islands; returns the rows of the pairs that have touched.
 
-    Parameters
-    ----------
-    el : Elements
-        Changed in place, after the slow kicks of all.
-    islands : Islands
-    sizes : Sizes
-    around : Surroundings
-        Filled by the slow kicks; takes the mean acceleration by the sea floor.
-    dt : float
-        Long step, s.
-    starting : bool
-        First step of a run with a proper start: what acts is found before moving.
-    p : KernelParameters
+    ``dt``: long step, s.
     """
     body = el.body
     touched = _collide(

@@ -53,11 +53,6 @@ def begin_substeps(
     """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4, 3b and 3c).
 
     Depth holds for the long step.
-
-    Returns
-    -------
-    acts, varies : bool
-        Whether the sea floor acts in the sub-steps on any element at all, and at a rate that changes with the velocity.
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
     radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
@@ -164,24 +159,7 @@ def closing_half_kick(
     Elements in contact see each other's velocity, so the solve is repeated until the velocities settle, in each group
     of bergs that can meet for itself.
 
-    Parameters
-    ----------
-    el : Elements
-    dt : float
-        Long step, s.
-    around : Surroundings
-        At the positions of the elements.
-    partners : Partners
-        Collisions between different bergs.
-    room : SlowRoom
-    starting : bool
-        First step of a run with a proper start: the velocity is synchronised already, only the accelerations are
-        found.
-
-    Returns
-    -------
-    int
-        Passes needed; -1 if the iteration did not settle within ``p.max_iterations``.
+    ``dt``: long step, s.
     """
     u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
     find_touching(el, partners.collision, sizes, law, room.touching)

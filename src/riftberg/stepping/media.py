@@ -68,26 +68,17 @@ FORCES: Final = (*MEDIA, "coriolis")
 
 
 class Surroundings(NamedTuple):
-    """What acts on all elements from outside during a step, and how it did.
+    """What acts on all elements from outside during a step, and how it did."""
 
-    Attributes
-    ----------
-    media : array, shape (elements, media, columns)
-        The rows of each element.
-    coriolis : array, shape (elements,)
-        Coriolis parameter, s-1.
-    acts : array of bool, shape (media,)
-        Which media act in the solve for the velocity; the sea floor may act in the sub-steps instead.
-    rate : array, shape (elements, media)
-        Rate (s-1) of the drag in the last solve: linear, and quadratic times the speed at which it was taken.
-    applied : array, shape (elements, forces, 2)
-        Mean acceleration (m s-2, east and north) over the step by each force of `FORCES`, as it was applied.
-    """
-
-    media: Floats
-    coriolis: Floats
+    media: Floats  # The rows of each element; shape (elements, media, columns)
+    coriolis: Floats  # Coriolis parameter, s-1; shape (elements,)
+    # Which media act in the solve for the velocity; the sea floor may act in the sub-steps instead; shape (media,)
     acts: NDArray[np.bool_]
+    # Rate (s-1) of the drag in the last solve: linear, and quadratic times the speed at which it was taken; shape
+    # (elements, media)
     rate: Floats
+    # Mean acceleration (m s-2, east and north) over the step by each force of `FORCES`, as it was applied; shape
+    # (elements, forces, 2)
     applied: Floats
 
 
@@ -129,10 +120,7 @@ def sea_floor(thickness: float, depth: float, area: float, mass: float, p: Kerne
 def grounded_part(thickness: float, depth: float, p: KernelParameters) -> float:
     """How far an element is aground, 0 to 1; 0 where the sea floor exerts no drag. The one place where this is decided.
 
-    Parameters
-    ----------
-    thickness, depth : float
-        Of the ice and of the water, m.
+    ``thickness``, ``depth``: of the ice and of the water, m.
     """
     if p.ground_coefficient <= 0.0 and p.ground_quadratic <= 0.0:
         return 0.0
@@ -147,14 +135,7 @@ def media_of(
 ) -> Media:  # fmt: skip
     """Find the rows of one element (equations 4.1; units as in `riftberg.state.ELEMENT_VARIABLES`).
 
-    Parameters
-    ----------
-    sides, bonds : int
-        Sides and unbroken bonds of the element.
-    waves : Waves
-        Given waves; without them they follow from the wind.
-    ground_area, ground_mass : float
-        Area (m2) and mass (kg) that the sea floor sees.
+    ``ground_area``, ``ground_mass``: area (m2) and mass (kg) that the sea floor sees.
     """
     draft = draft_of(thickness, p.rho_ice)
     freeboard = thickness - draft

@@ -120,12 +120,8 @@ def find_contacts(
     ``room.near`` takes their places in the list, ``room.pairs`` the spring on the first (N), the damping (xx, xy, yy;
     kg s-1), how the spins of both bodies move the two elements (m), and whether they have touched a sub-step before.
 
-    Returns
-    -------
-    found : int
-        Pairs that touch.
-    ahead : float
-        Longest step (s): the springs at hand are resolved, and no pair gets deep into another on the way.
+    Returns ``ahead``: longest step (s): the springs at hand are resolved, and no pair gets deep into another on the
+    way.
     """
     found, ahead = 0, np.inf
     stiff, pace, angle, near, pairs = room.stiff, room.pace, room.angle, room.near, room.pairs

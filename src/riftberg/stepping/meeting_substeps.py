@@ -45,17 +45,8 @@ def cross_islands(
 ) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float]:  # fmt: skip
     """Take all islands through the step and return what makes a `riftberg.stepping.meetings.Meeting`.
 
-    Returns
-    -------
-    touched : array of bool, shape (pairs,)
-    moved, after : array of float, shape (bodies, 3)
-        Paths (m, m, rad) and velocities at the end.
-    applied : array of float, shape (elements, forces, 2)
-        Changes of velocity by all forces but contact, m s-1.
-    force, turn, spin : array of float
-        As in `riftberg.stepping.meetings.Blow`, for all elements and bodies.
-    shortest : float
-        Shortest sub-step, s; -1 where velocities did not settle.
+    Returns ``moved, after``: paths (m, m, rad) and velocities at the end; returns ``applied``: changes of velocity by
+    all forces but contact, m s-1; returns ``shortest``: shortest sub-step, s.
     """
     touched, apart = np.zeros(first.size, np.bool_), np.empty((first.size, 2))
     for k in range(first.size):

@@ -57,29 +57,16 @@ class Blow(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """What contact made of a step, for the ``bodies`` that touched others and their elements ``rows``.
-
-    Attributes
-    ----------
-    mean, rate : array of float, shape (bodies, 3)
-        Velocities on the way and at the end.
-    applied : array of float, shape (rows, forces, 2)
-        Changes of velocity by all forces but contact, m s-1.
-    first, second : array of int
-        Elements of the pairs that touched, each once.
-    shortest : float
-        Shortest sub-step, s.
-    blow : Blow
-    """
+    """What contact made of a step, for the ``bodies`` that touched others and their elements ``rows``."""
 
     bodies: Ints
     rows: Ints
-    mean: Floats
-    rate: Floats
-    applied: Floats
-    first: Ints
-    second: Ints
-    shortest: float
+    mean: Floats  # Velocities on the way and at the end; shape (bodies, 3)
+    rate: Floats  # Velocities on the way and at the end; shape (bodies, 3)
+    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (rows, forces, 2)
+    first: Ints  # Elements of the pairs that touched, each once
+    second: Ints  # Elements of the pairs that touched, each once
+    shortest: float  # Shortest sub-step, s
     blow: Blow
 
 
@@ -113,30 +100,7 @@ def meet(
 ) -> Meeting | None:  # fmt: skip
     """Take the bodies that may meet through ``span`` s.
 
-    Parameters
-    ----------
-    el : Elements
-        Places at the start; not changed.
-    motion : BodyMotion
-        At the start.
-    rate : array of float, shape (bodies, 3)
-        Velocities at the start.
-    first, second : array of int
-        Elements of different bodies that may come into contact, each pair once.
-    span : float
-        s.
-    sizes : Sizes
-    p : KernelParameters
-
-    Returns
-    -------
-    Meeting or None
-        None where nothing touches.
-
-    Raises
-    ------
-    FloatingPointError
-        If the velocities of bodies in contact do not settle.
+    ``rate``: velocities at the start (shape (bodies, 3)).
     """
     if first.size == 0:
         return None
@@ -178,21 +142,8 @@ def caught_up(
 
     Held media are those of the start; with this, they are taken by the trapezoidal rule.
 
-    Parameters
-    ----------
-    meeting : Meeting
-    before, after : BodyMotion
-        At both ends of the step.
-    rate : array of float, shape (bodies, 3)
-        Velocities at the end of the bodies that did not meet; of all in return.
-    span : float
-        Length of the step, s.
-
-    Returns
-    -------
-    rate : array of float, shape (bodies, 3)
-    meeting : Meeting
-        With these velocities, and the changes that media made.
+    ``rate``: velocities at the end of the bodies that did not meet (shape (bodies, 3)); ``span``: length of the step,
+    s.
     """
     some, rows, half = meeting.bodies, meeting.rows, 0.5 * span
     place = np.empty(rate.shape[0], np.int64)

@@ -61,16 +61,7 @@ def depart(
 ) -> Bodies:
     """Move fragments over ``h`` s, with the velocities that they have in the middle of the step; elements are placed.
 
-    Parameters
-    ----------
-    el : Elements
-        Get their positions and rotations.
-    now : Standing
-        The start of the step.
-    seat : array of float, shape (elements, 3)
-        Displacements that elements are placed with.
-    met : Meeting or None
-        Fragments that touch each other on the way, which go as it says.
+    ``seat``: displacements that elements are placed with (shape (elements, 3)).
     """
     bodies, motion = now.bodies, now.motion
     some, mean = (met.bodies, met.mean) if met else (NOBODY[0], bodies.rate[:0])
@@ -133,25 +124,8 @@ def arrive(
 ) -> Standing:  # fmt: skip
     """Find velocities, forces and loads of a moment; all elements take on the velocities of their fragments.
 
-    Parameters
-    ----------
-    el : Elements
-    flat : array of float, shape (elements, 2)
-        Places of the elements in their fragments, m.
-    bodies : Bodies
-        With the velocities in the middle of the step.
-    motion : BodyMotion
-    time : float
-        s.
-    before : array of float, shape (fragments, 3), or None
-        Velocities at the start of the step; None where ``bodies`` has those of the moment.
-    half : float
-        Half the step, s.
-
-    Raises
-    ------
-    RunError
-        If the velocities do not settle.
+    ``flat``: places of the elements in their fragments, m (shape (elements, 2)); ``before``: velocities at the start of
+    the step (shape (fragments, 3)); ``half``: half the step, s.
     """
     opened, closes = bodies.rate, before is not None
     rate = opened if before is None else 2.0 * opened - before
@@ -198,20 +172,8 @@ def _arrive(
 def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float, met: Ints, room: BodyRoom) -> Floats:
     """Find the velocities at the end of a step of the fragments that touched no other, as `arrive` does.
 
-    Parameters
-    ----------
-    motion : BodyMotion
-    opened, before : array of float, shape (fragments, 3)
-        Velocities in the middle and at the start of the step.
-    half : float
-        Half the step, s.
-    met : array of int
-        Fragments that are left out.
-
-    Raises
-    ------
-    RunError
-        If the velocities do not settle.
+    ``opened``, ``before``: velocities in the middle and at the start of the step (shape (fragments, 3)); ``half``: half
+    the step, s.
     """
     rate, m = 2.0 * opened - before, motion
     room.sought[:] = True
@@ -223,23 +185,9 @@ def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float,
 def relax(bodies: Bodies, load: Loading, flat: Floats, bend: Floats, rotation: Floats, shifted: Booleans) -> bool:
     """Take the mean displacement off the displacements ``bend`` of an equilibrium, in place, and turn the elements by it.
 
-    Parameters
-    ----------
-    bodies : Bodies
-        With the displacements before.
-    load : Loading
-    flat : array of float, shape (elements, 2)
-        Places of the elements in their fragments, m.
-    bend : array of float, shape (elements, 3)
-    rotation : array of float, shape (elements,)
-        Of the elements, rad.
-    shifted : array of bool, shape (fragments,)
-        Fragments that keep their mean displacement: those with supports.
-
-    Returns
-    -------
-    bool
-        Whether all displacements are numbers.
+    ``flat``: places of the elements in their fragments, m (shape (elements, 2)); ``bend``:  (shape (elements, 3));
+    ``rotation``: of the elements, rad (shape (elements,)); ``shifted``: fragments that keep their mean displacement:
+    those with supports (shape (fragments,)).
     """
     count = bodies.pose.shape[0]
     mean, first = np.empty((count, 3)), np.empty((count, 4))
@@ -271,12 +219,7 @@ def keep_applied_forces(
 ) -> None:
     """Add to ``applied`` the forces of a step: those of both its ends, by their ``part`` of the long step.
 
-    Parameters
-    ----------
-    before, after : Standing
-        Both ends of the step; they may have bodies of their own.
-    half : float
-        Half the step, s.
+    ``half``: half the step, s.
     """
     middle, held = np.empty_like(before.bodies.rate), np.empty_like(before.bodies.rate)
     first, last = before.motion, after.motion

@@ -110,29 +110,6 @@ def take_long_step(
     One call for both, for to hand the state to compiled code takes some 40 us; and one kernel, for what is compiled by
     itself and again within another takes twice as long. Where bergs take different numbers of sub-steps, the slow forces
     are applied to all at once (``plan.moves`` false), and each batch moves for itself (``plan.kicks`` false).
-
-    Parameters
-    ----------
-    el, bonds : Elements, Bonds
-        The state, changed in place.
-    room : Room
-        Room for the sub-steps, with the pairs that may touch.
-    slow : Partners
-        Collisions between bergs.
-    fast : Partners
-        With spring bonds, bonded pairs and contacts inside a berg.
-    sizes : Sizes
-    around : Surroundings
-        The slow part fills it from the environment that the elements carry; afterwards it holds the forces that were
-        applied. The sea floor may act in the sub-steps.
-    earlier : array of int
-        Rank of the elements in the order of processing (quirks Q10, Q11).
-    plan : StepPlan
-    p : KernelParameters
-
-    Returns
-    -------
-    StepReport
     """
     slow_room = allocate_slow_room(el.size, slow)
     if p.dem and plan.moves and plan.threads > 1 and el.size >= WORTH_THREADS:

@@ -113,13 +113,8 @@ def allocate_loading(el: Elements, p: KernelParameters) -> Loading:
 def fill_loading(el: Seen, sizes: Sizes, p: KernelParameters, acts: Booleans, nothing: Floats, load: Loading) -> None:
     """Take the coefficients of all forces from the environment that the elements carry.
 
-    Parameters
-    ----------
-    acts : array of bool, shape (media,)
-    nothing : array of float, shape (1, 0, 0)
-        In place of what a solve would keep: nothing is solved for or applied here.
-    load : Loading
-        Room, with zeros where a number may be left out (`allocate_loading`).
+    ``acts``:  (shape (media,)); ``nothing``: in place of what a solve would keep: nothing is solved for or applied here
+    (shape (1, 0, 0)).
     """
     media, mass, inertia, floor, floor_spin = load.media, load.mass, load.inertia, load.floor, load.floor_spin
     find_surroundings(el, sizes, Surroundings(media, load.coriolis, acts, nothing[0], nothing), p)
@@ -247,14 +242,8 @@ def keep_forces(
 ) -> None:
     """Add ``part`` of the accelerations by all forces of `riftberg.stepping.media.FORCES`.
 
-    Parameters
-    ----------
-    acted : array of float, shape (elements, forces, 2)
-        `Acting.acted`.
-    floor : array of float, shape (elements,)
-        Rate of the drag of the sea floor, s-1.
-    held : array of float, shape (fragments, 3)
-        Velocities at which it has acted (`BodyMotion.held`).
+    ``acted``: `Acting.acted` (shape (elements, forces, 2)); ``floor``: rate of the drag of the sea floor, s-1 (shape
+    (elements,)); ``held``: velocities at which it has acted (`BodyMotion.held`) (shape (fragments, 3)).
     """
     # As rows of numbers, so that the loop vectorises.
     one, other = acted.reshape(acted.size), applied.reshape(applied.size)
@@ -281,14 +270,9 @@ def add_forces(
 ) -> None:
     """Find the forces on all elements but those of contact and the linear drag of the sea floor.
 
-    Parameters
-    ----------
-    acted : array of float, shape (elements, forces, 2)
-        Takes the accelerations (m s-2) by each of `riftberg.stepping.media.FORCES`; zeros before.
-    force : array of float, shape (elements, 3)
-        Takes the force east and north (N), and the torque about the vertical (N m).
-    total : array of float, shape (fragments, 3)
-        The force on the centre east and north, and the moment, are added to it.
+    ``acted``: takes the accelerations (m s-2) by each of `riftberg.stepping.media.FORCES` (shape (elements, forces,
+    2)); ``force``: takes the force east and north (N), and the torque about the vertical (N m) (shape (elements, 3));
+    ``total``: the force on the centre east and north, and the moment, are added to it (shape (fragments, 3)).
     """
     media, mass = load.media, load.mass
     for e in range(body.size):
@@ -334,13 +318,8 @@ def add_totals_and_slopes(
     The matrices are written out, and all is read before anything is written: the compiler cannot know that the arrays are
     apart, and would read the motion of an element again for each number.
 
-    Parameters
-    ----------
-    sought : array of bool, shape (fragments,)
-        The others are left out.
-    total : array of float, shape (fragments, 3)
-        Force on the centre east and north, and the moment.
-    slope : array of float, shape (fragments, 3, 3)
+    ``sought``: the others are left out (shape (fragments,)); ``total``: force on the centre east and north, and the
+    moment (shape (fragments, 3)); ``slope``:  (shape (fragments, 3, 3)).
     """
     media, mass = load.media, load.mass
     for e in range(body.size):
@@ -550,11 +529,6 @@ def close_step(
 
     Fragments that are not ``room.sought``, because they touch others, are left out (`riftberg.stepping.meetings`). Each goes
     its own number of passes: where it gets to does not depend, to the last digit, on which others there are.
-
-    Returns
-    -------
-    int
-        Passes of Newton's method, -1 where they do not settle.
     """
     floor_factors(mobility, floor, half, room)
     room.change[:] = 0.0
@@ -628,11 +602,6 @@ class BodyMotion(NamedTuple):
 
 
 def check_passes(passes: int) -> None:
-    """Refuse velocities that have not settled.
-
-    Raises
-    ------
-    RunError
-    """
+    """Refuse velocities that have not settled."""
     if passes < 0:
         raise RunError(f"the velocities of the fragments did not settle within {MOST_PASSES} passes")

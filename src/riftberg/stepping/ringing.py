@@ -31,13 +31,6 @@ def swing(elements: Elements, parameters: Parameters) -> float:
 
     That of a free beam with the spread of the berg along and across, ``T = 2 pi / 22.4 L^2 sqrt(rho A / (E I))`` with
     ``L^2 = 12 s1^2`` and ``I / A = s2^2``. It says how long, not more: a compact berg is no beam, and shears too.
-
-    Parameters
-    ----------
-    elements : Elements
-        Positions, sizes and bergs are read.
-    parameters : Parameters
-        Coordinates, density, and Young's modulus.
     """
     p, place = parameters, elements.place
     numbers, counts = np.unique(elements.berg, return_counts=True)
@@ -62,13 +55,6 @@ def ringing(elements: Elements, bonds: Bonds, parameters: Parameters) -> str:
 
     Between two kicks no drag and no slope act on a lattice that was bent under them, so it swings by as much, and by
     more where a swing takes a whole number of steps.
-
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-        The bergs.
-    parameters : Parameters
-        Of the run.
     """
     p = parameters
     period = swing(elements, p) if _may_ring(bonds, p) else math.inf
@@ -87,13 +73,6 @@ def with_steady_step(elements: Elements, bonds: Bonds, parameters: Parameters) -
 
     It is the longest of `LONG_STEPS` that has `CALM` of its kind in a swing of the largest berg, and the shortest of them
     where none has. A long step that is named, or a number of sub-steps in it, stays as it is.
-
-    Parameters
-    ----------
-    elements, bonds : Elements, Bonds
-        The bergs.
-    parameters : Parameters
-        As they are asked for.
     """
     p = parameters
     named = "time_step" in p.stepping.model_fields_set or p.stepping.substeps is not None

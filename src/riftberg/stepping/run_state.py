@@ -15,37 +15,17 @@ from riftberg.stepping.fragments import FragmentTree
 
 @dataclass(eq=False)
 class RunState:
-    """State, forcing and parameters of a run at one moment.
+    """State, forcing and parameters of a run at one moment."""
 
-    Attributes
-    ----------
-    population : Population
-        Elements and bonds.
-    forcing : Forcing
-    parameters : Parameters
-    constants : KernelParameters
-        The parameters as compiled code reads them.
-    fragments : FragmentTree
-        Family tree of the fragments.
-    contacts : ContactLog
-        Meetings of bergs.
-    start : datetime.datetime
-        Date of time zero (UTC).
-    time : float
-        Seconds since the start.
-    step_number : int
-        Long steps taken.
-    """
-
-    population: Population
+    population: Population  # Elements and bonds
     forcing: Forcing
     parameters: Parameters
-    constants: KernelParameters
-    fragments: FragmentTree
-    start: datetime
-    time: float = 0.0
-    step_number: int = 0
-    contacts: ContactLog = field(default_factory=ContactLog)
+    constants: KernelParameters  # The parameters as compiled code reads them
+    fragments: FragmentTree  # Family tree of the fragments
+    start: datetime  # Date of time zero (UTC)
+    time: float = 0.0  # Seconds since the start
+    step_number: int = 0  # Long steps taken
+    contacts: ContactLog = field(default_factory=ContactLog)  # Meetings of bergs
 
     @property
     def elements(self) -> Elements:

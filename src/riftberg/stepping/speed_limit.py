@@ -33,12 +33,7 @@ _DRIVING: Final = ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "de
 
 
 def refuse_fast_start(el: Elements, p: Parameters) -> None:
-    """Refuse elements that are too fast before the first step, and a velocity to be imposed that is.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse elements that are too fast before the first step, and a velocity to be imposed that is."""
     fixed, limit = p.stepping.fixed_velocity, p.stepping.speed_limit
     remedy = f"No ice is faster than {limit:g} m/s: give m/s, or set stepping.speed_limit if it is meant"
     if fixed is not None and math.hypot(*fixed) > limit:
@@ -60,14 +55,7 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
 
     Where all is well, that takes three products of vectors, and four passes more for large bergs.
 
-    Parameters
-    ----------
-    run : RunState
-        After a long step, or where it failed.
-    before : Elements
-        The elements before the step.
-    applied : array
-        Mean accelerations (m s-2) over the step, see `riftberg.stepping.schemes.Stepper`.
+    ``applied``: mean accelerations (m s-2) over the step, see `riftberg.stepping.schemes.Stepper`.
     """
     el, limit = run.elements, run.parameters.stepping.speed_limit
     u, v = el.motion.u, el.motion.v

@@ -40,13 +40,6 @@ def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes
     At most a hundredth below the exact limit of the linearised lattice, never above it: see
     `riftberg.stepping.lattice_modes`. For one oscillator ``x'' + c x' + w^2 x = 0`` it is
     ``(sqrt(c^2 + 4 w^2) - c) / w^2``, which is 2 / w without damping.
-
-    Parameters
-    ----------
-    p : Parameters
-    elements, bonds : Elements, Bonds
-        The state at the start.
-    sizes : Sizes
     """
     if p.bonds.law == "none" or not np.any(bonds.status == 0):
         return math.inf
@@ -63,14 +56,7 @@ def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes
 
 
 def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> int:
-    """Return the number of sub-steps in a long step: as given (and checked), or the smallest that is safe.
-
-    Raises
-    ------
-    InputError
-        If the given number makes the sub-step longer than the stable one; not in runs with the reference's quirks,
-        which must run as they stand.
-    """
+    """Return the number of sub-steps in a long step: as given (and checked), or the smallest that is safe."""
     fixed = p.stepping.substeps
     if fixed is not None and (p.compatibility.zero_start or not p.stepping.explicit_substeps):
         return fixed
@@ -99,11 +85,6 @@ def check_long_step(run: RunState) -> None:
     """Refuse a long step that springs cannot bear which act in it: bonds without sub-steps, contact of a given stiffness.
 
     Runs with the reference's quirks must run as they stand.
-
-    Raises
-    ------
-    InputError
-        If bergs would be thrown about, however little acts on them.
     """
     p, dt = run.parameters, run.parameters.stepping.time_step
     scheme = p.stepping.scheme
@@ -179,11 +160,6 @@ def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
     """Choose the number of sub-steps of the bergs to which the ``chosen`` elements belong, each for itself.
 
     Fragments keep the number of the berg that they come from: found anew it would depend on the bonds broken since.
-
-    Raises
-    ------
-    InputError
-        If the number that the parameters give is too small for one of these bergs.
     """
     if not chosen.any():
         return

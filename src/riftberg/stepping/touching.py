@@ -48,18 +48,7 @@ def allocate_touching(count: int, most: int) -> Touching:
 
 @stage
 def find_touching(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw, touching: Touching) -> None:
-    """Find what of contact depends on positions alone (equations 5.2).
-
-    Parameters
-    ----------
-    el : Elements
-    pairs : PairList
-        Elements of other bergs, all within reach of contact among them.
-    sizes : Sizes
-    law : PairLaw
-    touching : Touching
-        Takes the result.
-    """
+    """Find what of contact depends on positions alone (equations 5.2)."""
     x, y, radius, mass = el.place.lon, el.place.lat, sizes.radius, sizes.mass
     others_x, others_y, begin, listed = el.shown.lon_pair, el.shown.lat_pair, pairs.start, pairs.partner
     start, partner, spring_x, spring_y = touching.start, touching.partner, touching.spring_x, touching.spring_y
@@ -86,15 +75,7 @@ def contact_of(
 ) -> tuple[float, float, float, float, float, float, bool]:
     """Spring (m s-2), direction, dampings (s-1) of one pair of different bergs, and whether it is in reach of contact.
 
-    Parameters
-    ----------
-    rx, ry : float
-        Vector from the partner to the element, m.
-    sum_radii : float
-        m.
-    mass_ratio : float
-        Smaller mass over the mass of the element.
-    law : PairLaw
+    ``rx``, ``ry``: vector from the partner to the element, m.
     """
     stiffness, reach = stiffness_and_reach(COLLISION, sum_radii, law)
     d = math.sqrt(rx * rx + ry * ry)
@@ -112,21 +93,8 @@ def contact_of(
 def contact_terms(e, u0, v0, u1, v1, touching, u_shown, v_shown, by_speed):
     """Sum over all that touch element ``e``: I, P and P u of the partners (equations 5.1).
 
-    Parameters
-    ----------
-    e : int
-        Row of the element.
-    u0, v0, u1, v1 : float
-        Its velocity at the start of the step and at the current iterate, m s-1.
-    touching : Touching
-    u_shown, v_shown : array of float
-        Velocities that the others show, m s-1.
-    by_speed : bool
-        Damping grows with the relative speed.
-
-    Returns
-    -------
-    Terms
+    ``u0``, ``v0``, ``u1``, ``v1``: its velocity at the start of the step and at the current iterate, m s-1;
+    ``u_shown``, ``v_shown``: velocities that the others show, m s-1.
     """
     first, behind = touching.start[e], touching.start[e + 1]
     s11 = s12 = s22 = px = py = 0.0

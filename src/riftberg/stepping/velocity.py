@@ -128,47 +128,7 @@ def solve_velocity(
 ):  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
 
-    Parameters
-    ----------
-    e : int
-    x, y : float
-        Position, degrees or m.
-    u_star, v_star : float
-        Velocity with the explicit half kick, m s-1.
-    u0, v0 : float
-        Velocity at the start of the step.
-    us, vs : float
-        Velocity of the Runge-Kutta stage; (u0, v0) otherwise.
-    media, rates, acts, coriolis, applied
-        Fields of `riftberg.stepping.media.Surroundings`, of all elements, taken out of it before the loop over the
-        elements; the forces that this solve applies are kept in ``applied``.
-    share : float
-        1 for single steps, 1/2 for two half kicks.
-    explicit_part : float
-        Part of the explicit acceleration in this solve: 1/2 in Verlet schemes, 1 in Runge-Kutta stages, which also
-        take the Coriolis force fully explicit.
-    mean_speeds : bool
-        Drag by the mean of the speeds at start and iterate; else by the speed of the mean velocity.
-    from_start : bool
-        In Runge-Kutta stages the first pass has damping by partners, and with ``mean_speeds`` drag, at the velocity of the
-        start of the step, as the reference has them; else at that of the stage.
-    centred : bool
-        Coriolis force and drag at the new velocity only. The half kick that follows repeats the same acceleration, so
-        that both together are centred: second order, and the Coriolis force does no work.
-    mode : int
-        `WITH_SURROUNDINGS` or `INTERACTIONS_ONLY`.
-    dt : float
-        s.
-    mass : float
-        kg.
-    alone : bool
-        The element has no partners, so the sums over them are left out.
-    partners, plain, bond_size, view, law
-        See `riftberg.stepping.interactions.interaction_terms`.
-
-    Returns
-    -------
-    Solution
+    ``x``, ``y``: position, degrees or m; ``u_star``, ``v_star``: velocity with the explicit half kick, m s-1.
     """
     t = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if not alone:
@@ -204,18 +164,7 @@ def solve_in_contact(
 ):  # fmt: skip
     """Solve as `solve_velocity` for a slow half kick, with contacts whose geometry has been found (`Touching`).
 
-    Parameters
-    ----------
-    e, media, rates, acts, coriolis, applied, centred, mode, dt, mass
-        As in `solve_velocity`.
-    u, v : float
-        Velocity of the element, m s-1.
-    touching, u_shown, v_shown, by_speed
-        As in `contact_terms`.
-
-    Returns
-    -------
-    Solution
+    ``u``, ``v``: velocity of the element, m s-1.
     """
     t = contact_terms(e, u, v, u, v, touching, u_shown, v_shown, by_speed)
     f = coriolis[e]

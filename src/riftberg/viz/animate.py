@@ -51,32 +51,7 @@ def write_film(
     water: Water | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Write a film of a run.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    path : path
-        Ends in ``.mp4`` or ``.gif``.
-    hours : float, optional
-        Hours of model time between two frames; by default the film lasts about 20 s.
-    fps : int, optional
-        Frames a second; 20 by default, 10 in a GIF.
-    dpi : int, optional
-        Resolution; 110 by default, 80 in a GIF.
-    observed : mapping, optional
-        Outlines by ISO day.
-    water : Forcing or StoredWater, optional
-        By default what the run file keeps.
-    progress : callable, optional
-        Called with the frames done and their number.
-
-    Raises
-    ------
-    InputError
-        If the ending is neither, or MP4 is wanted without ffmpeg.
-    """
+    """Write a film of a run."""
     path = Path(path)
     gif = _is_gif(path)
     fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)

@@ -20,19 +20,7 @@ if TYPE_CHECKING:
 
 
 def draw_approach(run: xr.Dataset, meeting: Approach, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
-    """Draw two bergs that meet.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    meeting : Approach
-        From `riftberg.diagnostics.approach.approach`.
-    path : path
-        Picture; the ending decides on the format.
-    title : str, optional
-    dpi : int, optional
-    """
+    """Draw two bergs that meet."""
     style.check_format(path)
     scene, water = Scene(run), water_of(run)
     figure = style.new_figure(12.0, 8.6, dpi)

@@ -24,19 +24,7 @@ BELOW: Final = 4.1
 
 
 def draw_beam(run: xr.Dataset, beam: BentBeam, path: str | Path, *, title: str = "", dpi: int = 150) -> Path:
-    """Draw a bent beam against theory.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    beam : BentBeam
-        From `riftberg.diagnostics.beam.bent`.
-    path : path
-        Picture; the ending decides on the format.
-    title : str, optional
-    dpi : int, optional
-    """
+    """Draw a bent beam against theory."""
     style.check_format(path)
     scene = Scene(run)
     corners = np.concatenate([scene.polygons(0), scene.polygons(len(scene.times) - 1)]).reshape(-1, 2)

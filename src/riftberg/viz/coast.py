@@ -33,21 +33,7 @@ SHORES: Final = ("coastline", "minor_islands_coastline")
 def draw_coast(ax: Axes, box: Box, *, latlon: bool = True, zorder: float = 3.6) -> bool:
     """Draw land and coastlines; leave the map as it is where they are not to be had.
 
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Longitude (on any branch) and latitude, degrees.
-    box : Box
-        Extent of the map.
-    latlon : bool
-        False for runs in metres, which have no coast.
-    zorder : float
-        Where the land lies between the other things on the map.
-
-    Returns
-    -------
-    bool
-        Whether there is land on the map.
+    ``ax``: longitude (on any branch) and latitude, degrees; ``latlon``: false for runs in metres, which have no coast.
     """
     from matplotlib.collections import LineCollection, PathCollection
 
@@ -67,19 +53,7 @@ def draw_coast(ax: Axes, box: Box, *, latlon: bool = True, zorder: float = 3.6) 
 
 @lru_cache(maxsize=64)
 def coast_in(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
-    """Return areas with their colours, and lines, within and just around an extent.
-
-    Parameters
-    ----------
-    box : Box
-        Degrees; the longitudes may lie on any branch.
-
-    Returns
-    -------
-    areas : list of (shapely Polygon, str)
-    lines : list of shapely LineString
-        Both empty where there is no coastline fine enough for the extent.
-    """
+    """Return areas with their colours, and lines, within and just around an extent."""
     resolution = _resolution(box.north - box.south)
     if resolution is None:
         return [], []
@@ -105,15 +79,7 @@ def _resolution(height: float) -> str | None:
 
 
 def natural_earth(resolution: str, name: str) -> Path | None:
-    """Return the shapefile of a layer of Natural Earth if cartopy has it on this machine.
-
-    Parameters
-    ----------
-    resolution : str
-        ``"10m"``, ``"50m"`` or ``"110m"``.
-    name : str
-        Layer, such as ``"land"``.
-    """
+    """Return the shapefile of a layer of Natural Earth if cartopy has it on this machine."""
     try:
         from cartopy import config
         from cartopy.io import Downloader

@@ -41,21 +41,7 @@ class KnownDepth(Protocol):
 class SeaFloor:
     """The depth of water in a box, as far as it is known.
 
-    Parameters
-    ----------
-    box : Box
-        Extent.
-    water : Forcing or StoredWater
-        Gives the depth.
-    least : float
-        A floor nowhere deeper than this (m) is none.
-
-    Attributes
-    ----------
-    depth : masked array
-        m, on the mesh ``x``, ``y``.
-    known : bool
-        Whether there is a floor at all.
+    ``least``: a floor nowhere deeper than this (m) is none.
     """
 
     def __init__(self, box: Box, water: KnownDepth, *, least: float = NO_FLOOR) -> None:

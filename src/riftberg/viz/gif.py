@@ -37,15 +37,7 @@ def figure_image(figure: Figure) -> Image.Image:
 
 
 def film_palette(frames: Sequence[Image.Image], exact: Iterable[str]) -> Image.Image:
-    """Return a palette for a film, as an image that carries it.
-
-    Parameters
-    ----------
-    frames : sequence of PIL.Image.Image
-        Frames from the whole film, of one size.
-    exact : iterable of str
-        Colours that must be in it, with their `SHADES`; the rest is chosen by the pixels of the frames.
-    """
+    """Return a palette for a film, as an image that carries it."""
     width, height = frames[0].size
     together = Image.new("RGB", (width, height * len(frames)))
     for place, frame in enumerate(frames):

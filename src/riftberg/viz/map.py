@@ -175,16 +175,7 @@ def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
 
 
 class Overview:
-    """The way of the berg on given axes: tracks, first and last position, break-ups and the sea floor.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-    scene : Scene
-    water : Forcing or StoredWater, optional
-    observed : mapping, optional
-        Outlines by ISO date.
-    """
+    """The way of the berg on given axes: tracks, first and last position, break-ups and the sea floor."""
 
     def __init__(self, ax: Axes, scene: Scene, water: Water | None, observed: Outlines | None = None) -> None:
         self.ax, self.scene, self.observed = ax, scene, observed or {}

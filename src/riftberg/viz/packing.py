@@ -13,23 +13,7 @@ _LIMITS: Final = {"int16": (-32767, 32767), "uint16": (0, 65534), "uint8": (0, 2
 
 
 def pack(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
-    """Quantise an array.
-
-    Parameters
-    ----------
-    values : array
-        Numbers; NaN stays missing.
-    kind : {"int16", "uint16", "uint8"}
-        Integers to use.
-    step : float, optional
-        Quantum, with offset 0; by default the range of the values fills the integers.
-
-    Returns
-    -------
-    dict
-        ``kind``, ``shape``, ``scale``, ``offset``, ``missing`` and ``data`` (base64, little endian):
-        value = offset + scale * integer.
-    """
+    """Quantise an array."""
     low, high = _LIMITS[kind]
     values = np.asarray(values, np.float64)
     there = np.isfinite(values)

@@ -46,21 +46,7 @@ def root_scale(top: float) -> Normalize:
 
 
 class Panel:
-    """A map on given axes.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-    scene : Scene
-    box : Box
-        Extent.
-    water : Forcing or StoredWater, optional
-        Gives currents and depth.
-    ticks : int, optional
-        About how many ticks an axis has.
-    labels : bool, optional
-        Axes say what they are.
-    """
+    """A map on given axes."""
 
     def __init__(
         self, ax: Axes, scene: Scene, box: Box, water: Water | None = None, *, ticks: int = 4, labels: bool = False
@@ -117,19 +103,7 @@ class Panel:
         )  # fmt: skip
 
     def draw_floor(self, *, isobaths: bool = True, shaded: bool = False, labels: bool = True) -> bool:
-        """Draw the sea floor: steps of depth as colour, isobaths, and hatched what the keel touches.
-
-        Parameters
-        ----------
-        isobaths, shaded, labels : bool, optional
-            Draw lines of equal depth, colours of depth, the depths at the lines.
-
-        Returns
-        -------
-        bool
-            Whether there is a place that the keel touches. A run without a sea floor has none: a depth of 0 everywhere is
-            no shoal, and a floor that does not act on the ice is not touched.
-        """
+        """Draw the sea floor: steps of depth as colour, isobaths, and hatched what the keel touches."""
         if self.water is None:
             return False
         draft = self.scene.draft()

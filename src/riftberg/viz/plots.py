@@ -74,20 +74,6 @@ def draw_dates(
 
     With outlines, a first panel shows what was observed alone, as figure 1 of Huth et al. (2022); the others are as its
     figure 2.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        From `riftberg.runs.run_file.open_run`.
-    path : path
-        Picture.
-    dates : sequence of numpy.datetime64, optional
-        Dates of the panels.
-    observed : mapping, optional
-        Outlines by ISO day.
-    water : Forcing or StoredWater, optional
-        Currents and sea floor; by default those that the run file keeps.
-    dpi : int, optional
     """
     scene, observed = Scene(run), observed or {}
     water = water or water_of(run)
@@ -225,18 +211,7 @@ def draw_damage(
     run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, water: Water | None = None,
     dpi: int = 150,
 ) -> Path:  # fmt: skip
-    """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
-
-    Parameters
-    ----------
-    run, path, dates, water, dpi
-        As in `draw_dates`.
-
-    Raises
-    ------
-    InputError
-        If the run has no damage.
-    """
+    """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end."""
     scene = Scene(run)
     damage = scene.bond_damage()
     if damage is None:

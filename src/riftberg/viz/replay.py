@@ -80,23 +80,12 @@ def write_replay(
 
 @dataclass
 class ReplayContent:
-    """What the page is given.
-
-    Attributes
-    ----------
-    run : xarray.Dataset
-    title : str
-        Heading.
-    observed : mapping
-        Outlines by ISO day.
-    largest : float
-        Size in bytes.
-    """
+    """What the page is given."""
 
     run: xr.Dataset
-    title: str
-    observed: Mapping[str, Sequence[Floats]]
-    largest: float = LARGEST
+    title: str  # Heading
+    observed: Mapping[str, Sequence[Floats]]  # Outlines by ISO day
+    largest: float = LARGEST  # Size in bytes
 
     def __post_init__(self) -> None:
         """Read the geometry of the run and choose the records."""

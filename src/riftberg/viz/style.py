@@ -41,13 +41,7 @@ UNDATED: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Da
 
 
 def check_format(path: str | Path) -> str:
-    """Return the format that the ending of a picture's name says, empty where it has none.
-
-    Raises
-    ------
-    InputError
-        If pictures cannot be written so.
-    """
+    """Return the format that the ending of a picture's name says, empty where it has none."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     ending = Path(path).suffix.removeprefix(".").lower()
