@@ -17,13 +17,13 @@ import importlib
 import logging
 from typing import TYPE_CHECKING, Any
 
-from riftberg import moved
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sweep import sweep
+    from riftberg.limits import allow_large
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
@@ -49,6 +49,7 @@ _HOMES = {
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
     "sweep": "riftberg.ensembles.sweep",
+    "allow_large": "riftberg.limits",
     "draw_map": "riftberg.viz.map",
     "draw_sweep": "riftberg.viz.sweep",
 }
@@ -65,6 +66,7 @@ __all__ = [
     "Parameters",
     "Steady",
     "__version__",
+    "allow_large",
     "draw_map",
     "draw_sweep",
     "open_cells",
@@ -72,8 +74,6 @@ __all__ = [
     "open_sweep",
     "sweep",
 ]
-
-moved.install()
 
 
 logging.getLogger("riftberg").addHandler(logging.NullHandler())
