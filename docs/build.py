@@ -67,7 +67,7 @@ def extra(field: Any, name: str) -> str:
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
-    from riftberg.usual import USUAL
+    from riftberg.config.usual_ranges import USUAL
 
     default = Parameters()
     text = [
@@ -318,7 +318,7 @@ def products_page() -> str:
 
 
 PAGES: dict[str, tuple[Callable[[], str], str]] = {
-    "parameters.md": (parameters_page, "src/riftberg/parameter_groups.py"),
+    "parameters.md": (parameters_page, "src/riftberg/config/parameter_groups.py"),
     "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
     "variables.md": (variables_page, "src/riftberg/state/variables.py and runs/run_file.py"),
     "namelist.md": (namelist_page, "src/riftberg/kid/entry_table.py"),

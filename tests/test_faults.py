@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 from riftberg.cli.main import app
 from riftberg.cli.output import check_folder, check_output, results_folder
 from riftberg.errors import InputError
-from riftberg.limits import MOST_ELEMENTS, allow_large, check_elements, check_work
-from riftberg.one_writer import OneWriter
 from riftberg.runs.run_file import RunWriter
+from riftberg.system.limits import MOST_ELEMENTS, allow_large, check_elements, check_work
+from riftberg.system.output_lock import OneWriter
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00
@@ -30,7 +30,7 @@ berg:
 forcing: {kind: constant, current: [0.2, 0.0]}
 """
 KERNEL = """\
-from riftberg.kernels import cache_folder, kernel
+from riftberg.compiled.kernels import cache_folder, kernel
 
 @kernel
 def doubled(x):

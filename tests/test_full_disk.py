@@ -34,7 +34,7 @@ import gc, itertools, os, shutil, sys
 from pathlib import Path
 sys.path[:0] = [{here!r}]
 from fakes import FakeModel
-from riftberg.whole_files import refusal
+from riftberg.system.atomic_files import refusal
 out, steps = Path(sys.argv[1]), 10**6
 def tell():
     with open(out / "filler", "wb", buffering=0) as file:

@@ -21,15 +21,15 @@ import pytest
 import typer
 
 import riftberg
-from riftberg import interrupts
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported
-from riftberg.interrupts import held, insisting
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import open_run
+from riftberg.system import interrupts
+from riftberg.system.interrupts import held, insisting
 
 SOURCES = Path(riftberg.__file__).parent
 
@@ -282,7 +282,7 @@ def test_no_kernel_that_python_calls_says_that_it_returns_a_named_tuple() -> Non
 
 
 def test_no_kernel_that_python_calls_returns_a_named_tuple() -> None:
-    """Of all kernels that have been compiled; see `riftberg.kernels`."""
+    """Of all kernels that have been compiled; see `riftberg.compiled.kernels`."""
     from numba.core.dispatcher import Dispatcher
     from numba.core.types import BaseNamedTuple, BaseTuple
 

@@ -18,7 +18,7 @@ import pytest
 
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import open_run
-from riftberg.whole_files import replacing
+from riftberg.system.atomic_files import replacing
 
 HERE = Path(__file__).parent
 
@@ -334,7 +334,7 @@ def test_passing_names_are_never_shared(tmp_path: Path) -> None:
 
 def test_codes_of_different_signatures_never_share_a_file(tmp_path: Path) -> None:
     """An index that was begun anew once gave the old code of another signature, until the new one was written."""
-    from riftberg.kernel_cache import SharedFiles
+    from riftberg.compiled.cache import SharedFiles
 
     def files(stamp: Any) -> SharedFiles:
         return SharedFiles(str(tmp_path), "law-1.py311", stamp)

@@ -15,8 +15,8 @@ import pytest
 
 from fakes import FakeModel
 from kid.conftest import write_case
-from riftberg.one_writer import only_writer
 from riftberg.runs.run_file import RunWriter
+from riftberg.system.output_lock import only_writer
 
 SLAB = """\
 start: 2020-12-09 13:00

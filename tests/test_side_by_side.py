@@ -24,13 +24,13 @@ import riftberg
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.kid.run import run_kid
-from riftberg.netcdf_lock import NETCDF, NetcdfLock, open_lazily, open_netcdf
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
-from riftberg.shared_settings import own_filters
+from riftberg.system.netcdf_lock import NETCDF, NetcdfLock, open_lazily, open_netcdf
+from riftberg.system.process_settings import own_filters
 
 SOURCES = Path(riftberg.__file__).parent
 WEAK = A68A_2022.changed(fracture={"normal_strength": 2e3, "shear_strength": 2e3})
@@ -318,7 +318,7 @@ def test_files_are_opened_in_one_place_only() -> None:
 COMPILE = """
 import sys
 import textwrap
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.state.neighbours import find_pairs
 from riftberg.stepping.sizes import radius_of
 from riftberg.physics.geometry import separation
@@ -352,7 +352,7 @@ def test_a_file_that_only_looks_like_netcdf_does_not_stop_the_program(tmp_path: 
     """Bug once: xarray wanted its lock a second time, for ever."""
     (tmp_path / name).write_text("no run at all")
     script = f"""
-    from riftberg.netcdf_lock import open_lazily
+    from riftberg.system.netcdf_lock import open_lazily
     try:
         open_lazily({str(tmp_path / name)!r})
     except (OSError, ValueError) as error:

@@ -17,7 +17,7 @@ from riftberg.state.neighbours import find_pairs
 KERNELS = """\
 import sys
 import numpy as np
-from riftberg.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel
 
 @kernel
 def doubled(x):
@@ -36,7 +36,7 @@ print(all_doubled(np.ones(3)), len(doubled.overloads), len(doubled.part.overload
 ALLOCATION = """\
 import numpy as np
 from numba.core.errors import NumbaError
-from riftberg.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel
 
 @kernel
 def ones(n):
@@ -71,7 +71,7 @@ print([m for m in ("xarray", "pandas", "dask", "scipy.linalg", "scipy.spatial", 
 
 LOCK = """\
 import sys
-from riftberg.netcdf_lock import NETCDF
+from riftberg.system.netcdf_lock import NETCDF
 with NETCDF:
     pass
 print("xarray" in sys.modules)
@@ -157,8 +157,8 @@ def test_partners_ascend_where_there_are_many() -> None:
 
 @pytest.mark.compiled
 def test_with_another_numba_kernels_are_compiled_as_it_does(tmp_path: Path) -> None:
-    """`riftberg.kernel_parts` knows the inside of some versions only; the others must do without."""
-    other = "import riftberg.kernels\nriftberg.kernels.KNOWN_NUMBA = ()\n" + KERNELS
+    """`riftberg.compiled.parts` knows the inside of some versions only; the others must do without."""
+    other = "import riftberg.compiled.kernels\nriftberg.kernels.KNOWN_NUMBA = ()\n" + KERNELS
     other = other.replace("len(doubled.part.overloads)", "hasattr(doubled, 'part')")
     for _ in range(2):  # compiled, then from the cache
         assert said(other, tmp_path, RIFTBERG_CACHE=str(tmp_path)).split()[::2][:2] == ["6.0", "False"]

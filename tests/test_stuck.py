@@ -14,10 +14,10 @@ import netCDF4
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import stuck
 from riftberg.cli import failures
 from riftberg.cli.main import app
-from riftberg.netcdf_lock import open_lazily, open_netcdf
+from riftberg.system import watchdog as stuck
+from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riftberg.units import parse_unit, to_unit
+from riftberg.config.units import parse_unit, to_unit
 
 
 @pytest.mark.parametrize(
@@ -73,10 +73,10 @@ def test_a_quantity_is_the_nearest_number_to_what_is_written(text: str, unit: st
 def test_every_unit_of_a_parameter_or_a_key_can_be_written_behind_its_value() -> None:
     """That of the toughness, Pa m1/2, could not: its slash was taken for that of m/s."""
     from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
+    from riftberg.config.values import unit_of
     from riftberg.experiments.formula_schema import formula_parts
     from riftberg.experiments.yaml_file import sections
     from riftberg.parameters import Parameters
-    from riftberg.values import unit_of
 
     groups = [type(getattr(Parameters(), name)).model_fields for name in Parameters.model_fields]
     shapes = [kind.model_fields for kind in (FieldOfBergs, LatticeRows, Rectangle)]

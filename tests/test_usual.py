@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
+from riftberg.config.usual_ranges import USUAL
 from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
-from riftberg.usual import USUAL
 
 NUMBERS_OF_METHOD = {
     "contact.radial_damping", "contact.tangential_damping", "contact.max_iterations", "bonds.max_bonds", "stepping.substeps",

@@ -15,11 +15,11 @@ from pydantic import BaseModel
 
 import riftberg
 from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg, Model, Parameters, Steady
+from riftberg.config.values import moment, native, number, numbers
 from riftberg.ensembles.sweep import planned
 from riftberg.errors import BergError, ForcingError, InputError
 from riftberg.experiments.options import Options
 from riftberg.experiments.yaml_file import build_file
-from riftberg.values import moment, native, number, numbers
 
 NOON = datetime(2020, 12, 9, 12)
 

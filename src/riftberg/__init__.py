@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sweep import sweep
-    from riftberg.limits import allow_large
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
+    from riftberg.system.limits import allow_large
     from riftberg.viz.map import draw_map
     from riftberg.viz.sweep import draw_sweep
 
@@ -49,7 +49,7 @@ _HOMES = {
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
     "sweep": "riftberg.ensembles.sweep",
-    "allow_large": "riftberg.limits",
+    "allow_large": "riftberg.system.limits",
     "draw_map": "riftberg.viz.map",
     "draw_sweep": "riftberg.viz.sweep",
 }

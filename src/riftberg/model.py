@@ -17,13 +17,12 @@ from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.portrait import card, portrait
+from riftberg.config.usual_ranges import unusual
+from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
-from riftberg.input_files import shortened, value_shown
-from riftberg.interrupts import Hold, held
 from riftberg.life.motion import MotionLedger
 from riftberg.life.needs import check_water
 from riftberg.life.process import LifeProcess, lives
-from riftberg.limits import check_work
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
@@ -37,8 +36,9 @@ from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
-from riftberg.usual import unusual
-from riftberg.values import moment, native, number, required
+from riftberg.system.input_files import shortened, value_shown
+from riftberg.system.interrupts import Hold, held
+from riftberg.system.limits import check_work
 
 _LOG = logging.getLogger(__name__)
 
@@ -502,7 +502,7 @@ class BareModel(RunState):
 
     @property
     def unusual(self) -> dict[str, str]:
-        """What lies outside its usual range, a sentence for each name (`riftberg.usual`)."""
+        """What lies outside its usual range, a sentence for each name (`riftberg.config.usual_ranges`)."""
         return unusual(self.parameters, self.elements, self.forcing, placed=self.step_number == 0)
 
     def __repr__(self) -> str:

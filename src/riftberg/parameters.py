@@ -1,6 +1,6 @@
 """All parameters of a run together: how they are checked against each other, and what compiled code reads of them.
 
-`Parameters` gathers the groups of `riftberg.parameter_groups`; `Parameters.kernel_values` flattens them into the named
+`Parameters` gathers the groups of `riftberg.config.parameter_groups`; `Parameters.kernel_values` flattens them into the named
 tuple of scalars that compiled code reads. The sets of the published run stand at the end.
 """
 
@@ -14,8 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from pydantic import Field, model_validator
 
-from riftberg.errors import GONE
-from riftberg.parameter_groups import (
+from riftberg.config.parameter_groups import (
     BondLaw,
     BondParameters,
     Calving,
@@ -36,7 +35,8 @@ from riftberg.parameter_groups import (
     Stepping,
     quantity,
 )
-from riftberg.values import unit_of
+from riftberg.config.values import unit_of
+from riftberg.errors import GONE
 
 __all__ = [
     "A68A_2022",

@@ -17,8 +17,8 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg import kernels
 from riftberg.cli.main import app
+from riftberg.compiled import kernels
 from riftberg.errors import ForcingError
 from riftberg.experiments import EXPERIMENTS, Info, Options
 from riftberg.runs.restart import load_state

@@ -12,15 +12,15 @@ import pytest
 from typer.testing import CliRunner
 
 from fakes import SIDE, BendingModel, FakeModel
-from riftberg import kernels
 from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
+from riftberg.compiled import kernels
+from riftberg.config.places import area_text, duration_text, place_text
 from riftberg.diagnostics.approach import Approach, approach, words
 from riftberg.diagnostics.beam import BeamCase
 from riftberg.experiments import EXPERIMENTS, Info
 from riftberg.experiments.beams import CANTILEVER, CANTILEVER_STORY
 from riftberg.parameters import A68A_2022
-from riftberg.places import area_text, duration_text, place_text
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.approach import draw_approach, telling
 

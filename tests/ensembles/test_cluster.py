@@ -16,7 +16,7 @@ from distributed import Client, LocalCluster
 from riftberg import Iceberg, Model, Parameters, Steady, sweep
 from riftberg.ensembles.cluster import connected
 from riftberg.errors import InputError
-from riftberg.netcdf_lock import open_lazily, write_dataset
+from riftberg.system.netcdf_lock import open_lazily, write_dataset
 
 ALONE = {"threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
 """Settings of a cluster within this process."""

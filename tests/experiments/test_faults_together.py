@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from riftberg import Parameters
 from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
 from riftberg.cli.main import app
+from riftberg.config.values import given, moment
 from riftberg.diagnostics.dates import parse_date
 from riftberg.errors import InputError
 from riftberg.experiments import build
@@ -25,7 +26,6 @@ from riftberg.experiments.schema import Berg, Experiment, ExperimentForcing, Mas
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.steady_schema import ConstantForcing
-from riftberg.values import given, moment
 
 SLAB = """\
 start: 2020-12-09 13:00

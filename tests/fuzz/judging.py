@@ -20,7 +20,7 @@ from typing import Any
 
 from riftberg.cli.failures import EXIT_ERROR
 from riftberg.cli.main import app
-from riftberg.stuck import STUCK_AFTER
+from riftberg.system.watchdog import STUCK_AFTER
 
 REFUSED, HARMLESS, RIGHT, TOLD = "refused well", "accepted, harmless", "right value", "told before the run"
 ACCEPTED, SILENT, TRACEBACK, HANG, VAGUE, REMAINS, REMOVED, LEAK, APART = (

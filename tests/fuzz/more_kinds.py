@@ -16,10 +16,10 @@ import yaml
 
 from fuzz.base_files import EXPERIMENT, KML, RING, TRACK, changed_nc, copied, store, summary
 from fuzz.judging import Kind, flipped
+from riftberg.config.sections import Section
 from riftberg.experiments import schema
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import Parameters
-from riftberg.sections import Section
 
 RUN = ["run", "bad.yaml", "-o", "out", "-q", "--no-map"]
 WRONG: dict[str, Any] = {

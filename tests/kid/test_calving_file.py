@@ -67,8 +67,8 @@ def test_a_file_of_another_grid_or_with_impossible_ice_is_refused(tmp_path: Path
 
 def test_the_stores_of_the_specification_are_reproduced() -> None:
     """Least, largest and mean store of a 20 x 20 grid with scalings of one, as written for the reference."""
+    from riftberg.config.parameter_groups import SOUTHERN_CLASSES, Calving
     from riftberg.life.calving import size_classes
-    from riftberg.parameter_groups import SOUTHERN_CLASSES, Calving
 
     table = SOUTHERN_CLASSES.model_copy(update={"scaling": (1.0,) * 10})
     classes = size_classes(table, Calving(), 850.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physics.agreement import SEEDS, assert_same
-from riftberg.parameter_groups import NORTHERN_CLASSES, SOUTHERN_CLASSES
+from riftberg.config.parameter_groups import NORTHERN_CLASSES, SOUTHERN_CLASSES
 from riftberg.physics import calving
 from twins import calving as twin
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from riftberg.kernels import plain
+from riftberg.compiled.kernels import plain
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, _hash_columns, adjacency, find_pairs, near_pairs
 from twins import geometry
 

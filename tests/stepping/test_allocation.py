@@ -8,7 +8,7 @@ from numba.core.errors import NumbaError
 from numba.core.runtime import _nrt_python, rtsys
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model
-from riftberg.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel
 
 pytestmark = pytest.mark.compiled
 

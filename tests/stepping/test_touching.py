@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.kernels import plain
+from riftberg.compiled.kernels import plain
 from riftberg.state import new_elements
 from riftberg.state.neighbours import OTHER_BERG, find_pairs, no_pairs
 from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view

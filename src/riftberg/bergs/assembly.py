@@ -13,10 +13,10 @@ from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster, is_gridded
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
-from riftberg.input_files import value_shown
-from riftberg.limits import check_elements
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
+from riftberg.system.input_files import value_shown
+from riftberg.system.limits import check_elements
 
 THICKEST = 5000.0
 """Thickness (m) that no ice on Earth has; what is above it is a fill value or a slip of units."""

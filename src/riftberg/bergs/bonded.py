@@ -11,12 +11,12 @@ import numpy as np
 from riftberg.bergs import rifts, strength
 from riftberg.bergs.assembly import inscribed_radius
 from riftberg.bergs.raster import is_map
+from riftberg.config.values import native, number
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
-from riftberg.input_files import value_shown
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, copy_state
-from riftberg.values import native, number
+from riftberg.system.input_files import value_shown
 
 
 def check_seed(seed: Any) -> int | None:

@@ -14,11 +14,11 @@ import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.keys import FieldOfBergs
+from riftberg.config.values import check_place, given, native, numbers
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
-from riftberg.input_files import value_shown
 from riftberg.state import Floats
-from riftberg.values import check_place, given, native, numbers
+from riftberg.system.input_files import value_shown
 
 LENGTHS: Final = np.array([60.0, 100.0, 200.0, 350.0, 500.0, 700.0, 900.0, 1200.0, 1600.0, 2200.0])
 """Lengths of the classes, m."""

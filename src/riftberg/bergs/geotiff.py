@@ -13,10 +13,10 @@ import numpy as np
 
 from riftberg.bergs.feature import needed
 from riftberg.errors import BergError
-from riftberg.input_files import check_file, reading
-from riftberg.limits import MOST_VALUES, refuse_large
-from riftberg.shared_settings import own_filters
 from riftberg.state import Floats
+from riftberg.system.input_files import check_file, reading
+from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.process_settings import own_filters
 
 SUFFIXES = (".tif", ".tiff", ".gtiff")
 

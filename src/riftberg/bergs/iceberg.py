@@ -39,10 +39,10 @@ from riftberg.bergs.portrait import card, portrait
 from riftberg.bergs.raster import Raster, check_on_globe, read_raster, unbroken
 from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
 from riftberg.bergs.report import describe, one_line
+from riftberg.config.values import flag, given, number, numbers
 from riftberg.errors import BergError, placed_in
-from riftberg.limits import check_elements
 from riftberg.plane import EqualAreaPlane
-from riftberg.values import flag, given, number, numbers
+from riftberg.system.limits import check_elements
 
 
 @dataclass(frozen=True, repr=False, eq=False)

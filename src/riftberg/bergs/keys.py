@@ -6,8 +6,8 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
+from riftberg.config.sections import Pair, Section, key, refuse_beyond
 from riftberg.parameters import Packing
-from riftberg.sections import Pair, Section, key, refuse_beyond
 
 MOST: dict[str, float] = {"velocity": 10.0, "spin": 0.01}
 """What is larger than anything in nature."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import BergError
-from riftberg.limits import check_elements
 from riftberg.parameters import Packing
 from riftberg.state import Floats, Ints
+from riftberg.system.limits import check_elements
 
 Booleans = NDArray[np.bool_]
 

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from riftberg.bergs.keys import MOST, BergKeys
+from riftberg.config.sections import beyond
+from riftberg.config.units import looks_like_quantity
+from riftberg.config.values import check_degrees, check_names, check_place, flag, given, native, number, numbers
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
-from riftberg.input_files import value_shown
 from riftberg.parameters import Earth, Ice, Packing
-from riftberg.sections import beyond
-from riftberg.units import looks_like_quantity
-from riftberg.values import check_degrees, check_names, check_place, flag, given, native, number, numbers
+from riftberg.system.input_files import value_shown
 
 
 class Material(NamedTuple):

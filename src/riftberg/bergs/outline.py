@@ -21,8 +21,8 @@ from riftberg.bergs.feature import Feature, needed, polygon
 from riftberg.bergs.outline_csv import features_of_csv
 from riftberg.bergs.outline_kml import features_of_kml
 from riftberg.errors import BergError
-from riftberg.input_files import check_archive, check_file, reading
-from riftberg.limits import MOST_TEXT
+from riftberg.system.input_files import check_archive, check_file, reading
+from riftberg.system.limits import MOST_TEXT
 
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "OGC:CRS84")
 

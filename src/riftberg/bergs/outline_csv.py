@@ -12,8 +12,8 @@ import shapely
 
 from riftberg.bergs.feature import Feature, polygon
 from riftberg.errors import BergError
-from riftberg.input_files import check_file, reading, value_shown
-from riftberg.limits import MOST_TEXT
+from riftberg.system.input_files import check_file, reading, value_shown
+from riftberg.system.limits import MOST_TEXT
 
 LON_NAMES = ("lon", "longitude", "long", "x", "easting")
 LAT_NAMES = ("lat", "latitude", "y", "northing")

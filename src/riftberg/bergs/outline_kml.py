@@ -13,8 +13,8 @@ import shapely
 
 from riftberg.bergs.feature import Feature, polygon
 from riftberg.errors import BergError
-from riftberg.input_files import check_archive
-from riftberg.limits import MOST_TEXT
+from riftberg.system.input_files import check_archive
+from riftberg.system.limits import MOST_TEXT
 
 
 def features_of_kml(path: Path) -> list[Feature]:

@@ -15,13 +15,13 @@ import numpy as np
 from riftberg.bergs.feature import needed
 from riftberg.bergs.geotiff import SUFFIXES, read_band
 from riftberg.bergs.lattice import Booleans
+from riftberg.config.values import required
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
-from riftberg.input_files import check_file, is_folder, reading
-from riftberg.limits import MOST_VALUES, refuse_large
-from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
-from riftberg.values import required
+from riftberg.system.input_files import check_file, is_folder, reading
+from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.netcdf_lock import open_lazily
 
 if TYPE_CHECKING:
     import xarray as xr

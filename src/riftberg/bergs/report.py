@@ -6,8 +6,8 @@ import numpy as np
 
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.config.places import latitude, longitude
 from riftberg.physics.floating import draft_of
-from riftberg.places import latitude, longitude
 from riftberg.state import Floats
 
 

@@ -11,7 +11,7 @@ from riftberg.cli.failures import reported
 from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.spans import positive
 from riftberg.errors import InputError
-from riftberg.limits import refuse_large
+from riftberg.system.limits import refuse_large
 
 
 @reported

@@ -15,7 +15,7 @@ from riftberg.cli.run import Settings, make_options
 from riftberg.cli.spans import positive
 from riftberg.errors import InputError
 from riftberg.experiments import Options
-from riftberg.limits import check_elements
+from riftberg.system.limits import check_elements
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model

@@ -12,7 +12,7 @@ import typer
 from riftberg.cli.failures import reported, say
 from riftberg.cli.output import check_folder, results_folder
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, is_folder, reading
+from riftberg.system.input_files import check_file, is_folder, reading
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.compare import Comparison, Known

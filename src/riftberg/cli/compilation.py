@@ -10,7 +10,7 @@ COMPILE_TIME = "about a minute on a free core"
 
 def announce_compilation(quiet: bool = False) -> None:
     """Say beforehand that the first step takes long where nothing has been compiled yet."""
-    from riftberg.kernels import is_warm
+    from riftberg.compiled.kernels import is_warm
 
     if not quiet and not is_warm():
         say(f"First run with this version: compiling takes {COMPILE_TIME}, once.")

@@ -11,10 +11,10 @@ from typing import Final, ParamSpec, TypeVar
 import typer
 
 from riftberg.errors import RiftbergError
-from riftberg.interrupts import insisting
-from riftberg.interrupts import say as say
-from riftberg.stuck import advice, when_stuck
-from riftberg.whole_files import refusal
+from riftberg.system.atomic_files import refusal
+from riftberg.system.interrupts import insisting
+from riftberg.system.interrupts import say as say
+from riftberg.system.watchdog import advice, when_stuck
 
 P = ParamSpec("P")
 R = TypeVar("R")

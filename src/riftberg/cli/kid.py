@@ -11,8 +11,8 @@ from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import reported, say
 from riftberg.cli.output import check_folder, check_output, results_folder
 from riftberg.errors import InputError
-from riftberg.input_files import is_folder
-from riftberg.limits import allow_extreme, allow_large
+from riftberg.system.input_files import is_folder
+from riftberg.system.limits import allow_extreme, allow_large
 
 
 @reported

@@ -88,7 +88,7 @@ class Commands(TyperGroup):
 
 def _refusal(finding: Any) -> str:
     """Return what pydantic found of a word on the command line."""
-    from riftberg.values import finding_text
+    from riftberg.config.values import finding_text
 
     kind, limits = finding["type"].partition("_")[0], finding.get("ctx", {})
     wanted = {"float": "a number", "int": "a whole number", "bool": "true or false"}.get(kind, "a number")

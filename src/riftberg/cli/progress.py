@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from riftberg.interrupts import Hold
+from riftberg.system.interrupts import Hold
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel

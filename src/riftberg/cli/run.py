@@ -14,13 +14,13 @@ from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.failures import EXIT_INTERRUPTED, reported, say
 from riftberg.cli.output import check_folder, results_folder
 from riftberg.cli.spans import positive, within
+from riftberg.config.usual_ranges import of_records
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
-from riftberg.input_files import check_file, is_folder, shown
-from riftberg.interrupts import held
-from riftberg.limits import allow_large, large_allowed
-from riftberg.usual import of_records
-from riftberg.whole_files import refusal
+from riftberg.system.atomic_files import refusal
+from riftberg.system.input_files import check_file, is_folder, shown
+from riftberg.system.interrupts import held
+from riftberg.system.limits import allow_large, large_allowed
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -543,7 +543,7 @@ def berg_line(model: Model) -> str:
     """Return size and place of the berg of a model in one line: swapped coordinates show there before the run."""
     import numpy as np
 
-    from riftberg.places import area_text, place_text
+    from riftberg.config.places import area_text, place_text
     from riftberg.stepping.fragments import centroid
 
     e = model.elements
@@ -562,7 +562,7 @@ def berg_line(model: Model) -> str:
 
 def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str]:
     """Return a summary in a few lines; ``told`` is what a test case tells of itself instead of fragments."""
-    from riftberg.places import duration_text
+    from riftberg.config.places import duration_text
 
     title = summary["experiment"] or "run"
     end = summary["end"].replace("T", " ")[:16]
@@ -592,7 +592,7 @@ def _speed(summary: dict[str, Any]) -> str:
 
 
 def _breakup_line(event: dict[str, Any], latlon: bool) -> str:
-    from riftberg.places import area_text
+    from riftberg.config.places import area_text
 
     whom = f"{event['parent_name']} " if event.get("parent_name") else ""
     bonds = f"{event['bonds']} bond{'s' if event['bonds'] != 1 else ''}"

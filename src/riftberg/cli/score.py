@@ -13,7 +13,7 @@ from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.cli.spans import within
 from riftberg.errors import InputError
-from riftberg.input_files import value_shown
+from riftberg.system.input_files import value_shown
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from riftberg.errors import InputError
-from riftberg.input_files import value_shown
+from riftberg.system.input_files import value_shown
 
 
 def positive(value: float | None, option: str, unit: str, most: float = math.inf) -> None:

@@ -13,7 +13,7 @@ from riftberg.cli.output import check_folder, results_folder
 from riftberg.cli.run import Data, Days, NumericsName, Settings, Without, make_options, output_folder
 from riftberg.cli.spans import positive
 from riftberg.errors import InputError, RunError
-from riftberg.limits import allow_large
+from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,15 +15,15 @@ from bmipy import Bmi
 from numpy.typing import NDArray
 
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.config.values import number
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.names import GIVEN, TAKEN, taken
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, reading
-from riftberg.limits import MOST_YAML
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.values import number
+from riftberg.system.input_files import check_file, reading
+from riftberg.system.limits import MOST_YAML
 
 SECTIONS: Final = ("grid", "berg", "parameters", "ocean", "days")
 """What a configuration file may hold."""

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.bergs.bonding import Metric
+from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.names import GIVEN, TAKEN, taken
@@ -28,7 +29,6 @@ from riftberg.ocean.loading import Staggering, at_corners, wind_from_stress
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.media import FORCES
-from riftberg.values import number
 
 STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.names import GIVEN
@@ -25,12 +26,11 @@ from riftberg.life.ledger import PROCESSES
 from riftberg.life.process import LifeModel
 from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
-from riftberg.netcdf_lock import write_dataset
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import summed
-from riftberg.values import number
+from riftberg.system.netcdf_lock import write_dataset
 from riftberg.version import __version__
 
 MASS: Final = len(PROCESSES)

@@ -8,9 +8,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.config.units import parse_unit
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
-from riftberg.units import parse_unit
 
 
 class Exchanged(NamedTuple):

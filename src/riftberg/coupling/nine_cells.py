@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.life.melted import bit_shape
 from riftberg.life.values import LifeValues
 from riftberg.ocean.grid import Grid

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.physics.geometry import separation

@@ -22,14 +22,14 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import Booleans, fill
 from riftberg.bergs.raster import Raster, projection, read_raster, unbroken
 from riftberg.bergs.regions import outline_region
+from riftberg.config.values import number
 from riftberg.coupling.shares import Shares, shares_of
 from riftberg.errors import BergError, InputError
-from riftberg.input_files import value_shown
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import number
+from riftberg.system.input_files import value_shown
 
 HALF: Final = 0.5
 """Cells of which more than this part is ice belong to the outline; the mass counts all parts."""

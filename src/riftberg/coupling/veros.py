@@ -12,13 +12,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.config.values import number
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.errors import InputError
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats
-from riftberg.values import number
 
 HEAT_CAPACITY: Final = 3991.868
 """Specific heat of sea water of TEOS-10, J kg-1 K-1; Veros itself knows none."""

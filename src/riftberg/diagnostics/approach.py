@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from riftberg.places import duration_text
+from riftberg.config.places import duration_text
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from riftberg.whole_files import write_text
+from riftberg.system.atomic_files import write_text
 
 
 @dataclass(frozen=True)

@@ -18,15 +18,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from riftberg.config.places import latitude, longitude
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.overlap import axis_difference, distance
 from riftberg.diagnostics.side_by_side import Event, aligned, differences
-from riftberg.places import latitude, longitude
 from riftberg.runs.checks import read_summary
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
-from riftberg.whole_files import write_text
+from riftberg.system.atomic_files import write_text
 
 SMALL: Final = 50.0
 """Pieces below this area (km2) are counted, not listed."""

@@ -8,8 +8,8 @@ from datetime import datetime, timedelta
 from typing import Any, Final
 
 from riftberg.bergs.feature import DATE_KEYS
+from riftberg.config.values import in_utc, nanoseconds
 from riftberg.errors import InputError
-from riftberg.values import in_utc, nanoseconds
 
 NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")
 """Attributes in whose text a date may stand, such as ``A68A 2020-12-17``."""

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from riftberg.config.places import area_text
 from riftberg.diagnostics.summary import called
-from riftberg.places import area_text
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -26,8 +26,8 @@ from riftberg.bergs.outline_csv import rows_of_csv
 from riftberg.diagnostics.dates import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, reading, value_shown
 from riftberg.state import Floats
+from riftberg.system.input_files import check_file, reading, value_shown
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""

@@ -20,10 +20,10 @@ from riftberg.bergs.outline import TALLEST, read_features
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
-from riftberg.input_files import reading
-from riftberg.limits import MOST_VALUES, refuse_large
-from riftberg.netcdf_lock import open_lazily
 from riftberg.state import Floats
+from riftberg.system.input_files import reading
+from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.netcdf_lock import open_lazily
 
 NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
 """Attributes that name an outline, best first."""

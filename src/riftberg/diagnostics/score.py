@@ -47,7 +47,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
 from riftberg.state import Floats
-from riftberg.whole_files import write_text
+from riftberg.system.atomic_files import write_text
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

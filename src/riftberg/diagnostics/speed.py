@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics import yardstick
-from riftberg.interrupts import held
+from riftberg.system.interrupts import held
 from riftberg.version import __version__
 
 if TYPE_CHECKING:

@@ -49,8 +49,8 @@ from riftberg.life.ledger import PROCESSES
 from riftberg.runs.provenance import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.track import Position, track_table
+from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
-from riftberg.whole_files import write_text
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel

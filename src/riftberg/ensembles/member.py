@@ -18,9 +18,9 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.options import Options
-from riftberg.input_files import value_shown
-from riftberg.limits import allow_large
 from riftberg.stepping.fragments import centroid
+from riftberg.system.input_files import value_shown
+from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel, Recorder

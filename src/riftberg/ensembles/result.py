@@ -10,13 +10,13 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from riftberg.config.values import required
 from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, is_folder, reading
-from riftberg.netcdf_lock import open_lazily, write_dataset
 from riftberg.state import Floats
-from riftberg.values import required
+from riftberg.system.input_files import check_file, is_folder, reading
+from riftberg.system.netcdf_lock import open_lazily, write_dataset
 from riftberg.version import __version__
 
 STATUS: Final = {"done": 0, "failed": 1, "waiting": 2}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
 
 import xarray as xr
 
+from riftberg.config.values import check_names, native, number
 from riftberg.ensembles.cluster import computed, connected
 from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
 from riftberg.ensembles.result import dataset_of, write_sweep
@@ -20,13 +21,12 @@ from riftberg.ensembles.vary import Varied, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed
 from riftberg.experiments.options import Options
-from riftberg.input_files import check_file, is_folder, reading, value_shown
-from riftberg.interrupts import Hold, held
-from riftberg.limits import large_allowed
-from riftberg.one_writer import only_writer
 from riftberg.runs.progress import SweepBar
-from riftberg.values import check_names, native, number
-from riftberg.whole_files import write_text
+from riftberg.system.atomic_files import write_text
+from riftberg.system.input_files import check_file, is_folder, reading, value_shown
+from riftberg.system.interrupts import Hold, held
+from riftberg.system.limits import large_allowed
+from riftberg.system.output_lock import only_writer
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model

@@ -11,13 +11,13 @@ from typing import Any, Final, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
+from riftberg.config.units import looks_like_quantity
+from riftberg.config.values import allowed, given, kinds_of, native, required, unit_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import find_field
-from riftberg.input_files import value_shown
-from riftberg.limits import refuse_large
 from riftberg.parameters import Parameters
-from riftberg.units import looks_like_quantity
-from riftberg.values import allowed, given, kinds_of, native, required, unit_of
+from riftberg.system.input_files import value_shown
+from riftberg.system.limits import refuse_large
 
 MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
@@ -114,7 +114,7 @@ def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
 
 def _spaced(low: str, high: str, count: int, field: FieldInfo, whole: bool, where: str) -> list[Any]:
     """Return evenly spaced values between two ends."""
-    from riftberg.values import number
+    from riftberg.config.values import number
 
     first, last = (number(end, unit_of(field), where=where) for end in (low, high))
     if not first < last:

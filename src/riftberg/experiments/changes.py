@@ -8,9 +8,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from riftberg.config.values import allowed, plain_value
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters
-from riftberg.values import allowed, plain_value
 
 Changes = dict[str, dict[str, Any]]
 

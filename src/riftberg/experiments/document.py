@@ -14,8 +14,8 @@ from typing import Any, Final
 import yaml
 
 from riftberg.errors import InputError, together
-from riftberg.input_files import check_file, shown, value_shown
-from riftberg.limits import MOST_YAML
+from riftberg.system.input_files import check_file, shown, value_shown
+from riftberg.system.limits import MOST_YAML
 
 Place = tuple[str | int, ...]
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
+from riftberg.config.sections import Section, key
 from riftberg.ocean import formulas
 from riftberg.ocean.formula_schema import (
     EddyPart,
@@ -19,7 +20,6 @@ from riftberg.ocean.formula_schema import (
     TurningWindPart,
     UniformPart,
 )
-from riftberg.sections import Section, key
 
 
 class FormulaForcing(Section):

@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from riftberg.bergs.keys import BergKeys, FieldOfBergs, LatticeRows, Rectangle
+from riftberg.config.sections import Pair, Section, key
+from riftberg.config.values import in_utc
 from riftberg.experiments.formula_schema import FormulaForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
-from riftberg.sections import Pair, Section, key
-from riftberg.values import in_utc
 
 SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""

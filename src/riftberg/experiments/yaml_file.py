@@ -14,6 +14,19 @@ from pydantic.fields import FieldInfo
 
 from riftberg.bergs.keys import FieldOfBergs
 from riftberg.bergs.report import lost_in_lattice
+from riftberg.config.values import (
+    NORTHERNMOST,
+    SOUTHERNMOST,
+    UnfitError,
+    allowed,
+    check_degrees,
+    check_kind,
+    check_place,
+    finding_text,
+    given,
+    kinds_of,
+    plain_value,
+)
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed, fields_of, reference_numerics
 from riftberg.experiments.document import Document, Place
@@ -29,23 +42,10 @@ from riftberg.experiments.schema import (
     Shelf,
     Strength,
 )
-from riftberg.input_files import value_shown
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
-from riftberg.values import (
-    NORTHERNMOST,
-    SOUTHERNMOST,
-    UnfitError,
-    allowed,
-    check_degrees,
-    check_kind,
-    check_place,
-    finding_text,
-    given,
-    kinds_of,
-    plain_value,
-)
+from riftberg.system.input_files import value_shown
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
@@ -190,7 +190,7 @@ def _check_kind(value: Any, field: FieldInfo, place: Place, document: Document) 
 
 def _is_quantity(value: Any, field: FieldInfo) -> bool:
     """Whether a text in a field for numbers or file names begins like a number."""
-    from riftberg.units import looks_like_quantity
+    from riftberg.config.units import looks_like_quantity
 
     return isinstance(value, str) and float in kinds_of(field.annotation) and looks_like_quantity(value)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from riftberg.errors import ForcingError
 from riftberg.fetching.download import Progress, Resuming, Tell, fetch_one, progressing
-from riftberg.netcdf_lock import open_netcdf
+from riftberg.system.netcdf_lock import open_netcdf
 
 NCEP_URL = "https://downloads.psl.noaa.gov/Datasets/ncep.reanalysis/surface_gauss/"
 GEBCO_URL = "https://coastwatch.pfeg.noaa.gov/erddap/griddap/"

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
 from riftberg.kid.ncfile import Column
-from riftberg.netcdf_lock import open_netcdf
-from riftberg.whole_files import refusal, replacing
+from riftberg.system.atomic_files import refusal, replacing
+from riftberg.system.netcdf_lock import open_netcdf
 
 BLOCK_RECORDS: Final = 20_000
 """Records held in memory at most, as long as writing them takes little time."""
@@ -37,7 +37,7 @@ PATIENCE: Final = 20.0
 class BlockWriter:
     """A NetCDF file with one unlimited dimension ``i``, to which records are appended in blocks.
 
-    A block goes into a copy of the file, which then takes its name (`riftberg.whole_files`). The container is NetCDF-4
+    A block goes into a copy of the file, which then takes its name (`riftberg.system.atomic_files`). The container is NetCDF-4
     with the classic data model: KID's own classic files take ten times as long to write.
     """
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError
 from riftberg.kid.ncfile import checksum, opened_dataset, unpacked
 from riftberg.life.calving import Stores
-from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats, Ints
-from riftberg.whole_files import replacing
+from riftberg.system.atomic_files import replacing
+from riftberg.system.netcdf_lock import open_netcdf
 
 AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
 """Dimensions of the file with their CF axis."""

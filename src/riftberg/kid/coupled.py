@@ -18,7 +18,6 @@ from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.nine_cells import NineCellRules
 from riftberg.coupling.reference import ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
-from riftberg.interrupts import held
 from riftberg.kid.calving_file import read_stores, write_stores
 from riftberg.kid.checks import check_distances
 from riftberg.kid.driver import MOST_CELLS, Clock, check_medium
@@ -28,9 +27,7 @@ from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step, to_parameters
 from riftberg.kid.restart import read_restart
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.limits import MOST_STEPS, refuse_large
 from riftberg.model import Recorder, finish_all
-from riftberg.netcdf_lock import open_netcdf
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import FieldRules
@@ -38,7 +35,10 @@ from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.parameters import Parameters, element_radius
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, Ints, new_bonds, new_elements
-from riftberg.whole_files import replacing
+from riftberg.system.atomic_files import replacing
+from riftberg.system.interrupts import held
+from riftberg.system.limits import MOST_STEPS, refuse_large
+from riftberg.system.netcdf_lock import open_netcdf
 
 RESTART: Final = "icebergs.res.nc"
 

@@ -18,12 +18,12 @@ from riftberg.kid.calendar import LATE_START, Date, date_after
 from riftberg.kid.hours import LIMITS, STRESS
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
-from riftberg.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import DepthRule, FieldRules, GriddedForcing
 from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.state import Elements, Floats
+from riftberg.system.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
 
 OCEAN_DEPTH: Final = 1000.0
 """Depth of the driver's ocean, m."""

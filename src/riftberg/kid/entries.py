@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from riftberg.errors import NamelistError
-from riftberg.input_files import value_shown
 from riftberg.kid.entry_table import COUPLED, DRIVER, ICEBERGS, INTEGER, LOGICAL, REAL, REALS, REFUSED, Entry, Value
+from riftberg.system.input_files import value_shown
 
 GROUPS: Final[dict[str, tuple[Entry, ...]]] = {
     "icebergs_nml": ICEBERGS,

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
-from riftberg.limits import MEANT, extreme_allowed
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats
+from riftberg.system.limits import MEANT, extreme_allowed
 
 BLOCK_BYTES: Final = 8 * 2**20
 """Stored bytes of one variable in a block, about; a block holds at least one chunk."""

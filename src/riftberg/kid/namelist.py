@@ -17,12 +17,12 @@ from typing import Any, Final
 import f90nml
 
 from riftberg.errors import NamelistError
-from riftberg.input_files import check_file, reading
 from riftberg.kid.entries import GROUPS, convert, find_entry, refused
 from riftberg.kid.entry_table import CALVING, HONOURED, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
 from riftberg.kid.needs import lacking
-from riftberg.limits import MOST_YAML
-from riftberg.shared_settings import own_filters
+from riftberg.system.input_files import check_file, reading
+from riftberg.system.limits import MOST_YAML
+from riftberg.system.process_settings import own_filters
 
 _FOLDERS: Final = ("restart_input_dir", "data_dir")
 

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, reading, value_shown
 from riftberg.kid.classic import missing_bytes
-from riftberg.limits import MOST_VALUES, refuse_large
-from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.state import Floats, Ints
-from riftberg.stuck import opening
-from riftberg.whole_files import replacing
+from riftberg.system.atomic_files import replacing
+from riftberg.system.input_files import check_file, reading, value_shown
+from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.netcdf_lock import NETCDF, open_netcdf
+from riftberg.system.watchdog import opening
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 

@@ -12,9 +12,9 @@ from typing import Any, Final
 from riftberg.errors import InputError
 from riftberg.kid.life_groups import life_groups
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
-from riftberg.limits import extreme_allowed
 from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
 from riftberg.stepping.speed_limit import FLUNG
+from riftberg.system.limits import extreme_allowed
 
 LONGEST_STEP: Final = 864_000.0
 """Longest long step that is taken, s (10 days)."""

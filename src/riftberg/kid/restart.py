@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from riftberg.errors import BergError
 from riftberg.kid.identifiers import cell_indices, join_id, new_identifiers, split_id
 from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole_column, write_restart_file
-from riftberg.limits import MEANT, extreme_allowed
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats, Ints, new_elements
+from riftberg.system.limits import MEANT, extreme_allowed
 
 CONTACT_FLAG: Final = 0.1
 """Value of ``static_berg`` that marks an element of the contact iteration (quirk Q2)."""

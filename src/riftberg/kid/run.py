@@ -13,8 +13,6 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
-from riftberg.input_files import is_folder
-from riftberg.interrupts import held, say
 from riftberg.kid.a68 import place_note
 from riftberg.kid.bond_restart import read_bonds, write_bonds
 from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, check_footloose, order_sides
@@ -28,11 +26,13 @@ from riftberg.kid.restart import read_restart, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid
-from riftberg.one_writer import only_writer
 from riftberg.parameters import Parameters, element_radius
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
-from riftberg.whole_files import refusal
+from riftberg.system.atomic_files import refusal
+from riftberg.system.input_files import is_folder
+from riftberg.system.interrupts import held, say
+from riftberg.system.output_lock import only_writer
 
 _LOG = logging.getLogger(__name__)
 

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.config.parameter_groups import Calving, ClassTable
 from riftberg.errors import InputError
 from riftberg.life.draws import FmsStream
 from riftberg.ocean.cells import position_in_cell
 from riftberg.ocean.grid import Grid
-from riftberg.parameter_groups import Calving, ClassTable
 from riftberg.parameters import Parameters
 from riftberg.physics.calving import class_width, fill_stores, fractions_by_mass, mean_weights
 from riftberg.state import Elements, Floats, Ints, new_elements

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
-from riftberg.kernels import kernel
 from riftberg.life.draws import Draws
 from riftberg.life.melted import bit_shape
 from riftberg.life.values import LifeValues

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.life.values import BERG, EXPOSED, MIXED, LifeValues
 from riftberg.physics.basal_melt import basal_melt_rate
 from riftberg.physics.coriolis import coriolis_parameter

@@ -20,8 +20,8 @@ import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.lattice import Booleans
+from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.errors import InputError
-from riftberg.kernels import borrower, kernel, plain
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints

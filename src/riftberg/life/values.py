@@ -10,7 +10,7 @@ from riftberg.physics.basal_melt import ExchangeValues
 from riftberg.physics.rolling import LEGACY, UPDATED, WEEKS_MELLOR
 
 EXPOSED, BERG, SHELF, MIXED = range(4)
-"""Modes of melt, in the order of `riftberg.parameter_groups.MeltMode`."""
+"""Modes of melt, in the order of `riftberg.config.parameter_groups.MeltMode`."""
 
 _MODES: Final = {"exposed": EXPOSED, "berg": BERG, "shelf": SHELF, "mixed": MIXED}
 _SCHEMES: Final = {"updated": UPDATED, "weeks_mellor": WEEKS_MELLOR, "legacy": LEGACY}

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from riftberg.config.values import given, native, number
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
@@ -15,7 +16,6 @@ from riftberg.ocean.shown import flows_text, pair_text, said
 from riftberg.ocean.steady_schema import ConstantForcing, steady_value
 from riftberg.parameters import Earth
 from riftberg.state import Elements, Floats, new_elements
-from riftberg.values import given, native, number
 
 DEEP = 1e4
 """Depth (m) of a sea without a floor to speak of."""

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.kernels import kernel
 from riftberg.ocean.mesh import Places, Points, beside
 from riftberg.products.stencil import offsets_by_distance
 from riftberg.state import Floats, Ints

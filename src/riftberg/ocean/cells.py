@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.ocean.geometry import (
     bilinear,
     blend_corners,

@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.config.values import given, moment, number, required
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import (
     NO_RINGS,
@@ -33,7 +34,6 @@ from riftberg.physics.floating import draft_of
 from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
-from riftberg.values import given, moment, number, required
 
 _LOG = logging.getLogger(__name__)
 

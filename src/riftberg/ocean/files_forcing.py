@@ -13,7 +13,6 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.limits import refuse_large
 from riftberg.ocean.datasets import FILLS, OVER_KEEL, VECTORS, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
@@ -28,6 +27,7 @@ from riftberg.products.packing import VALID
 from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window, window_in_time
 from riftberg.state import Floats
+from riftberg.system.limits import refuse_large
 
 WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy", *records.WAVES})
 """Canonical fields that a run takes from its files."""

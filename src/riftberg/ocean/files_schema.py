@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from riftberg.sections import Pair, Section, key
+from riftberg.config.sections import Pair, Section, key
 
 
 class NamedFiles(Section):

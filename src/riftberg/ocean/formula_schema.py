@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from riftberg.config.sections import Pair, Section, key
+from riftberg.config.values import check_place, flag, given, native, numbers
 from riftberg.errors import ForcingError
 from riftberg.ocean.steady_schema import steady_value
 from riftberg.parameters import Earth
-from riftberg.sections import Pair, Section, key
-from riftberg.values import check_place, flag, given, native, numbers
 
 M2: Final = 12.4206012 * 3600.0
 """Period of the principal lunar tide, s."""

@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from riftberg.config.places import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import Forcing
@@ -41,7 +42,6 @@ from riftberg.ocean.formula_schema import (
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.shown import ShownForcing, compass, flows_text, pair_text, said
-from riftberg.places import place_text
 from riftberg.state import Elements, Floats
 
 SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")

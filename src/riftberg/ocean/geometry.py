@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.state import Floats
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
@@ -31,7 +32,6 @@ from riftberg.ocean.tides import add_tidal_drift
 from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.order import listed
-from riftberg.values import moment, number, required
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]

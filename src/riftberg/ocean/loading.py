@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import STRESS_INVERSION_DRAG
-from riftberg.kernels import kernel
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.state import Floats

@@ -14,9 +14,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import xarray as xr
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
-from riftberg.kernels import kernel
 from riftberg.ocean.geometry import inverse_bilinear
 from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round

@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.config.places import latitude, longitude
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.loading import wind_from_stress
 from riftberg.ocean.turn import Turn
-from riftberg.places import latitude, longitude
 from riftberg.products.canonical import QUANTITIES, unlikely
 from riftberg.products.keel import layer_limits
 from riftberg.products.packing import VALID

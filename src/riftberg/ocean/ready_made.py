@@ -8,10 +8,10 @@ from typing import Any
 
 import xarray as xr
 
+from riftberg.config.values import required
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
 from riftberg.ocean.datasets import DatasetForcing
-from riftberg.values import required
 
 
 class Forcing(formulas.Formula):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.ocean.cells import contains, locate_in_cell, position_in_cell
 from riftberg.ocean.geometry import wrap_around
 from riftberg.state import Floats, Ints

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from typing import Final
 
-from riftberg.input_files import shortened
+from riftberg.system.input_files import shortened
 
 
 def pair_text(pair: tuple[float, ...]) -> str:

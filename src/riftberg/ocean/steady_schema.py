@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
+from riftberg.config.sections import Pair, Section, beyond, key, refuse_beyond
+from riftberg.config.values import given, native, number
 from riftberg.errors import ForcingError
-from riftberg.sections import Pair, Section, beyond, key, refuse_beyond
-from riftberg.values import given, native, number
 
 MOST = {"current": 10.0, "wind": 150.0, "slope": 0.01, "sea_ice": 100.0}
 """What is larger than anything in nature."""

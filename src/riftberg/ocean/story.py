@@ -28,8 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
-from riftberg.kernels import borrower, kernel
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.shown import ShownForcing
 from riftberg.state import Elements, Floats

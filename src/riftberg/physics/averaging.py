@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 
 DISC = 0.5604
 """Largest principal stress averaged over a disc near the tip of a crack in mode I, as a multiple of ``K / sqrt(R)``.

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY, RHO_SEAWATER
-from riftberg.kernels import kernel
 
 MIXED_LAYER: Final = 10.0
 VON_KARMAN: Final = 0.40

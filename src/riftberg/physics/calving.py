@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 
 
 @kernel

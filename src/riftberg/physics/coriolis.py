@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_ROTATION
-from riftberg.kernels import kernel
 
 
 @kernel

@@ -7,7 +7,7 @@ bond instead of the stiffness of a continuum; none of its constants is calibrate
 
 from __future__ import annotations
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 
 LARGEST_DAMAGE = 1.0 - 1e-6
 """Damage stops here, so that what is left of a strength stays positive."""

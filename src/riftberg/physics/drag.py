@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import (
     AIR_DRAG_SIDE,
     AIR_DRAG_TOP,
@@ -17,7 +18,6 @@ from riftberg.constants import (
     RHO_SEAWATER,
     SEA_ICE_DRAG_SIDE,
 )
-from riftberg.kernels import kernel
 
 
 @kernel

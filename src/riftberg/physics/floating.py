@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import RHO_SEAWATER
-from riftberg.kernels import kernel
 
 _Metres = TypeVar("_Metres", float, NDArray[np.float64])
 

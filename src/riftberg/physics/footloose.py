@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY, PI, RHO_SEAWATER
-from riftberg.kernels import kernel
 
 POISSON: Final = 0.3
 """Poisson's ratio of the bending edge."""

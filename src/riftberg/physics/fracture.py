@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 
 
 @kernel

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 
 _INVERSE_PI = 1.0 / math.pi
 # pi in three parts; the first two have 33 bits, so that their products with up to a million half turns are exact.

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import PI, SECONDS_PER_DAY
-from riftberg.kernels import kernel
 
 PER_DAY: Final = 1.0 / SECONDS_PER_DAY
 """One per day in s-1; rates are multiplied by it, as in the reference."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.physics.floating import draft_of
 
 UPDATED: Final = 1

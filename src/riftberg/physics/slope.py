@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY
-from riftberg.kernels import kernel
 
 
 @kernel

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.physics.geometry import metres_per_unit, nearest_image, to_tangent_plane
 
 Floats = NDArray[np.float64]

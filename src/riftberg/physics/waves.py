@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY, RHO_SEAWATER, WAVE_RADIATION_MAX
-from riftberg.kernels import kernel
 
 
 class Waves(NamedTuple):

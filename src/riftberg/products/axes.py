@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.products.canonical import QUANTITIES, conversion
-from riftberg.values import nanoseconds
 
 Floats = NDArray[np.float64]
 

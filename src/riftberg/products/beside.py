@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import open_lazily
+from riftberg.system.netcdf_lock import open_lazily
 
 _SAME = ("h", "mask_rho", "mask_u", "mask_v")
 """Fields of a grid that output often repeats, by which a grid is known to be its own."""

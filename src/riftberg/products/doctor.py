@@ -11,7 +11,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import open_netcdf
 from riftberg.products.axes import goes_round, step_of
 from riftberg.products.canonical import QUANTITIES, small_unit, unlikely
 from riftberg.products.findings import DataFinding, FieldFinding, Report
@@ -33,6 +32,7 @@ from riftberg.products.records import (
 )
 from riftberg.products.registry import expand, open_named, product_named, recognise
 from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
+from riftberg.system.netcdf_lock import open_netcdf
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -13,8 +13,6 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.input_files import check_file, is_folder
-from riftberg.netcdf_lock import open_lazily
 from riftberg.products.axes import tidy_axes
 from riftberg.products.fields import gathered
 from riftberg.products.packing import with_plain_packing, within_valid_range
@@ -23,7 +21,9 @@ from riftberg.products.records import REMARKS
 from riftberg.products.sizes import whole_size
 from riftberg.products.stated import stated_interval, told_kind
 from riftberg.products.text_dates import with_plain_time_units, with_text_dates
-from riftberg.shared_settings import SETTINGS, own_filters
+from riftberg.system.input_files import check_file, is_folder
+from riftberg.system.netcdf_lock import open_lazily
+from riftberg.system.process_settings import SETTINGS, own_filters
 
 CHUNK = "16MiB"
 _OPENINGS = (

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.netcdf_lock import open_netcdf
 from riftberg.products import (
     cf,
     duacs,
@@ -34,6 +33,7 @@ from riftberg.products.product import Product
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
+from riftberg.system.netcdf_lock import open_netcdf
 
 STAGES = ("nrt", "interim", "final")
 """Issues of one file, the most final last, as OSCAR has them in its names."""

@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.products.axes import goes_round, on_branch
 from riftberg.products.records import cover_of
-from riftberg.values import nanoseconds
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]

@@ -13,10 +13,10 @@ import numpy as np
 
 from riftberg import constants
 from riftberg.errors import RiftbergError, RunError
-from riftberg.netcdf_lock import open_lazily, open_netcdf
 from riftberg.runs.scene import filled_forward, on_one_branch, zonal_period
 from riftberg.state import Floats
-from riftberg.whole_files import refusal, replacing
+from riftberg.system.atomic_files import refusal, replacing
+from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 import numpy as np
 from pydantic import ValidationError
 
+from riftberg.config.values import finding_text
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, reading, shown, value_shown
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.life.motion import GIVERS
-from riftberg.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
-from riftberg.netcdf_lock import NETCDF, open_lazily
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
 from riftberg.stepping.media import FORCES
-from riftberg.values import finding_text
+from riftberg.system.input_files import check_file, reading, shown, value_shown
+from riftberg.system.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
+from riftberg.system.netcdf_lock import NETCDF, open_lazily
 
 if TYPE_CHECKING:
     import xarray as xr

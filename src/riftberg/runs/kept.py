@@ -11,11 +11,11 @@ import numpy as np
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError, RiftbergError
-from riftberg.interrupts import say
-from riftberg.netcdf_lock import open_netcdf
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter, missing_records, open_run
-from riftberg.whole_files import refusal
+from riftberg.system.atomic_files import refusal
+from riftberg.system.interrupts import say
+from riftberg.system.netcdf_lock import open_netcdf
 
 if TYPE_CHECKING:
     from riftberg.runs.restart import RestartState

@@ -7,18 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from riftberg.config.usual_ranges import of_records
+from riftberg.config.values import number, required
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import RiftbergError, RunError
-from riftberg.interrupts import held, say
 from riftberg.model import BareModel, Recorder, check_recorders
 from riftberg.ocean.forcing import Forcing
 from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
-from riftberg.usual import of_records
-from riftberg.values import number, required
-from riftberg.whole_files import refusal
+from riftberg.system.atomic_files import refusal
+from riftberg.system.interrupts import held, say
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -20,8 +20,6 @@ import netCDF4
 import numpy as np
 
 from riftberg.errors import InputError
-from riftberg.input_files import check_file, reading
-from riftberg.netcdf_lock import NETCDF, open_netcdf
 from riftberg.parameters import Parameters
 from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
@@ -29,9 +27,11 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, L
 from riftberg.state.population import Population
 from riftberg.stepping.contacts import ContactLog, Meeting
 from riftberg.stepping.fragments import Fragment
-from riftberg.stuck import opening
+from riftberg.system.atomic_files import replacing
+from riftberg.system.input_files import check_file, reading
+from riftberg.system.netcdf_lock import NETCDF, open_netcdf
+from riftberg.system.watchdog import opening
 from riftberg.version import __version__
-from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel

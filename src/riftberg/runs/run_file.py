@@ -35,10 +35,8 @@ import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
-from riftberg.input_files import is_folder
-from riftberg.netcdf_lock import open_netcdf
-from riftberg.one_writer import OneWriter
 from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.checks import open_checked
@@ -48,8 +46,10 @@ from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.texts import define_texts, texts
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
-from riftberg.values import required
-from riftberg.whole_files import refusal, replacing
+from riftberg.system.atomic_files import refusal, replacing
+from riftberg.system.input_files import is_folder
+from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.output_lock import OneWriter
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Floats, Ints
 
@@ -125,7 +125,7 @@ def find_pairs(
 def _find_pairs(
     x: Floats, y: Floats, berg: Ints, reach: float, rule: int, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Ints]:
-    """Return ``start`` and ``partner`` of `find_pairs`; see `riftberg.kernels` why no named tuple."""
+    """Return ``start`` and ``partner`` of `find_pairs`; see `riftberg.compiled.kernels` why no named tuple."""
     count = x.size
     start = np.zeros(count + 1, np.int64)
     if count == 0:

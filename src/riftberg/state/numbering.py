@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.state.variables import Floats, Ints
 
 SPARSE = 8

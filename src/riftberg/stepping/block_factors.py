@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from riftberg.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.state import Floats, Ints
 
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 
 LANES: Final = 32
 """Rows of a block."""

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.physics.bonds import (
     advance_slip,
     along_and_across,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.physics.bonds import normal_force
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation

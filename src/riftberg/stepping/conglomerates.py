@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.kernels import kernel, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.physics.fracture import exceeds
 from riftberg.state import Bonds, Elements, Ints
 from riftberg.state.neighbours import partners_over_bonds

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import principal
 from riftberg.physics.bonds import shear_stress_of, tensile_stress
@@ -40,7 +40,7 @@ def limits_of(bonds: Bonds, alive: Ints, p: KernelParameters) -> Limits:
 def _limits_of(
     strength: Floats, damage: Floats, alive: Ints, normal_strength: float, shear_strength: float
 ) -> tuple[Floats, Floats]:
-    """Return the fields of `Limits`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `Limits`; see `riftberg.compiled.kernels` why no named tuple."""
     normal, shear = np.empty(alive.size), np.empty(alive.size)
     for k in range(alive.size):
         b = alive[k]

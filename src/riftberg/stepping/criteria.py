@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from riftberg.kernels import kernel
-from riftberg.parameter_groups import Fracture
+from riftberg.compiled.kernels import kernel
+from riftberg.config.parameter_groups import Fracture
 from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_weight, principal
 from riftberg.physics.damage import stress_ratio

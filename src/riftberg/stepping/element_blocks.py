@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel, stage
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Elements, Floats
 from riftberg.stepping import bond_blocks as row

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel
 from riftberg.physics.geometry import nearest_image
 from riftberg.state import Floats, Ints
 
@@ -258,7 +258,7 @@ def regrouped(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon:
 def _regrouped(
     bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon: bool, radius: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
-    """Return the fields of `Bodies`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `Bodies`; see `riftberg.compiled.kernels` why no named tuple."""
     count = body.max() + 1
     shape, bend = bodies.shape.copy(), bodies.bend.copy()
     pose, rate = np.zeros((count, 3, 3)), np.zeros((count, 3))
@@ -418,7 +418,7 @@ def free_bodies(
 def _gathered(
     lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
-    """Return the fields of `Bodies`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `Bodies`; see `riftberg.compiled.kernels` why no named tuple."""
     count = body.max() + 1
     shape, pose, total = np.zeros((body.size, 3)), np.zeros((count, 3, 3)), np.zeros(count)
     first = np.full(count, -1, np.int64)

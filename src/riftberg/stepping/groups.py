@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from riftberg.kernels import kernel, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
 from riftberg.state import Elements

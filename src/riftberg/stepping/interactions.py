@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.contact import damping_coefficients, damping_tensor, pair_stiffness, spring_acceleration
 from riftberg.physics.geometry import separation

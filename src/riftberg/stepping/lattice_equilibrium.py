@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.errors import RunError
-from riftberg.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
 from riftberg.state import Bonds, Floats, Ints
@@ -76,7 +76,7 @@ def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p:
 def _find_lattice(
     first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
 ) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Return the fields of `ElasticLattice`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `ElasticLattice`; see `riftberg.compiled.kernels` why no named tuple."""
     count = first.size
     nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)

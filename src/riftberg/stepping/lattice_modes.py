@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.sizes import Sizes

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.physics.grounding import grounding_spin_rate

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.grounding import grounding_spin_rate

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.coriolis import coriolis_parameter
 from riftberg.physics.drag import air_drag, exposed_sides, ocean_drag, sea_ice_drag, side_width

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import borrower, kernel, stage
+from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
 from riftberg.stepping.interactions import COLLISION, PairLaw, pair_terms, stiffness_and_reach
 from riftberg.stepping.rigid_bodies import solve_three

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import borrower, kernel, stage
+from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
 from riftberg.stepping.interactions import PairLaw

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import plain
+from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.conglomerates import connected_parts

@@ -2,7 +2,7 @@
 
 To hand the arrays of a berg of some hundred elements to compiled code takes as long as its laws do, so the parts of a step
 (`riftberg.stepping.frames`, `riftberg.stepping.rigid_bodies`) are called together. All room comes from Python
-(`riftberg.kernels.borrower`).
+(`riftberg.compiled.kernels.borrower`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import borrower
+from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints, Motion, Shown
 from riftberg.stepping.frames import Bodies, find_element_motion, mean_bend, move_frames, place, without_mean

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from riftberg.kernels import borrower, stage
+from riftberg.compiled.kernels import borrower, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Ints
 from riftberg.stepping.beams import take_substeps_of_beams
@@ -171,7 +171,7 @@ def _step_of_beams(
     el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, sizes: Sizes, around: Surroundings,
     earlier: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """Return what `StepReport` holds; see `riftberg.kernels` why no named tuple.
+    """Return what `StepReport` holds; see `riftberg.compiled.kernels` why no named tuple.
 
     Beams and springs have a kernel each: together they take half as long again to compile, and a run needs one of them.
     """

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import plain
 from riftberg.errors import RunError
-from riftberg.kernels import plain
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Floats, Ints

@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
-from riftberg.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.geometry import separation
@@ -143,7 +143,7 @@ def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw)
 
 @kernel
 def _touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> tuple[Ints, Ints, Floats, Floats]:
-    """Return the fields of `Touching`; see `riftberg.kernels` why no named tuple."""
+    """Return the fields of `Touching`; see `riftberg.compiled.kernels` why no named tuple."""
     size = partners.partner.size // 2 + 1
     first, second = np.empty(size, np.int64), np.empty(size, np.int64)
     spring, damping = np.empty((size, 2)), np.empty((size, 3))

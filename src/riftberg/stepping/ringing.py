@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.config.places import duration_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.parameters import Parameters
-from riftberg.places import duration_text
 from riftberg.state import Bonds, Elements, Floats
 
 STEADY: Final = 12.0

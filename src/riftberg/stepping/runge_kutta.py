@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import metres_per_unit, move
 from riftberg.state import Elements, Floats

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 
@@ -55,7 +55,7 @@ def _interaction_sizes(
     length: Floats, width: Floats, thickness: Floats, mass: Floats, known_area: Floats, constant_size: bool,
     constant_area: float, rho_ice: float, sides: Ints, usual_sides: int, bonds_on: bool,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
-    """Return radius, and radius, mass and area in bonds; see `riftberg.kernels` why no named tuple."""
+    """Return radius, and radius, mass and area in bonds; see `riftberg.compiled.kernels` why no named tuple."""
     count = mass.size
     radius, bond_radius = np.empty(count), np.empty(count)
     bond_mass, bond_area = np.empty(count), np.empty(count)

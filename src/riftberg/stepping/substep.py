@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
-from riftberg.kernels import kernel, stage
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList

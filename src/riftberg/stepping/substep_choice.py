@@ -19,7 +19,7 @@ from riftberg.stepping.run_state import RunState
 from riftberg.stepping.sizes import Sizes, interaction_sizes
 
 MOST_COUNTED = 1e15
-"""Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.limits`."""
+"""Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.system.limits`."""
 
 SINGLE_STEP = {"verlet": 4.0, "runge_kutta": 0.5}
 """Largest squared frequency of bonds times step for schemes without sub-steps: of Verlet the bound of the leapfrog; in

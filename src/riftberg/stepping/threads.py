@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel, plain
+from riftberg.compiled.kernels import kernel, plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping import bond_blocks as row
@@ -69,7 +69,7 @@ def _begin(
     el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, bool, bool, bool, float]:  # fmt: skip
-    """As `begin_beams`; see `riftberg.kernels` why no named tuple."""
+    """As `begin_beams`; see `riftberg.compiled.kernels` why no named tuple."""
     on = begin_beams(el, bonds, room, sizes, around, earlier, plan, p)
     return on.count, on.floor_acts, on.floor_varies, on.near_pole, on.period
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.kernels import kernel, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.physics.contact import damping_coefficients, damping_tensor, spring_acceleration
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.kernels import kernel, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.interactions import Partners, Terms, interaction_terms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from riftberg.kernels import borrower
+from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Elements

@@ -8,7 +8,7 @@ the time with a threshold of some tenths, nothing but one vectorised loop is run
 
 from __future__ import annotations
 
-from riftberg.kernels import kernel
+from riftberg.compiled.kernels import kernel
 from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
 from riftberg.stepping import bond_blocks as row
 

@@ -17,12 +17,12 @@ from riftberg.errors import InputError
 from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
+from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours, style
 from riftberg.viz.moments import moment_text
 from riftberg.viz.panels import Panel, Water, arrow_key, fragment_colours, fragment_name, speed_bar, speed_top, widened
 from riftberg.viz.plots import figure_title
 from riftberg.viz.style import new_figure
-from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import xarray as xr
 
+from riftberg.config.values import required
 from riftberg.diagnostics.melt import melt_lines
 from riftberg.errors import InputError
 from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
-from riftberg.values import required
 from riftberg.viz import colours, style
 from riftberg.viz.moments import moment_text, moment_texts, span_text
 from riftberg.viz.panels import (

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.config.places import area_text
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
-from riftberg.places import area_text
 from riftberg.runs.background import KeptWater, StoredWater
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats

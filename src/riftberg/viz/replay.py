@@ -24,10 +24,10 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.background import StoredWater, on_even_grid, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
+from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.colours import FRAGMENTS, SMALL
 from riftberg.viz.packing import pack
-from riftberg.whole_files import write_text
 
 LARGEST: Final = 10e6
 """Size of the page (bytes) above which records are left out."""

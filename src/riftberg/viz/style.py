@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from riftberg.errors import InputError
+from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours
-from riftberg.whole_files import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

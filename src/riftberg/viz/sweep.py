@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from riftberg.config.values import required
 from riftberg.errors import InputError
 from riftberg.runs.scene import Box
-from riftberg.values import required
 from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
 

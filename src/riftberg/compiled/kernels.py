@@ -34,7 +34,7 @@ import numba
 from numba.core import config
 from platformdirs import user_cache_path
 
-from riftberg.kernel_cache import SharedCache
+from riftberg.compiled.cache import SharedCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -42,7 +42,7 @@ KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean", "life", "co
 """Sub-packages whose sources decide whether cached machine code is still right."""
 
 KNOWN_NUMBA: Final = ("0.68.",)
-"""Versions of numba for whose inside `riftberg.kernel_parts` is written; with others compiling takes three times as long."""
+"""Versions of numba for whose inside `riftberg.compiled.parts` is written; with others compiling takes three times as long."""
 
 for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold", "vectorize-memory-check-threshold"):
     llvm.set_option("riftberg", f"--{_option}=4096")
@@ -52,13 +52,13 @@ for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold"
 def cache_folder() -> Path:
     """Folder in which compiled kernels of exactly these sources are kept."""
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    root = Path(__file__).parent
+    root = Path(__file__).parents[1]
     for package in KERNEL_PACKAGES:
         for source in sorted((root / package).rglob("*.py")):
             digest.update(source.read_bytes())
-    digest.update((root / "constants.py").read_bytes())
-    for source in (Path(__file__), root / "kernel_parts.py"):
-        digest.update(source.read_bytes())
+    # The fields of `KernelParameters` are part of the machine code, and so is the way in which it is compiled.
+    for name in ("constants.py", "parameters.py", "compiled/kernels.py", "compiled/parts.py"):
+        digest.update((root / name).read_bytes())
     base = os.environ.get("RIFTBERG_CACHE")
     home = Path(base) if base else user_cache_path("riftberg")
     return _writable(home / "kernels" / digest.hexdigest()[:16])
@@ -129,7 +129,7 @@ def _compiled(function: _F, **options: Any) -> _F:
 
 
 def _in_parts(function: _F, options: dict[str, Any]) -> Any:
-    from riftberg.kernel_parts import Kernel
+    from riftberg.compiled.parts import Kernel
 
     return Kernel(function, targetoptions={"nopython": True, "boundscheck": None, **options})
 

@@ -75,7 +75,7 @@ class Kernel(CPUDispatcher):
 
     @cached_property
     def borrowing_part(self) -> Any:
-        """The same function as kernels call it that count no references; see `riftberg.kernels.borrower`."""
+        """The same function as kernels call it that count no references; see `riftberg.compiled.kernels.borrower`."""
         return self._as_part(counts=False)
 
     def _as_part(self, *, counts: bool) -> Any:

@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from riftberg import constants, values
+from riftberg import constants
+from riftberg.config import values
 from riftberg.errors import InputError, nearest
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.values import unit_of
+from riftberg.config.values import unit_of
 
 
 class Usual(NamedTuple):

@@ -3,7 +3,7 @@
 A slip of units (a radius of 1.5 instead of 1500 m) asks for terabytes or for months of computing. Such a wish is
 refused before any work begins, unless it is allowed: on the command line by ``--allow-large``, in Python by
 
->>> from riftberg.limits import allow_large
+>>> from riftberg.system.limits import allow_large
 >>> with allow_large():
 ...     pass
 """
@@ -41,9 +41,9 @@ MOST_VALUES: Final = 1_000_000_000
 BYTES_PER_ELEMENT: Final = 2500
 """Memory of an element with its bonds, about."""
 
-MEANT: Final = "or allow it by --allow-extreme (in Python: riftberg.limits.allow_extreme())"
+MEANT: Final = "or allow it by --allow-extreme (in Python: riftberg.system.limits.allow_extreme())"
 
-ANYWAY: Final = "or allow it by --allow-large (in Python: riftberg.limits.allow_large())"
+ANYWAY: Final = "or allow it by --allow-large (in Python: riftberg.system.limits.allow_large())"
 
 _ALLOWED: ContextVar[bool] = ContextVar("riftberg_large_allowed", default=False)
 

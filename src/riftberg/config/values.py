@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from riftberg.config.units import looks_like_quantity, to_unit
 from riftberg.errors import InputError, nearest, together
-from riftberg.input_files import value_shown
-from riftberg.units import looks_like_quantity, to_unit
+from riftberg.system.input_files import value_shown
 
 DATE_REMEDY: Final = "Write it like 2020-12-09 13:00"
 

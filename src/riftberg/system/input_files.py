@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from riftberg.errors import InputError, RiftbergError
-from riftberg.limits import human, refuse_large
+from riftberg.system.limits import human, refuse_large
 
 _KINDS: Final = (
     (stat.S_ISDIR, "a folder, not a file"),

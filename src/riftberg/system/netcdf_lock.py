@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, Final
 import netCDF4
 
 from riftberg.errors import RiftbergError
-from riftberg.input_files import no_plain_file
-from riftberg.stuck import opening
-from riftberg.whole_files import FULL, refused, replacing
+from riftberg.system.atomic_files import FULL, refused, replacing
+from riftberg.system.input_files import no_plain_file
+from riftberg.system.watchdog import opening
 
 if TYPE_CHECKING:
     import xarray as xr

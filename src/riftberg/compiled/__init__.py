@@ -1,0 +1,1 @@
+"""How numba compiles the kernels and where their machine code is kept."""

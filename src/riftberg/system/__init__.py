@@ -1,0 +1,1 @@
+"""What belongs to the process and its files: signals, locks, files written whole, input files."""
