@@ -23,9 +23,9 @@ from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from riftberg.parameters import Packing
 from riftberg.runs.model import Model
-from riftberg.stepping import quasi_static
-from riftberg.stepping.cracking import limits_of
-from riftberg.stepping.criteria import Equilibrium
+from riftberg.stepping.fracture.criteria import Equilibrium
+from riftberg.stepping.fracture.strengths import limits_of
+from riftberg.stepping.quasi_static import step as quasi_static
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"
 DISTANCE = 10.7e3

@@ -20,7 +20,7 @@ from story import put, table
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.state import Floats
-from riftberg.stepping.ringing import with_steady_step
+from riftberg.stepping.explicit.ringing import with_steady_step
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"
 BERGS = (("60 km", "12 km", 5e6), ("60 km", "30 km", 5e6), ("30 km", "12 km", 5e6), ("30 km", "30 km", 5e6),

@@ -16,7 +16,7 @@ from riftberg.errors import RunError
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
-from riftberg.stepping.fragments import Fragment
+from riftberg.stepping.fragments.tree import Fragment
 
 SIDE = 3000.0
 EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})

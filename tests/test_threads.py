@@ -14,10 +14,10 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
-from riftberg.stepping import multiple
-from riftberg.stepping.bond_rows import allocate_rows, load_rows
-from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.threads import parts_of
+from riftberg.stepping.explicit import mts as multiple
+from riftberg.stepping.explicit.bond_rows import allocate_rows, load_rows
+from riftberg.stepping.explicit.threads import parts_of
+from riftberg.stepping.forces.sizes import interaction_sizes
 
 PROGRAM = """
 import hashlib

@@ -28,14 +28,14 @@ from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved
 from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
-from riftberg.stepping.conglomerates import connected_parts
-from riftberg.stepping.contacts import ContactLog
-from riftberg.stepping.fragments import Fragment, FragmentTree
-from riftberg.stepping.ringing import ringing, with_steady_step
+from riftberg.stepping.explicit.ringing import ringing, with_steady_step
+from riftberg.stepping.explicit.substep_choice import assign_substeps, check_long_step, coarse_sizes
+from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
 from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
-from riftberg.stepping.substep_choice import assign_substeps, check_long_step, coarse_sizes
 from riftberg.system.input_files import shortened, value_shown
 from riftberg.system.interrupts import Hold, held
 from riftberg.system.limits import check_work
@@ -258,7 +258,7 @@ class BareModel(RunState):
         Returns
         -------
         array, shape (elements, forces, 2)
-            East and north, for each name of `riftberg.stepping.media.FORCES`.
+            East and north, for each name of `riftberg.stepping.forces.media.FORCES`.
         """
         applied = self._stepper.applied
         if not np.array_equal(self._stepped, self.elements.body.id):

@@ -18,7 +18,7 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
-from riftberg.stepping.media import FORCES
+from riftberg.stepping.forces.media import FORCES
 from stepping.test_media import SCHEMES
 from stepping.test_media import model as adrift
 from verification.setups import energy, lattice, parameters, shake

@@ -15,7 +15,7 @@ from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products.doctor import doctor
 from riftberg.runs.restart import load_state
-from riftberg.stepping.media import FORCES
+from riftberg.stepping.forces.media import FORCES
 from twins import waves as twin
 
 HEIGHT, PERIOD = (6.0, 0.4, 0.3), (11.0, 0.5, 0.2)

@@ -7,14 +7,14 @@ import numpy as np
 from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
-from riftberg.stepping.bond_rows import allocate_rows
-from riftberg.stepping.breaking import allocate_pairs
-from riftberg.stepping.interactions import Partners
-from riftberg.stepping.media import allocate_surroundings
-from riftberg.stepping.multiple import StepPlan, StepReport, take_long_step
-from riftberg.stepping.partners import without
-from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.substep import Room, allocate_scratch, pairs_from_list
+from riftberg.stepping.contact.candidates import without
+from riftberg.stepping.explicit.bond_rows import allocate_rows
+from riftberg.stepping.explicit.breaking import allocate_pairs
+from riftberg.stepping.explicit.mts import StepPlan, StepReport, take_long_step
+from riftberg.stepping.explicit.springs import Room, allocate_scratch, pairs_from_list
+from riftberg.stepping.forces.interactions import Partners
+from riftberg.stepping.forces.media import allocate_surroundings
+from riftberg.stepping.forces.sizes import interaction_sizes
 
 RADIUS = 1500.0
 FAR = 3 * RADIUS
@@ -157,7 +157,7 @@ def touching_pairs(el, bonds, p):
 def long_step(
     el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None, around=None
 ):
-    """Take one long step by the kernels of `riftberg.stepping.multiple`; changes the state in place."""
+    """Take one long step by the kernels of `riftberg.stepping.explicit.mts`; changes the state in place."""
     n = el.mass.size
     plan = StepPlan(
         dt=dt,

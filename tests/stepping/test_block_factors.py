@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.stepping.block_factors import BlockFactors, minimum_degree
+from riftberg.stepping.lattice.block_ldl import BlockFactors, minimum_degree
 
 
 def lattice(rows: int, columns: int, seed: int, *, slanted: bool = False):

@@ -10,13 +10,13 @@ import numba
 import numpy as np
 import pytest
 
-from riftberg.stepping import bond_blocks as row
-from riftberg.stepping import bond_law, element_blocks
-from riftberg.stepping.bond_rows import BondRows, allocate_rows, crosses, load_rows
-from riftberg.stepping.breaking import note_all
-from riftberg.stepping.element_blocks import drift_block, load_elements, sum_over_bonds
-from riftberg.stepping.scratch import allocate_scratch
-from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.explicit import bond_blocks as row
+from riftberg.stepping.explicit import bond_law, element_blocks
+from riftberg.stepping.explicit.bond_rows import BondRows, allocate_rows, crosses, load_rows
+from riftberg.stepping.explicit.breaking import note_all
+from riftberg.stepping.explicit.element_blocks import drift_block, load_elements, sum_over_bonds
+from riftberg.stepping.forces.scratch import allocate_scratch
+from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, parameters
 
 P = parameters()

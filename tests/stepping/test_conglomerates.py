@@ -7,7 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from riftberg.state import new_bonds, new_elements
-from riftberg.stepping.conglomerates import break_after_step, connected_parts, drop_broken_bonds, drop_parted_bonds
+from riftberg.stepping.fragments.connectivity import (
+    break_after_step,
+    connected_parts,
+    drop_broken_bonds,
+    drop_parted_bonds,
+)
 
 
 def flood(count, first, second, status):

@@ -7,8 +7,8 @@ import pytest
 
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
-from riftberg.stepping.contacts import APART, ContactLog, Meeting
-from riftberg.stepping.fragments import Fragment, FragmentTree
+from riftberg.stepping.fragments.contact_log import APART, ContactLog, Meeting
+from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 
 P = Parameters().kernel_values()
 HOUR = 3600.0

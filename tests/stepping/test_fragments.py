@@ -6,7 +6,7 @@ import numpy as np
 
 from riftberg.parameters import A68A_2022
 from riftberg.state import Bonds, Elements, new_bonds, new_elements
-from riftberg.stepping.fragments import FragmentTree
+from riftberg.stepping.fragments.tree import FragmentTree
 
 CONSTANTS = A68A_2022.kernel_values()
 

@@ -15,7 +15,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.landfall import turned_along
+from riftberg.stepping.contact.land import turned_along
 
 SIZE = 3000.0
 CURRENT = 0.3

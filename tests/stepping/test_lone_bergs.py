@@ -12,7 +12,7 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.state import ELEMENT_VARIABLES, new_elements
 from riftberg.stepping import schemes
-from riftberg.stepping.lone_bergs import find_islands
+from riftberg.stepping.explicit.lone_bergs import find_islands
 
 SPRING = (0.4 * 31.9 / 600.0) ** 2
 """Stiffness (s-2) for which both ways take 32 sub-steps in 600 s."""

@@ -7,9 +7,9 @@ import pytest
 
 from riftberg import Iceberg, Model, Steady
 from riftberg.parameters import A68A_2022
-from riftberg.stepping import media
-from riftberg.stepping.media import FORCES, MEDIA, SEA_FLOOR, Medium, allocate_surroundings, find_surroundings
-from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.forces import media
+from riftberg.stepping.forces.media import FORCES, MEDIA, SEA_FLOOR, Medium, allocate_surroundings, find_surroundings
+from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, parameters
 from twins import velocity as twin
 from twins.elements import unpack

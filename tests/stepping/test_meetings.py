@@ -14,9 +14,9 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.meetings import find_islands
-from riftberg.stepping.partners import NEWBORN_CHILD
-from riftberg.stepping.quasi_static import LongStep
+from riftberg.stepping.contact.candidates import NEWBORN_CHILD
+from riftberg.stepping.contact.islands import find_islands
+from riftberg.stepping.quasi_static.step import LongStep
 
 SIZE = 3000.0
 BARE: dict[str, Any] = {"only_interactions": True}

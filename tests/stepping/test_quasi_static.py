@@ -11,8 +11,10 @@ from riftberg.errors import RunError
 from riftberg.ocean.ready_made import Forcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.frames import element_motion, flat_shape, free_bodies, moved_frames, place, regrouped
-from riftberg.stepping.lattice_equilibrium import (
+from riftberg.stepping.bodies.pose import element_motion, flat_shape, free_bodies, moved_frames, place, regrouped
+from riftberg.stepping.bodies.rigid_bodies import CLOSE_ENOUGH, _change, allocate_body_room, close_step, newton_step
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.lattice.equilibrium import (
     Factors,
     Holds,
     balanced_loads,
@@ -21,8 +23,6 @@ from riftberg.stepping.lattice_equilibrium import (
     elastic_energy,
     find_lattice,
 )
-from riftberg.stepping.rigid_bodies import CLOSE_ENOUGH, _change, allocate_body_room, close_step, newton_step
-from riftberg.stepping.sizes import interaction_sizes
 from twins import equilibrium as twin
 
 EARTH = 6_363_827.0

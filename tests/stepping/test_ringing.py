@@ -14,7 +14,7 @@ from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Paramete
 from riftberg.cli.main import app
 from riftberg.experiments import Options, build
 from riftberg.state import Floats
-from riftberg.stepping.ringing import CALM, LONG_STEPS, ringing, swing, with_steady_step
+from riftberg.stepping.explicit.ringing import CALM, LONG_STEPS, ringing, swing, with_steady_step
 
 EXPLICIT = Parameters().changed(stepping={"scheme": "mts", "time_step": 1800.0})
 CASES: dict[str, tuple[dict[str, Any], int, bool]] = {

@@ -13,9 +13,9 @@ from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.lattice_modes import bond_operator, largest_eigenvalue
-from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.substep_choice import choose_substeps, stable_substep
+from riftberg.stepping.explicit.substep_choice import choose_substeps, stable_substep
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.lattice.modes import bond_operator, largest_eigenvalue
 
 RADIUS = 1500.0
 

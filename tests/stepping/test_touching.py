@@ -8,9 +8,9 @@ import pytest
 from riftberg.compiled.kernels import plain
 from riftberg.state import new_elements
 from riftberg.state.neighbours import OTHER_BERG, find_pairs, no_pairs
-from riftberg.stepping.interactions import PairLaw, Partners, interaction_terms, pair_view
-from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.touching import allocate_touching, contact_terms, find_touching
+from riftberg.stepping.forces.interactions import PairLaw, Partners, interaction_terms, pair_view
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.forces.touching import allocate_touching, contact_terms, find_touching
 from stepping.lattices import parameters
 
 LAW = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from riftberg.state import copy_state
-from riftberg.stepping import runge_kutta, verlet
-from riftberg.stepping.media import allocate_surroundings
-from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.explicit import runge_kutta, verlet
+from riftberg.stepping.forces.media import allocate_surroundings
+from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, long_step, parameters, partners_of
 from twins import drag as twin_drag
 from twins import stepping as twin

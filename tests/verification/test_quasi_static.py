@@ -20,9 +20,9 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.physics.drag import ocean_drag
 from riftberg.runs.model import Model
-from riftberg.stepping.frames import flat_shape, free_bodies
-from riftberg.stepping.lattice_equilibrium import bond_stresses, find_lattice
-from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.bodies.pose import flat_shape, free_bodies
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.lattice.equilibrium import bond_stresses, find_lattice
 from verification.setups import RADIUS, lattice, parameters, turn
 
 POISSON = 0.3

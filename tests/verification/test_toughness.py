@@ -14,11 +14,11 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.averaging import DISC, critical_toughness, disc_of_lattice, disc_radius, disc_weight
-from riftberg.stepping.cracking import Limits
-from riftberg.stepping.criteria import AveragedStress, Equilibrium, element_stresses
-from riftberg.stepping.frames import flat_shape, free_bodies
-from riftberg.stepping.lattice_equilibrium import Factors, Holds, balanced_loads, find_lattice
-from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.bodies.pose import flat_shape, free_bodies
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fracture.criteria import AveragedStress, Equilibrium, element_stresses
+from riftberg.stepping.fracture.strengths import Limits
+from riftberg.stepping.lattice.equilibrium import Factors, Holds, balanced_loads, find_lattice
 from verification.notched_beam import NotchedBeam
 
 SIDE = 42e3

@@ -544,7 +544,7 @@ def berg_line(model: Model) -> str:
     import numpy as np
 
     from riftberg.config.places import area_text, place_text
-    from riftberg.stepping.fragments import centroid
+    from riftberg.stepping.fragments.tree import centroid
 
     e = model.elements
     lon, lat = centroid(e.lon, e.lat, e.mass, model.parameters.earth.period)

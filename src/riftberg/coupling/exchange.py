@@ -28,7 +28,7 @@ from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.ocean.loading import Staggering, at_corners, wind_from_stress
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.media import FORCES
+from riftberg.stepping.forces.media import FORCES
 
 STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""

@@ -1,6 +1,6 @@
 """External forces on the elements of a run, from what its file recorded.
 
-The forces are those of the media table (`riftberg.stepping.media`) at the recorded state and velocity, each row one force;
+The forces are those of the media table (`riftberg.stepping.forces.media`) at the recorded state and velocity, each row one force;
 no law is known here by name. In runs that recorded the forces as they were applied, these are taken instead.
 """
 
@@ -14,10 +14,10 @@ import xarray as xr
 from riftberg.parameters import KernelParameters
 from riftberg.runs.applied import force_variables
 from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, new_elements
-from riftberg.stepping import media
-from riftberg.stepping.media import allocate_surroundings, find_surroundings
-from riftberg.stepping.sizes import interaction_sizes
-from riftberg.stepping.velocity import apply_at_velocities
+from riftberg.stepping.forces import media
+from riftberg.stepping.forces.implicit_velocity import apply_at_velocities
+from riftberg.stepping.forces.media import allocate_surroundings, find_surroundings
+from riftberg.stepping.forces.sizes import interaction_sizes
 
 _WORDS: Final = {
     "water": "ocean drag",

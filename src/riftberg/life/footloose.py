@@ -28,9 +28,9 @@ from riftberg.physics.rolling import roll
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.state.order import listed
-from riftberg.stepping.fragments import FragmentTree
-from riftberg.stepping.partners import NEWBORN_CHILD, contact_cells, within_cells
-from riftberg.stepping.sizes import radius_of
+from riftberg.stepping.contact.candidates import NEWBORN_CHILD, contact_cells, within_cells
+from riftberg.stepping.forces.sizes import radius_of
+from riftberg.stepping.fragments.tree import FragmentTree
 
 LARGEST_CUT: Final = 0.5
 """Part of its area that an element of a bonded berg loses to pieces in one step at most; the rest stays in its foot."""

@@ -25,8 +25,8 @@ from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.media import FORCES, SEA_FLOOR
-from riftberg.stepping.sizes import interaction_sizes
+from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
+from riftberg.stepping.forces.sizes import interaction_sizes
 
 if TYPE_CHECKING:
     from riftberg.stepping.run_state import RunState

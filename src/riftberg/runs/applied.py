@@ -8,7 +8,7 @@ import numpy as np
 
 from riftberg.state import Floats, Variable
 from riftberg.stepping.births import by_identifier
-from riftberg.stepping.media import FORCES
+from riftberg.stepping.forces.media import FORCES
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel

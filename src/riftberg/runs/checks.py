@@ -24,7 +24,7 @@ from riftberg.life.motion import GIVERS
 from riftberg.parameters import Parameters
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
-from riftberg.stepping.media import FORCES
+from riftberg.stepping.forces.media import FORCES
 from riftberg.system.input_files import check_file, reading, shown, value_shown
 from riftberg.system.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
 from riftberg.system.netcdf_lock import NETCDF, open_lazily

@@ -25,8 +25,8 @@ from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Life, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
-from riftberg.stepping.contacts import ContactLog, Meeting
-from riftberg.stepping.fragments import Fragment
+from riftberg.stepping.fragments.contact_log import ContactLog, Meeting
+from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import check_file, reading
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf

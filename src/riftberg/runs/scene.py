@@ -17,7 +17,7 @@ from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.runs.shapes import element_polygons
 from riftberg.state import Floats, Ints
-from riftberg.stepping.media import aground
+from riftberg.stepping.forces.media import aground
 
 if TYPE_CHECKING:
     import xarray as xr

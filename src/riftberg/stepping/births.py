@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
-from riftberg.stepping.conglomerates import connected_parts
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.sizes import interaction_sizes
 
 
 def complete_state(run: RunState) -> None:

@@ -9,8 +9,8 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements
 from riftberg.state.population import Population
-from riftberg.stepping.contacts import ContactLog
-from riftberg.stepping.fragments import FragmentTree
+from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.tree import FragmentTree
 
 
 @dataclass(eq=False)

@@ -13,21 +13,21 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, SAME_BERG, no_pairs
 from riftberg.state.order import enter_cells, listed
-from riftberg.stepping import runge_kutta, verlet
-from riftberg.stepping.batches import Batch
-from riftberg.stepping.breaking import allocate_pairs
-from riftberg.stepping.conglomerates import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
-from riftberg.stepping.interactions import Partners
-from riftberg.stepping.landfall import settle_bergs
-from riftberg.stepping.lone_bergs import collide, find_islands
-from riftberg.stepping.media import FORCES, Surroundings, allocate_surroundings
-from riftberg.stepping.multiple import StepReport, take_long_step
-from riftberg.stepping.partners import Neighbourhood, contact_cells, rest_lengths, with_partners
+from riftberg.stepping.contact.candidates import Neighbourhood, contact_cells, rest_lengths, with_partners
+from riftberg.stepping.contact.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
+from riftberg.stepping.contact.land import settle_bergs
+from riftberg.stepping.explicit import runge_kutta, verlet
+from riftberg.stepping.explicit.batches import Batch
+from riftberg.stepping.explicit.breaking import allocate_pairs
+from riftberg.stepping.explicit.lone_bergs import collide, find_islands
+from riftberg.stepping.explicit.mts import StepReport, take_long_step
+from riftberg.stepping.explicit.springs import POLAR_LATITUDE, allocate_room, pairs_from_list
+from riftberg.stepping.explicit.step_plan import StepPlan
+from riftberg.stepping.forces.interactions import Partners
+from riftberg.stepping.forces.media import FORCES, Surroundings, allocate_surroundings
+from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
+from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.sizes import Sizes, interaction_sizes
-from riftberg.stepping.step_plan import StepPlan
-from riftberg.stepping.substep import POLAR_LATITUDE, allocate_room, pairs_from_list
 
 
 class Stepper(Protocol):
@@ -79,7 +79,7 @@ def make_stepper(run: RunState) -> Stepper:
         return MultipleStepper(run)
     if scheme == "quasi_static":
         # Its sparse solver takes half a second to import, which runs by other schemes do not wait for.
-        from riftberg.stepping.quasi_static import QuasiStaticStepper
+        from riftberg.stepping.quasi_static.step import QuasiStaticStepper
 
         return QuasiStaticStepper()
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)

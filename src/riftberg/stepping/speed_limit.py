@@ -14,7 +14,7 @@ import numpy as np
 from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
-from riftberg.stepping.media import CORIOLIS, FORCES
+from riftberg.stepping.forces.media import CORIOLIS, FORCES
 from riftberg.stepping.run_state import RunState
 
 FLUNG: Final = 1000.0

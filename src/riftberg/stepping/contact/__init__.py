@@ -1,0 +1,1 @@
+"""Who may touch whom (broad phase), islands of fragments in contact, impulses, land."""

@@ -1,0 +1,191 @@
+"""Who acts on whom in a step: partners over bonds, inside a berg and of other bergs."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.bergs.bonding import Metric, separations
+from riftberg.ocean.grid import Grid
+from riftberg.parameters import KernelParameters, Parameters
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
+from riftberg.stepping.forces.sizes import Sizes
+
+NEWBORN_CHILD = -1.0
+"""Foot of a child of footloose calving that takes no part in contact yet."""
+
+NEAR, MISSED = 1.5, 0.3
+"""Pairs may meet that come within so many distances of contact, or within so much of what their speed carries them."""
+
+MARGIN = 1.001
+"""Times the distance within which pairs may meet, in which they are looked for: round-off must not hide one."""
+
+
+class CellSearch(NamedTuple):
+    """How far the reference looks for partners in the cells of the ocean's grid: columns and rows to each side (equations 5.1).
+
+    ``around`` is the number of columns of a cyclic grid, else 0.
+    """
+
+    columns: int
+    rows: int
+    around: int
+
+    def within(self, cells: int) -> CellSearch:
+        """Return a search over so many cells to each side."""
+        return CellSearch(cells, cells, self.around)
+
+
+def contact_cells(p: Parameters, grid: Grid | None) -> CellSearch | None:
+    """Return the cells in which bergs that touch are looked for (equations 5.1); None where it is done by distance.
+
+    As many columns as bring any corner of the grid ``contact.distance`` farther east, as many rows as it has in the south.
+    """
+    if grid is None or not p.compatibility.contact_by_cells:
+        return None
+    g, distance = grid.arrays, p.contact.distance
+    degree = math.radians(p.earth.radius) if g.latlon else 1.0
+    parallel = degree * (np.cos(np.radians(g.lat)) if g.latlon else np.ones_like(g.lat))
+    columns = 1
+    while columns < g.ni and ((g.lon[:, columns:] - g.lon[:, :-columns]) * parallel[:, :-columns] < distance).any():
+        columns += 1
+    rows = math.ceil(distance / (degree * float(g.lat[1, 0] - g.lat[0, 0])))
+    return CellSearch(columns, max(rows, 1), g.ni if g.cyclic else 0)
+
+
+class Neighbourhood:
+    """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
+
+    def __init__(self) -> None:
+        self._bonded: tuple[PairList, Ints] | None = None
+        self._standing: tuple[int, int, int] = (-1, -1, -1)
+
+    def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
+        """Partners over unbroken bonds and the bond of each entry."""
+        # Bonds only break, and a new one raises the largest identifier; elements that go change the number of elements.
+        standing = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
+        if self._bonded is None or standing != self._standing:
+            self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
+            self._standing = standing
+        return self._bonded
+
+    def find(
+        self, el: Elements, reach: float, rule: int, c: KernelParameters, cells: CellSearch | None = None
+    ) -> PairList:
+        """Partners within ``reach`` metres by the positions that others see, and within some cells."""
+        if el.size < 2 or reach <= 0.0:
+            return no_pairs(el.size)
+        pairs = find_pairs(el.lon_pair, el.lat_pair, el.berg, reach, rule, c.latlon, c.earth_radius, c.period)
+        if cells is not None:
+            pairs = within_cells(pairs, el, cells)
+        # A child of footloose calving lies on the rim of its parent until it has drifted off.
+        newborn = el.life.fl_k == NEWBORN_CHILD
+        return among(pairs, ~newborn) if newborn.any() else pairs
+
+    def collisions(self, el: Elements, sizes: Sizes, c: KernelParameters, cells: CellSearch | None = None) -> PairList:
+        """Partners of other bergs within reach of contact."""
+        if not c.interactions or not (el.berg != el.berg[0]).any():
+            return no_pairs(el.size)
+        # The largest distance at which two elements can be in contact.
+        return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c, cells)
+
+    def meetings(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+        """Pairs of elements of different bergs, each once, that may come into contact during a long step of ``dt`` s.
+
+        `will_touch` decides for each pair by itself, so that bergs elsewhere have no say in it.
+        """
+        return pairs_that_may_meet(el, el.berg, sizes, dt, c)
+
+    def same_berg(
+        self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters, cells: CellSearch | None = None
+    ) -> PairList:
+        """Unbonded partners of the same berg within ``reach``."""
+        return without(self.find(el, reach, SAME_BERG, c, cells), self.bonded(el, bonds)[0])
+
+
+def pairs_that_may_meet(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+    """Pairs of elements of different bergs by their numbers ``berg``; see `Neighbourhood.meetings`."""
+    none = np.zeros(0, np.int64)
+    if not c.interactions or el.size < 2 or not (berg != berg[0]).any():
+        return none, none
+    u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
+    touching = np.maximum(radius, 0.5 * c.contact_distance)
+    speed = np.hypot(u - u.mean(), v - v.mean())
+    # Each as far as it can come by itself: one that is large or quick must not make all others look far.
+    reach = NEAR * touching + (1.0 + MISSED) * np.where(np.isfinite(speed), speed, 0.0) * dt
+    shown = el.shown
+    first, second = near_pairs(shown.lon_pair, shown.lat_pair, berg, MARGIN * reach, c.latlon, c.earth_radius, c.period)
+    # A child of footloose calving lies on the rim of its parent until it has drifted off.
+    newborn = el.life.fl_k == NEWBORN_CHILD
+    if newborn.any():
+        grown = ~(newborn[first] | newborn[second])
+        first, second = first[grown], second[grown]
+    return will_touch(el, first, second, radius, dt, c)
+
+
+def will_touch(
+    el: Elements, first: Ints, second: Ints, radius: Floats, dt: float, c: KernelParameters
+) -> tuple[Ints, Ints]:
+    """Return those pairs that may come into contact within ``dt`` s.
+
+    Along straight paths they come within `NEAR` distances of contact, or miss that by less than `MISSED` of what their
+    relative speed carries them: velocities change within the step.
+    """
+    shown = el.shown
+    metric = Metric(c.latlon, c.earth_radius, c.period)
+    dx, dy = separations(
+        metric, shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second]
+    )
+    du, dv = shown.u_pair[first] - shown.u_pair[second], shown.v_pair[first] - shown.v_pair[second]
+    squared = du * du + dv * dv
+    when = np.clip(-(dx * du + dy * dv) / np.where(squared > 0.0, squared, 1.0), 0.0, dt)
+    nearest = np.hypot(dx + when * du, dy + when * dv)
+    touching = np.maximum(radius[first] + radius[second], c.contact_distance)
+    near = nearest < NEAR * touching + MISSED * np.sqrt(squared) * dt
+    return first[near], second[near]
+
+
+def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
+    """Return ``pairs`` with only those partners that are allowed (Q21: partners with fewer than ``max_bonds`` bonds)."""
+    return _kept(pairs, allowed[pairs.partner])
+
+
+def among(pairs: PairList, allowed: np.ndarray) -> PairList:
+    """Return ``pairs`` with only those of which both are allowed."""
+    return _kept(pairs, allowed[pairs.partner] & allowed[_owners(pairs)])
+
+
+def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
+    """Return ``pairs`` with only those whose cells are so near to each other."""
+    i, j, owner = el.place.cell_i, el.place.cell_j, _owners(pairs)
+    across, up = np.abs(i[owner] - i[pairs.partner]), np.abs(j[owner] - j[pairs.partner])
+    if cells.around:
+        across = np.minimum(across, cells.around - across)
+    return _kept(pairs, (across <= cells.columns) & (up <= cells.rows))
+
+
+def without(pairs: PairList, excluded: PairList) -> PairList:
+    """Return ``pairs`` less those that stand in ``excluded``."""
+    count = pairs.start.size - 1
+    taken = _owners(excluded) * count + excluded.partner
+    return _kept(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, taken))
+
+
+def _owners(pairs: PairList) -> Ints:
+    """Return the element to whose list each entry belongs."""
+    return np.repeat(np.arange(pairs.start.size - 1), np.diff(pairs.start))
+
+
+def _kept(pairs: PairList, keep: NDArray[np.bool_]) -> PairList:
+    """Return ``pairs`` with some of their entries."""
+    number = np.bincount(_owners(pairs)[keep], minlength=pairs.start.size - 1)
+    return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[keep])
+
+
+def rest_lengths(bonds: Bonds, bond: Ints, p: KernelParameters) -> Floats:
+    """Rest lengths (m) of the entries of a list of bonded partners; none where the reference's rule holds."""
+    return np.zeros(0) if p.rest_length_from_sizes else bonds.rest_length[bond]

@@ -1,0 +1,1 @@
+"""Forces on elements: media, sizes, contact of pairs, velocities solved implicitly."""

@@ -1,0 +1,167 @@
+"""Contact between bergs as events: who met whom, when, where and how fast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from riftberg.parameters import KernelParameters
+from riftberg.state import Elements, Ints
+from riftberg.stepping.fragments.tree import FragmentTree
+
+APART: Final = 6.0 * 3600.0
+"""Time (s) after which bergs that touch again have met anew."""
+
+_HALF: Final = 32
+_OTHER: Final = (1 << _HALF) - 1
+"""The numbers of both bergs of a pair stand in one whole number, half each."""
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """One meeting of two bergs or fragments."""
+
+    first: int  # Their numbers
+    second: int  # Their numbers
+    # Start of the long step in which they first touched, and end of that in which they last did, s since the start
+    time: float
+    # Start of the long step in which they first touched, and end of that in which they last did, s since the start
+    end: float
+    lon: float  # Where they first touched, degrees (m on a Cartesian grid)
+    lat: float  # Where they first touched, degrees (m on a Cartesian grid)
+    speed: float  # Relative speed before they touched, m s-1
+
+
+class ContactLog:
+    """All meetings of a run.
+
+    A piece and what it broke off touch from its birth on; that is no meeting before they have been `APART`.
+    """
+
+    def __init__(self, rows: list[Meeting] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
+        self._rows: list[Meeting] = list(rows or [])
+        quiet = quiet or {}
+        # When each contact, a meeting or not, last was: meetings first. Hundreds of pieces touch in each step, most of them
+        # those of the step before, so these are gone through as arrays.
+        self._last = np.array([row.end for row in self._rows] + list(quiet.values()), np.float64)
+        self._count = self._last.size
+        self._of_row = list(range(len(self._rows)))
+        self._latest = {(row.first, row.second): k for k, row in enumerate(self._rows)}
+        self._quiet = {key: len(self._rows) + k for k, key in enumerate(quiet)}
+        self._touching: tuple[Ints, Ints] = np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+    @property
+    def rows(self) -> list[Meeting]:
+        """All meetings, in order of time."""
+        for k, (row, end) in enumerate(zip(self._rows, self._last[self._of_row].tolist(), strict=True)):
+            if row.end != end:
+                self._rows[k] = replace(row, end=end)
+        return self._rows
+
+    @property
+    def quiet(self) -> dict[tuple[int, int], float]:
+        """When pairs last touched that are no meeting."""
+        return {key: float(self._last[k]) for key, k in self._quiet.items()}
+
+    def saved(self) -> ContactLog:
+        """Return a copy to go back to; made before each long step, so that nothing is looked for anew."""
+        copy = object.__new__(ContactLog)  # what `__init__` finds out is known
+        copy._rows, copy._of_row, copy._last = self._rows.copy(), self._of_row.copy(), self._last.copy()
+        copy._quiet, copy._latest, copy._touching = self._quiet.copy(), self._latest.copy(), self._touching
+        copy._count = self._count
+        return copy
+
+    def update(
+        self,
+        before: Elements,
+        pairs: tuple[Ints, Ints],
+        began: float,
+        ended: float,
+        tree: FragmentTree,
+        p: KernelParameters,
+    ) -> None:
+        """Take note of the pairs of elements that touched in a long step.
+
+        ``began``, ``ended``: of the long step, s.
+        """
+        first, second = pairs
+        if first.size == 0:
+            return
+        berg = before.body.berg
+        one, other = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
+        apart = np.flatnonzero(one != other)
+        both, each = np.unique((one[apart] << _HALF) | other[apart], return_index=True)
+        contact = self._extended(both, began, ended)
+        for n in np.flatnonzero(contact < 0).tolist():
+            key, k = (int(both[n]) >> _HALF, int(both[n]) & _OTHER), int(apart[each[n]])
+            known = self._goes_on(key, began, tree)
+            if known < 0:
+                known = self._latest[key] = self._new()
+                self._of_row.append(known)
+                self._rows.append(_meeting(before, key, int(first[k]), int(second[k]), began, ended, p))
+            contact[n], self._last[known] = known, ended
+        self._touching = both, contact
+
+    def _extended(self, both: Ints, began: float, ended: float) -> Ints:
+        """Extend the contacts of pairs that touched when last any did; the number of each contact, or -1."""
+        before, contact = self._touching
+        if before.size == 0:
+            return np.full(both.size, -1)
+        at = np.minimum(np.searchsorted(before, both), before.size - 1)
+        goes_on = (before[at] == both) & (began - self._last[contact[at]] < APART)
+        self._last[contact[at[goes_on]]] = ended
+        return np.where(goes_on, contact[at], -1)
+
+    def _goes_on(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
+        """Return the contact of a pair that touched not long ago, or is none that counts; -1 for a new meeting."""
+        k = self._latest.get(key, -1)
+        if k >= 0 and began - self._last[k] < APART:
+            return k
+        k = self._quiet.get(key, -1)
+        if k >= 0 and began - self._last[k] < APART:
+            return k
+        if not self._by_birth(key, began, tree):
+            return -1
+        if k < 0:
+            k = self._quiet[key] = self._new()
+        return k
+
+    def _new(self) -> int:
+        """Return the number of a new contact."""
+        if self._count == self._last.size:  # twice the room, so that thousands may begin in one step
+            self._last = np.append(self._last, np.full(max(self._last.size, 64), -np.inf))
+        self._count += 1
+        return self._count - 1
+
+    def _by_birth(self, key: tuple[int, int], began: float, tree: FragmentTree) -> bool:
+        """Whether a pair touches because one of it has just broken off: from the other, or from what touched that."""
+        for own, other in (key, key[::-1]):
+            row = tree.rows[own - 1] if 0 < own <= len(tree.rows) else None
+            if row is None or row.parent <= 0 or began - row.birth_time >= APART:
+                continue
+            family = (min(row.parent, other), max(row.parent, other))
+            sibling = tree.rows[other - 1].parent if 0 < other <= len(tree.rows) else 0
+            if row.parent in (other, sibling) or self._near_in_time(family, began):
+                return True
+        return False
+
+    def _near_in_time(self, key: tuple[int, int], began: float) -> bool:
+        """Whether a pair touched not long ago."""
+        contacts = (self._latest.get(key, -1), self._quiet.get(key, -1))
+        return any(k >= 0 and began - self._last[k] < APART for k in contacts)
+
+
+def _meeting(
+    el: Elements, key: tuple[int, int], i: int, j: int, began: float, ended: float, p: KernelParameters
+) -> Meeting:
+    """Return the meeting of two bergs at the elements in rows i and j."""
+    place, motion = el.place, el.motion
+    speed = float(np.hypot(motion.u[i] - motion.u[j], motion.v[i] - motion.v[j]))
+    east = place.lon[i] - place.lon[j]
+    if p.period > 0.0:  # half way between both, also across the seam
+        east -= p.period * np.round(east / p.period)
+    return Meeting(
+        *key, began, ended, float(place.lon[i] - 0.5 * east), float(0.5 * (place.lat[i] + place.lat[j])), speed
+    )

@@ -1,0 +1,183 @@
+"""Fragments of a berg and their family tree: who split from whom, when and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.parameters import KernelParameters
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.stepping.forces.media import aground
+from riftberg.stepping.fragments.connectivity import connected_parts
+
+
+@dataclass(frozen=True)
+class Fragment:
+    """One fragment at the time of its birth."""
+
+    number: int  # Number that its elements carry in ``Elements.berg``
+    # Number of the fragment that it split from; 0 for a berg that was there at the start or was added to the run
+    parent: int
+    birth_time: float  # Seconds since the start of the run
+    lon: float  # Centroid at birth, degrees (m on a Cartesian grid)
+    lat: float  # Centroid at birth, degrees (m on a Cartesian grid)
+    elements: int  # Number of elements
+    area: float  # Plan area, m2
+    mass: float  # kg
+    bonds_broken: int  # Broken bonds that joined it to the rest of its parent
+    grounded: bool  # Whether one of its elements was aground at birth, or an end of a bond of the cracks that freed it
+    # Name of a berg; a fragment has that of the berg that it comes from, with its number among the fragments of that
+    name: str = ""
+    # Number of the berg from whose edge it calved by the footloose mechanism; 0 for all others. No bond broke, so it
+    # has no ``parent``
+    calved_from: int = 0
+
+
+class FragmentTree:
+    """All fragments that a run has seen.
+
+    ``bergs``: name and number of elements of each berg of the start, by row ((str, int)).
+    """
+
+    def __init__(self, rows: list[Fragment] | None = None, bergs: Sequence[tuple[str, int]] = ()) -> None:
+        self.rows: list[Fragment] = list(rows or [])
+        self.bergs = tuple(bergs)
+        self.mothers: dict[int, int] = {}
+
+    def __repr__(self) -> str:
+        return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
+
+    @property
+    def breakups(self) -> list[Fragment]:
+        """Fragments that split from a parent."""
+        return [row for row in self.rows if row.parent > 0]
+
+    def update(self, elements: Elements, bonds: Bonds, time: float, p: KernelParameters) -> int:
+        """Find the fragments, number them in ``elements.berg`` and record births.
+
+        The heaviest piece of a fragment keeps its number, the others get new ones; bergs present at the start are
+        numbered from 1. A berg added to the run gets the next number.
+        """
+        if elements.size == 0:
+            return 0
+        part = connected_parts(elements.size, bonds.first, bonds.second, bonds.status)
+        count = int(part.max()) + 1
+        mass: Floats = np.bincount(part, weights=elements.mass, minlength=count).astype(np.float64)
+        number = self._inherited(part, mass, elements.berg)
+        newborn = np.flatnonzero(number == 0)
+        cuts = _Cuts(part, elements, bonds)
+        touching = aground(elements.body.thickness, elements.environment.depth, p)
+        # All rows of a part in turn, in their order.
+        order = np.argsort(part, kind="stable")
+        ends = np.cumsum(np.bincount(part))
+        known = len(self.rows)
+        names = _Names(self.rows) if newborn.size else None
+        for k in newborn:
+            rows = order[ends[k - 1] if k else 0 : ends[k]]
+            parent = int(elements.body.berg[rows[0]])
+            parent = parent if 0 < parent <= known else 0
+            assert names is not None
+            name = names.free(self._berg_name(parent, int(rows[0]), known == 0))
+            row = Fragment(
+                len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
+                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.mothers.get(int(elements.id[rows[0]]), 0),
+            )  # fmt: skip
+            number[k] = row.number
+            self.rows.append(row)
+        self.mothers.clear()
+        elements.berg[:] = number[part]
+        return count
+
+    def origin(self, number: int) -> int:
+        """Return the number of the berg that a fragment comes from: itself for a berg of the start, or one added later."""
+        while 0 < number <= len(self.rows) and self.rows[number - 1].parent > 0:
+            number = self.rows[number - 1].parent
+        return number
+
+    def _berg_name(self, parent: int, row: int, at_start: bool) -> str:
+        """Return the name of the berg that a newborn comes from; empty for one without."""
+        if parent > 0:
+            return self.rows[self.origin(parent) - 1].name
+        if at_start and self.bergs:
+            last = np.cumsum([count for _, count in self.bergs])
+            return self.bergs[min(int(np.searchsorted(last, row, side="right")), last.size - 1)][0]
+        return ""
+
+    def _inherited(self, part: Ints, mass: Floats, berg: Ints) -> Ints:
+        """Give the heaviest part of each known fragment its number; 0 for all other parts."""
+        number = np.zeros(mass.size, np.int64)
+        if not self.rows:
+            return number
+        first = np.unique(part, return_index=True)[1]
+        old = berg[first]
+        some = np.flatnonzero(old > 0)
+        # By number, then from the heaviest to the lightest; of equals the first goes first.
+        some = some[np.lexsort((-mass[some], old[some]))]
+        heaviest = some[np.unique(old[some], return_index=True)[1]]
+        number[heaviest] = old[heaviest]
+        return number
+
+
+class _Names:
+    """Names that are taken, and the next number to try for each berg: thousands of pieces may be born at once."""
+
+    def __init__(self, rows: Sequence[Fragment]) -> None:
+        self._taken = {row.name for row in rows}
+        self._next: dict[str, int] = {}
+
+    def free(self, berg: str) -> str:
+        """Return the name of a piece: that of its berg, for the first, or with the first number that is free."""
+        name = berg
+        # The pieces of a berg that lie apart at the start are numbered as its fragments are.
+        while berg and name in self._taken:
+            self._next[berg] = self._next.get(berg, 0) + 1
+            name = f"{berg}.{self._next[berg]}"
+        self._taken.add(name)
+        return name
+
+
+class _Cuts:
+    """Broken bonds that joined the parts to the rest of the fragment that they were one with, counted per part."""
+
+    def __init__(self, part: Ints, el: Elements, bonds: Bonds) -> None:
+        first, second = part[bonds.first], part[bonds.second]
+        # Not those to pieces that had left the parent before: they set these free.
+        together = el.body.berg[bonds.first] == el.body.berg[bonds.second]
+        cut = (bonds.status != 0) & (first != second) & together
+        ends = np.concatenate([first[cut], second[cut]])
+        on_ground = np.tile(_of_grounded_cracks(el, bonds, (bonds.status != 0) & together)[cut], 2)
+        self.count = np.bincount(ends, minlength=part.max() + 1)
+        self.grounded = np.bincount(ends[on_ground], minlength=part.max() + 1)
+
+
+def _of_grounded_cracks(el: Elements, bonds: Bonds, broken: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether each of the broken bonds of a fragment broke in a crack of which a bond had an end aground.
+
+    A crack is what breaks in one fragment at one moment. In equilibrium the blow of the sea floor on one element runs
+    through at once, and the bonds that then free a piece are seldom those at the element that touched.
+    """
+    marks = np.zeros(bonds.status.size, np.bool_)
+    if broken.any():
+        crack = np.column_stack([el.body.berg[bonds.first[broken]], bonds.break_time[broken]])
+        number = np.unique(crack, axis=0, return_inverse=True)[1].ravel()
+        marks[broken] = np.bincount(number, bonds.break_grounded[broken])[number] > 0
+    return marks
+
+
+def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, int, float, float]:
+    """Centroid, number of elements, area (m2) and mass (kg) of some elements."""
+    body, mass = el.body, el.body.mass[rows]
+    lon, lat = centroid(el.place.lon[rows], el.place.lat[rows], mass, period)
+    return lon, lat, rows.size, float((body.length * body.width)[rows].sum()), float(mass.sum())
+
+
+def centroid(lon: Floats, lat: Floats, weight: Floats, period: float = 360.0) -> tuple[float, float]:
+    """Weighted mean position; longitudes are joined across the seam of a periodic domain first."""
+    x = lon - period * np.round((lon - lon[0]) / period) if period > 0.0 else lon
+    total = weight.sum()
+    mean_x, mean_y = float((x * weight).sum() / total), float((lat * weight).sum() / total)
+    return (mean_x, mean_y) if math.isfinite(mean_x) else (float(lon[0]), float(lat[0]))

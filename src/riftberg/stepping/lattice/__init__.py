@@ -1,0 +1,1 @@
+"""The elastic lattice: equilibrium, block LDL^T, natural modes."""

@@ -1,0 +1,1 @@
+"""The default scheme: rigid bodies by velocity Verlet, a static lattice under D'Alembert loads, events located by rollback."""
