@@ -43,9 +43,7 @@ def _limits_of(
     normal, shear = np.empty(alive.size), np.empty(alive.size)
     for k in range(alive.size):
         b = alive[k]
-        normal[k], shear[k] = limits_left(  # type: ignore[no-untyped-call]
-            normal_strength, shear_strength, strength[b], damage[b]
-        )
+        normal[k], shear[k] = limits_left(normal_strength, shear_strength, strength[b], damage[b])
     return normal, shear
 
 
