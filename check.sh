@@ -16,4 +16,5 @@ venv="${RIFTBERG_VENV:-.venv}"
 "$venv/bin/ruff" check src tests benchmarks
 "$venv/bin/mypy"
 # Two processes share the files of tests out between them; each compiles the kernels that it needs, once, into one cache.
-exec "$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile "$@"
+# A process that dies ends the run: pytest-xdist would wait for ever for the files that it had.
+exec "$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile --max-worker-restart 0 "$@"

@@ -1,4 +1,4 @@
-"""Figures of the house: lengths of functions, rooms, circles, imports that run upwards, and names with two meanings.
+"""Figures of the house: lines by kind and folder, arguments, circles, imports that run upwards, names with two meanings.
 
     python benchmarks/house.py                 # of src/riftberg
     python benchmarks/house.py --list FOLDER   # of another copy of the package, with every finding
@@ -11,16 +11,24 @@ from __future__ import annotations
 
 import argparse
 import ast
-import statistics
+import io
+import tokenize
 import tomllib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = "riftberg"
 
-LONG, MANY = 40, 10
-"""Lines beyond which a function is long, and arguments beyond which it has many."""
+MANY = 10
+"""Arguments beyond which a function has many."""
+
+PRIVATE_WORDS = (
+    "Standing", "depart", "arrive", "motion_at", "close_alone", "Touching", "Acting", "acted", "BodyRoom", "MeetingRoom",
+    "SlowRoom", "miss", "sought", "seat", "Blow", "blow", "heaviest", "struck", "caught_up", "led", "way_back", "Forgetful",
+    "recall", "alive", "meet", "met", "memory", "surround",
+)  # fmt: skip
+"""Words of earlier versions for what numerical mechanics and contact dynamics have names for."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -93,10 +101,25 @@ def functions(trees: dict[str, ast.Module]) -> Iterator[tuple[str, Function, ast
                     yield name, node, outer
 
 
-def lines_of_code(node: Function) -> int:
-    """Return the lines of a function without its docstring."""
-    body = node.body[1:] if ast.get_docstring(node) is not None else node.body
-    return (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 1
+def lines_by_kind(text: str) -> Counter[str]:
+    """Return the number of lines of a module that are code, docstring, comment, import or blank."""
+    lines = text.splitlines()
+    kind = ["code" if line.strip() else "blank" for line in lines]
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT and not token.line[: token.start[1]].strip():
+            kind[token.start[0] - 1] = "comment"
+    for node in ast.walk(ast.parse(text)):
+        said = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        if said or isinstance(node, ast.Import | ast.ImportFrom):
+            for n in range(node.lineno - 1, node.end_lineno or node.lineno):
+                kind[n] = "docstring" if said else "import"
+    return Counter(kind)
+
+
+def names_used(text: str) -> Counter[str]:
+    """Return how often each name of the program stands in a module (no comments, no texts)."""
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    return Counter(token.string for token in tokens if token.type == tokenize.NAME)
 
 
 def decorated(node: Function, *names_sought: str) -> bool:
@@ -113,12 +136,13 @@ def arguments(node: Function) -> int:
     return sum(name not in ("self", "cls") for name in every)
 
 
-def with_many_arguments(trees: dict[str, ast.Module]) -> list[str]:
-    """Return the functions of more than `MANY` arguments, kernels and commands apart."""
+def with_many_arguments(trees: dict[str, ast.Module], *, kernels: bool = False) -> list[str]:
+    """Return the functions of more than `MANY` arguments; commands apart, kernels too unless they are asked for."""
+    apart = ("reported",) if kernels else ("kernel", "borrower", "stage", "njit", "reported")
     return [
         f"{name}.{node.name}: {arguments(node)}"
         for name, node, _ in functions(trees)
-        if arguments(node) > MANY and not decorated(node, "kernel", "borrower", "stage", "njit", "reported")
+        if arguments(node) > MANY and not decorated(node, *apart)
     ]
 
 
@@ -132,13 +156,15 @@ def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
     return {name: places for name, places in sorted(homes.items()) if len(set(places)) > 1}
 
 
-def shares(folder: Path) -> dict[str, float]:
-    """Return the share of the lines that each room has."""
-    lines: dict[str, int] = defaultdict(int)
-    for path in folder.rglob("*.py"):
-        inner = path.relative_to(folder).with_suffix("").parts
-        lines[inner[0]] += len(path.read_text(encoding="utf-8").splitlines())
-    return {name: count / sum(lines.values()) for name, count in lines.items()}
+def folders(folder: Path) -> dict[str, tuple[int, Counter[str]]]:
+    """Return files and lines by kind of each folder of the package, sub-folders of ``stepping`` apart."""
+    result: dict[str, tuple[int, Counter[str]]] = {}
+    for path in sorted(folder.rglob("*.py")):
+        inner = path.relative_to(folder).parts[:-1]
+        name = "/".join(inner) + "/" if inner else "(root)"
+        files, lines = result.get(name, (0, Counter()))
+        result[name] = files + 1, lines + lines_by_kind(path.read_text(encoding="utf-8"))
+    return result
 
 
 def main() -> None:
@@ -147,29 +173,36 @@ def main() -> None:
     home = Path(__file__).resolve().parents[1] / "src" / PACKAGE
     parser.add_argument("folder", nargs="?", type=Path, default=home, help="folder of the package")
     parser.add_argument("--list", action="store_true", help="print every finding")
+    parser.add_argument("--folders", action="store_true", help="print files and lines by folder")
     options = parser.parse_args()
     trees = modules(options.folder)
     edges = imports(trees)
-    lengths = [lines_of_code(node) for _, node, _ in functions(trees)]
-    largest = max(shares(options.folder).items(), key=lambda item: item[1])
+    texts = [path.read_text(encoding="utf-8") for path in sorted(options.folder.rglob("*.py"))]
+    kinds = sum((lines_by_kind(text) for text in texts), Counter())
+    used = sum((names_used(text) for text in texts), Counter())
+    private = [f"{word}: {used[word]}" for word in PRIVATE_WORDS if used[word]]
     names = twice_named(trees)
     lists = {
         "circles of imports": [" <-> ".join(group) for group in circles(edges)],
         "imports that run upwards": [
             f"{a} -> {b}" for a, b in upward(edges, floors(home.parents[1] / "pyproject.toml"))
         ],
-        f"functions of more than {MANY} arguments (kernels and commands apart)": with_many_arguments(trees),
+        f"functions of more than {MANY} arguments": with_many_arguments(trees, kernels=True),
+        "the same, kernels apart": with_many_arguments(trees),
         "names with more than one home": [f"{name}: {', '.join(homes)}" for name, homes in names.items()],
+        "private words in use": private,
     }
-    print(f"{'modules':>56}  {len(trees)}")
-    print(f"{'functions':>56}  {len(lengths)}")
-    print(f"{'median length, lines':>56}  {statistics.median(lengths):g}")
-    print(f"{f'above {LONG} lines':>56}  {100.0 * sum(n > LONG for n in lengths) / len(lengths):.2f} %")
-    print(f"{'largest room':>56}  {largest[0]}, {100.0 * largest[1]:.1f} %")
+    print(f"{'modules':>40}  {len(trees)}")
+    print(f"{'functions':>40}  {sum(1 for _ in functions(trees))}")
+    print(f"{'lines':>40}  {sum(kinds.values())}")
+    for name in ("code", "docstring", "comment", "import", "blank"):
+        print(f"{name:>40}  {kinds[name]}")
     for title, entries in lists.items():
-        print(f"{title:>56}  {len(entries)}")
+        print(f"{title:>40}  {len(entries)}")
         for entry in entries if options.list else ():
             print(f"      {entry}")
+    for name, (files, lines) in folders(options.folder).items() if options.folders else ():
+        print(f"{name:>40}  {files:3d} files, {sum(lines.values()):6d} lines, {lines['code']:6d} of code")
 
 
 if __name__ == "__main__":
