@@ -6,8 +6,9 @@
     python tests/mutations.py results.jsonl --report            # shares by folder, and what nobody noticed
 
 A change turns a sign, a comparison, ``and`` into ``or``, ``min`` into ``max``, ``sin`` into ``cos``, takes a condition as its
-opposite or a constant times 1.1. Messages, names, defaults of arguments and annotations are left alone. The source is changed in a
-copy; the tests run without compilation first, those named after the module before the others of its folder.
+opposite or a constant times 1.1. Messages, names, defaults of arguments and annotations are left alone. The source is changed
+in a copy; the tests run without compilation first, those named after the module before the others of its folder. Tests that
+fail, or are slow, on the unchanged source are left out: they are found first, once for each folder.
 """
 
 from __future__ import annotations
@@ -122,7 +123,8 @@ def changes_of(path: Path) -> Iterator[Change]:
 def _is_text(node: ast.BinOp) -> bool:
     """Whether a sum joins texts."""
     return any(
-        isinstance(n, ast.JoinedStr) or isinstance(n, ast.Constant) and isinstance(n.value, str) for n in ast.walk(node)
+        isinstance(n, ast.JoinedStr) or (isinstance(n, ast.Constant) and isinstance(n.value, str))
+        for n in ast.walk(node)
     )
 
 
@@ -137,58 +139,64 @@ def sample(count: int, seed: int) -> list[Change]:
     return list(taken.values())[:count]
 
 
+def folder_of_tests(folder: str) -> list[Path]:
+    """Return the files of tests for a folder of the source."""
+    return [p for name in (folder, *OTHERS.get(folder, ())) for p in sorted((TESTS / name).rglob("test_*.py"))]
+
+
 def test_files(change: Change) -> list[str]:
     """Return the files of tests for a change: those that name its module first, then the rest of its folder."""
-    folder, module = change.path.split("/")[0], Path(change.path).stem
+    module = Path(change.path).stem
     dotted = "riftberg." + change.path.removesuffix(".py").replace("/", ".")
-    files = [p for name in (folder, *OTHERS.get(folder, ())) for p in sorted((TESTS / name).rglob("test_*.py"))]
 
     def rank(path: Path) -> tuple[int, int]:
         named = module in path.stem
         used = dotted in path.read_text("utf-8")
         return (0 if named and used else 1 if used else 2 if named else 3), path.stat().st_size
 
-    return [str(p.relative_to(ROOT)) for p in sorted(files, key=rank)]
+    return [str(p.relative_to(ROOT)) for p in sorted(folder_of_tests(change.path.split("/")[0]), key=rank)]
 
 
-def run_tests(source: Path, files: list[str], *, compiled: bool, seconds: float) -> tuple[str, str]:
-    """Run tests on a source until the first failure; return ``noticed``, ``unnoticed`` or ``too long``, and which test failed."""
+def pytest(source: Path, arguments: list[str], *, compiled: bool, seconds: float | None) -> tuple[int, str]:
+    """Run tests on a source; return how pytest ended and what it printed."""
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(source), os.environ.get("PYTHONPATH", "")])}
     env |= {"MPLBACKEND": "Agg"} if compiled else {"MPLBACKEND": "Agg", "NUMBA_DISABLE_JIT": "1"}
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-x",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-        "--no-header",
-        "--tb=no",
-    ]
-    try:
-        done = subprocess.run(
-            [*command, *files], cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return "too long", ""
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, flags=re.M)
-    return ("unnoticed", "") if done.returncode == 0 else ("noticed", failed.group(1) if failed else done.stdout[-200:])
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=no", "-rfE"]
+    done = subprocess.run(
+        [*command, *arguments], cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds, check=False
+    )
+    return done.returncode, done.stdout
 
 
-def tried(change: Change, *, compiled: bool, seconds: float) -> dict[str, Any]:
-    """Change a copy of the source, run the tests, and return what came."""
+def failing(folder: str, results: Path, *, compiled: bool) -> list[str]:
+    """Return the tests of a folder that fail on the unchanged source; found once and kept beside the results."""
+    path = results.with_suffix(".compiled.json" if compiled else ".baseline.json")
+    known = json.loads(path.read_text()) if path.exists() else {}
+    if folder not in known:
+        files = [str(p.relative_to(ROOT)) for p in folder_of_tests(folder)]
+        _, text = pytest(SOURCE.parent, ["--timeout", "60", *files], compiled=compiled, seconds=None)
+        known[folder] = re.findall(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", text, flags=re.M)
+        path.write_text(json.dumps(known, indent=1))
+    return known[folder]
+
+
+def tried(change: Change, left_out: list[str], *, compiled: bool, seconds: float) -> dict[str, Any]:
+    """Change a copy of the source, run the tests up to the first failure, and return what came."""
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "src"
         shutil.copytree(SOURCE, source / "riftberg", ignore=shutil.ignore_patterns("__pycache__"))
         path = source / "riftberg" / change.path
         raw = path.read_bytes()
         path.write_bytes(raw[: change.start] + change.new.encode() + raw[change.end :])
-        files = test_files(change)
-        verdict, test = run_tests(source, files, compiled=compiled, seconds=seconds)
         line = path.read_text("utf-8").splitlines()[change.line - 1].strip()
+        arguments = ["-x", *(f"--deselect={test}" for test in left_out), *test_files(change)]
+        try:
+            code, text = pytest(source, arguments, compiled=compiled, seconds=seconds)
+        except subprocess.TimeoutExpired:
+            code, text = -1, ""
+    verdict = {0: "unnoticed", -1: "too long"}.get(code, "noticed")
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", text, flags=re.M)
+    test = failed.group(1) if failed else "" if code <= 0 else text[-200:]
     return {**change._asdict(), "text": line, "verdict": verdict, "test": test, "compiled": compiled}
 
 
@@ -230,9 +238,10 @@ def main() -> None:
     for change in sample(options.count, options.seed)[number - 1 :: parts]:
         before = known.get((change.path, change.start))
         again = options.compiled and before and before["verdict"] == "unnoticed" and not before["compiled"]
-        if before and not again or options.compiled and not before:
+        if (before and not again) or (options.compiled and not before):
             continue
-        result = tried(change, compiled=options.compiled, seconds=options.seconds)
+        left_out = failing(change.path.split("/")[0], options.results, compiled=options.compiled)
+        result = tried(change, left_out, compiled=options.compiled, seconds=options.seconds)
         with options.results.open("a") as file:
             file.write(json.dumps(result) + "\n")
         print(f"{result['verdict']:>10}  {change.path}:{change.line}  {change.kind}  {result['test']}", flush=True)
