@@ -40,8 +40,6 @@ _SALT: Final = Usual(20.0, 37.0, "from fjords to the open Atlantic", "1e-3")
 USUAL: Final[dict[str, Usual]] = {
     "ice.density": Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
     "drag.ocean_scale": Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
-    "drag.coastal_drift": Usual(0.01, 1.0, "speeds of coastal currents", off=True),
-    "drag.tidal_drift": Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
     "grounding.coefficient": Usual(1e2, 1e6, "1e4 in Huth et al. 2022", off=True),
     "grounding.quadratic_coefficient": Usual(
         1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
