@@ -188,7 +188,7 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
         from xarray.backends import CachingFileManager, NetCDF4DataStore
 
         del options["lock"]
-        files: Any = CachingFileManager(_opened_by_xarray, os.fspath(source), mode="r", lock=NETCDF)  # type: ignore[type-var]
+        files: Any = CachingFileManager(_opened_by_xarray, os.fspath(source), mode="r", lock=NETCDF)
         store = NetCDF4DataStore(files, group=options.pop("group", None), lock=NETCDF)  # type: ignore[no-untyped-call]
         if _holds_texts(files.acquire()):
             _WITH_TEXTS.add(files)
