@@ -433,7 +433,7 @@ def test_a_store_that_is_not_there_or_not_whole_is_no_matter_of_the_network(tmp_
     with pytest.raises(ForcingError, match="Check the name and the folder"):
         open_product(tmp_path / "missing.zarr")
     (tmp_path / "empty.zarr").mkdir()
-    with pytest.raises(ForcingError, match="no whole Zarr store"):
+    with pytest.raises(ForcingError, match="incomplete"):
         open_product(tmp_path / "empty.zarr")
 
 

@@ -150,7 +150,7 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         except (OSError, ValueError, ImportError, KeyError, TypeError) as error:
             remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
             if "://" not in path:
-                there = "The folder is no whole Zarr store: fetch or write it again"
+                there = "The folder is not a Zarr store, or an incomplete one: fetch or write it again"
                 remedy = there if Path(path).exists() else "Check the name and the folder"
             raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
     return store

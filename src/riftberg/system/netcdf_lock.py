@@ -192,7 +192,7 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
         store = NetCDF4DataStore(files, group=options.pop("group", None), lock=NETCDF)  # type: ignore[no-untyped-call]
         if _holds_texts(files.acquire()):
             _WITH_TEXTS.add(files)
-        ds = xr.open_dataset(store, **options)
+        ds = xr.open_dataset(store, engine="store", **options)
         ds.encoding["source"] = os.path.abspath(source)
         return noted_as_open(ds)
 
