@@ -186,11 +186,16 @@ def _of_parameters(parameters: Any) -> Iterator[tuple[str, Any, str]]:
 def _of_forcing(forcing: Any) -> Iterator[tuple[str, Any, str]]:
     """Give the values of formulas that have a usual range."""
     for part in getattr(forcing, "parts", (forcing,)):
-        for kind in type(part).__mro__:
+        for kind in _own_kinds(part):
             for name, usual in USUAL.items():
-                value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind.__name__}.") else None
+                value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind}.") else None
                 if value is not None and value != np.inf:
                     yield name, value, usual.unit
+
+
+def _own_kinds(part: Any) -> list[str]:
+    """Names of the package's own classes of a forcing; a user's class may share a name and hold something else."""
+    return [kind.__name__ for kind in type(part).__mro__ if kind.__module__.startswith("riftberg.")]
 
 
 def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Any, str]]:
@@ -213,5 +218,5 @@ def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
         if times is not None and len(times) > 1:
             interval = float(np.median(np.diff(times)))
             yield f"{getattr(part, 'shown', '') or 'forcing'} with records every", interval, interval
-        if any(kind.__name__ == "Tide" for kind in type(part).__mro__):
+        if "Tide" in _own_kinds(part):
             yield "a tide with a period of", part.period, part.period / STEPS_IN_A_TIDE
