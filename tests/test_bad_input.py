@@ -183,7 +183,7 @@ def call(folder: Path, text: str, *arguments: str) -> Any:
     ("old", "new", "words"),
     [
         ("length: 12 km", "length: 12 kg", ("line 4", "length", "12 kg")),
-        ("length: 12 km", "length: -12 km", ("line 4", "length", "-12000", "greater than 0")),
+        ("length: 12 km", "length: -12 km", ("line 4", "length", "-12000", "Allowed: a number > 0 ")),
         ("length: 12 km", "lenght: 12 km", ("line 4", "lenght", "length")),
         ("days: 0.25", "days: 0.25 m", ("line 2", "days", "0.25 m")),
         ("  rectangle:", "  thickness: 0 m\n  rectangle:", ("thickness 0 m", "Give a positive thickness")),

@@ -114,4 +114,5 @@ def test_the_real_files_serve_their_experiment(shared: Path, tmp_path: Path) -> 
     path.write_text(EXPERIMENT.replace('"*', f'"{shared}/data/a68a/*'))
     result = call("--for", path)
     assert result.exit_code == 0, result.output
-    assert "held constant for the whole run\nReady: the run starts." in result.output
+    assert "held constant for the whole run\n" in result.output
+    assert "(taux, tauy) is not used beside a wind\nReady: the run starts." in result.output

@@ -91,7 +91,7 @@ def bergs(scene: str) -> Values:
         "lon": x0 + x, "lat": y0 + y, "uvel": np.array([0.1, 0.12, 0.08, 0.1, 0.02]),
         "vvel": np.array([0.02, 0.0, 0.03, 0.01, -0.05]), "mass": 850.0 * thickness * length * width,
         "thickness": thickness, "width": width, "length": length, "start_lon": 0.0 * one, "start_lat": 0.0 * one,
-        "start_day": 0.0 * one, "start_mass": 850.0 * thickness * length * width, "mass_scaling": one,
+        "start_day": 0.1 * np.arange(5), "start_mass": 850.0 * thickness * length * width, "mass_scaling": one,
         "start_year": np.zeros(5, dtype="i4"), "ine": np.zeros(5, dtype="i4"), "jne": np.zeros(5, dtype="i4"),
         "iceberg_num": np.arange(1, 6, dtype="i4"), "mass_of_bits": 1e6 * one,
     }  # fmt: skip
@@ -174,8 +174,14 @@ def run(scene: str, scheme: str, driver: Values | None = None, icebergs: Values 
     restart = next(path.name for path in report.files if path.name.endswith("restart.nc") and "bonds" not in path.name)
     return Outcome(
         files, report.lines, report, None if balance is None else balance.error,
-        None if balance is None else balance.heat_error, files[restart],
+        None if balance is None else balance.heat_error, _by_age(files[restart]),
     )  # fmt: skip
+
+
+def _by_age(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Put the elements of a restart into the order of `bergs`, and those born since behind them."""
+    order = np.lexsort((state["start_day"], state["start_lon"]))
+    return {name: values[order] if values.shape == order.shape else values for name, values in state.items()}
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

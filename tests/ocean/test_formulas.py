@@ -205,7 +205,7 @@ def test_values_may_carry_units() -> None:
         (lambda: Forcing.uniform(latitude="north"), "latitude: 'north' is not a number"),
         (lambda: Forcing.jet(CENTRE, "east", 1.0, 2e4), "towards: 'east' is not a number"),
         (lambda: Forcing.shear(CENTRE, 90, True, 2e4), "speed: true is no number"),
-        (lambda: Forcing.front(CENTRE, 90, np.nan, 2e4), "step: nan is not possible"),
+        (lambda: Forcing.front(CENTRE, 90, np.nan, 2e4), "step: nan is no finite number"),
         (lambda: Forcing.tide(0.1, period=0.0), "period: 0.0 is not possible"),
         (lambda: Forcing.seamount(CENTRE, 300.0, -3e3, 500.0), "width: -3000.0 is not possible"),
         (lambda: Forcing.slope(CENTRE, 90, 20.0, 500.0), "gradient: 20.0 is not possible"),

@@ -409,19 +409,31 @@ def test_stress_beside_wind_is_told(tmp_path: Path) -> None:
 # --- stores, archives, single points ------------------------------------------------------------------------------------
 
 
-def test_a_zipped_store_is_called_an_archive(tmp_path: Path) -> None:
+def test_a_zip_archive_is_a_store_or_an_archive(tmp_path: Path) -> None:
     """It was 'Check the address and the network'."""
-    with zipfile.ZipFile(tmp_path / "ocean.zarr.zip", "w") as archive:
-        archive.writestr(".zgroup", "{}")
+    plain(names=("uo", "vo")).to_zarr(tmp_path / "ocean.zarr", zarr_format=2)
+    store = sorted(path for path in (tmp_path / "ocean.zarr").rglob("*") if path.is_file())
+    for name, folder in (("inside", tmp_path), ("bare", tmp_path / "ocean.zarr")):
+        with zipfile.ZipFile(tmp_path / f"{name}.zarr.zip", "w") as archive:
+            for path in store:
+                archive.write(path, path.relative_to(folder))
+        read = open_product(tmp_path / f"{name}.zarr.zip")
+        np.testing.assert_array_equal(read["uo"], open_product(tmp_path / "ocean.zarr")["uo"])
+    with zipfile.ZipFile(tmp_path / "empty.zarr.zip", "w") as archive:
+        archive.writestr(".zgroup", '{"zarr_format": 2}')
+    with pytest.raises(ForcingError, match="the file holds nothing"):
+        open_product(tmp_path / "empty.zarr.zip")
+    with zipfile.ZipFile(tmp_path / "files.zip", "w") as archive:
+        archive.writestr("ocean.nc", b"CDF")
     with pytest.raises(ForcingError, match=r"this is a zip archive.*the \.zarr folder inside"):
-        open_product(tmp_path / "ocean.zarr.zip")
+        open_product(tmp_path / "files.zip")
 
 
 def test_a_store_that_is_not_there_or_not_whole_is_no_matter_of_the_network(tmp_path: Path) -> None:
     with pytest.raises(ForcingError, match="Check the name and the folder"):
         open_product(tmp_path / "missing.zarr")
     (tmp_path / "empty.zarr").mkdir()
-    with pytest.raises(ForcingError, match="no whole Zarr store"):
+    with pytest.raises(ForcingError, match="incomplete"):
         open_product(tmp_path / "empty.zarr")
 
 

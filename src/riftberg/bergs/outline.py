@@ -79,7 +79,9 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         items = [(data, {})]
     try:
         return [Feature(shape(g), dict(p)) for g, p in items if _holds_anything(g)], crs
-    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
+    except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
+        raise BergError("not a GeoJSON geometry: members or numbers are missing", where=where, remedy=_RFC) from error
+    except (ValueError, shapely.errors.ShapelyError) as error:
         raise BergError(f"not a GeoJSON geometry ({error})", where=where, remedy=_RFC) from error
 
 

@@ -40,8 +40,6 @@ _SALT: Final = Usual(20.0, 37.0, "from fjords to the open Atlantic", "1e-3")
 USUAL: Final[dict[str, Usual]] = {
     "ice.density": Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
     "drag.ocean_scale": Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
-    "drag.coastal_drift": Usual(0.01, 1.0, "speeds of coastal currents", off=True),
-    "drag.tidal_drift": Usual(0.01, 1.0, "speeds of tides on shelves", off=True),
     "grounding.coefficient": Usual(1e2, 1e6, "1e4 in Huth et al. 2022", off=True),
     "grounding.quadratic_coefficient": Usual(
         1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
@@ -186,11 +184,16 @@ def _of_parameters(parameters: Any) -> Iterator[tuple[str, Any, str]]:
 def _of_forcing(forcing: Any) -> Iterator[tuple[str, Any, str]]:
     """Give the values of formulas that have a usual range."""
     for part in getattr(forcing, "parts", (forcing,)):
-        for kind in type(part).__mro__:
+        for kind in _own_kinds(part):
             for name, usual in USUAL.items():
-                value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind.__name__}.") else None
+                value = getattr(part, name.partition(".")[2], None) if name.startswith(f"{kind}.") else None
                 if value is not None and value != np.inf:
                     yield name, value, usual.unit
+
+
+def _own_kinds(part: Any) -> list[str]:
+    """Names of the package's own classes of a forcing; a user's class may share a name and hold something else."""
+    return [kind.__name__ for kind in type(part).__mro__ if kind.__module__.startswith("riftberg.")]
 
 
 def _of_bergs(parameters: Any, elements: Any) -> Iterator[tuple[str, Any, str]]:
@@ -213,5 +216,5 @@ def _changes(forcing: Any) -> Iterator[tuple[str, float, float]]:
         if times is not None and len(times) > 1:
             interval = float(np.median(np.diff(times)))
             yield f"{getattr(part, 'shown', '') or 'forcing'} with records every", interval, interval
-        if any(kind.__name__ == "Tide" for kind in type(part).__mro__):
+        if "Tide" in _own_kinds(part):
             yield "a tide with a period of", part.period, part.period / STEPS_IN_A_TIDE

@@ -46,6 +46,7 @@ from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.system.input_files import value_shown
+from riftberg.system.netcdf_lock import closing_files
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
@@ -219,8 +220,8 @@ def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) 
 
 def _explain(error: ValidationError, document: Document) -> None:
     """Note the findings of pydantic with their places, but for those that follow from what is noted already."""
-    # Of an entry that is a text or a section, what is wrong with the section tells more: it lies deeper.
-    for finding in sorted(error.errors(), key=lambda finding: -len(finding["loc"])):
+    # Of an entry that is a text or a section, what is wrong with the section says more: it lies deeper, or is a sentence of ours.
+    for finding in sorted(error.errors(), key=lambda finding: (-len(finding["loc"]), finding["type"] != "value_error")):
         loc = tuple(finding["loc"])
         loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
         place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))
@@ -303,6 +304,7 @@ def _group(group: str, values: Any, document: Document) -> dict[str, Any]:
     return result
 
 
+@closing_files(only_if_refused=True)
 def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     """Build the experiment of a YAML file."""
     from riftberg.runs.model import Model

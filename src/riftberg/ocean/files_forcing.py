@@ -28,6 +28,7 @@ from riftberg.products.registry import open_named
 from riftberg.products.window import utc, window, window_in_time
 from riftberg.state import Floats
 from riftberg.system.limits import refuse_large
+from riftberg.system.netcdf_lock import closing_files
 
 WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy", *records.WAVES})
 """Canonical fields that a run takes from its files."""
@@ -79,6 +80,7 @@ class Run(NamedTuple):
         return [(moment - self.start).total_seconds() for moment in moments]
 
 
+@closing_files(only_if_refused=True)
 def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
     """Return the forcing for a run."""
     opened = open_named(_paths(settings.entries, folder))

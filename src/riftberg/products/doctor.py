@@ -32,7 +32,7 @@ from riftberg.products.records import (
 )
 from riftberg.products.registry import expand, open_named, product_named, recognise
 from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
-from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -70,6 +70,7 @@ HARMLESS = "which stops no run"
 """End of findings that need no action."""
 
 
+@closing_files()
 def doctor(
     files: Sequence[str | Path] | str | Path,
     *,

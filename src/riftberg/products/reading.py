@@ -22,7 +22,7 @@ from riftberg.products.sizes import whole_size
 from riftberg.products.stated import stated_interval, told_kind
 from riftberg.products.text_dates import with_plain_time_units, with_text_dates
 from riftberg.system.input_files import check_file, is_folder
-from riftberg.system.netcdf_lock import open_lazily
+from riftberg.system.netcdf_lock import noted_as_open, open_lazily
 from riftberg.system.process_settings import SETTINGS, own_filters
 
 CHUNK = "16MiB"
@@ -96,8 +96,8 @@ def check_readable(path: str) -> None:
 
 def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     """Open a file or Zarr store without decoding anything, lazily; text variables are left out."""
-    ds = _open(path)
-    ds = with_text_dates(ds)
+    opened = _open(path)
+    ds = with_text_dates(opened)
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
     if chunked and find_spec("dask") is not None:
         import dask
@@ -105,7 +105,7 @@ def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
         with SETTINGS, dask.config.set({"array.chunk-size": CHUNK}):
             written = {name: ds.variables[name] for name in ds.encoding.get("written", ())}
             noted = ds.encoding.get("texts", {})
-            ds.close()
+            opened.close()
             ds = _open(path, chunks="auto", drop_variables=[*text, *written]).assign(written)
             ds.encoding["texts"] = noted
     else:
@@ -135,6 +135,8 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
     with own_filters():
         # A store without consolidated metadata opens more slowly, which is no fault of the reader.
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
+        # Listing a store of the second format, zarr-python stumbles over that format's own marks.
+        warnings.filterwarnings("ignore", message=r"Object at \.z\w+ is not recognized")
         try:
             place: Any = path
             if "://" not in path and Path(path).is_file():
@@ -144,11 +146,11 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
                     ZipStore(path, mode="r"),
                     {"group": _zipped(path) or None, "consolidated": False, **options},
                 )
-            store: xr.Dataset = xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options})
+            store = noted_as_open(xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options}))
         except (OSError, ValueError, ImportError, KeyError, TypeError) as error:
             remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
             if "://" not in path:
-                there = "The folder is no whole Zarr store: fetch or write it again"
+                there = "The folder is not a Zarr store, or an incomplete one: fetch or write it again"
                 remedy = there if Path(path).exists() else "Check the name and the folder"
             raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
     return store

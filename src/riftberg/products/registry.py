@@ -33,7 +33,7 @@ from riftberg.products.product import Product
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
-from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 STAGES = ("nrt", "interim", "final")
 """Issues of one file, the most final last, as OSCAR has them in its names."""
@@ -84,7 +84,8 @@ def product_named(name: str) -> Product:
 
 def recognise(path: str | Path) -> Product:
     """Return the product that a file belongs to, told by its attributes, variables and dimensions."""
-    with open_raw(str(path), chunked=False) as ds:
+    with closing_files():
+        ds = open_raw(str(path), chunked=False)
         if product := product_of(ds):
             return product
         held = ", ".join(f"{name}{variable.dims}" for name, variable in ds.data_vars.items())
@@ -141,6 +142,7 @@ def expand(paths: Paths) -> list[str]:
     return files
 
 
+@closing_files(only_if_refused=True)
 def open_product(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> xr.Dataset:
     """Open the files of one product as one canonical dataset, lazily."""
     parts = open_all(paths, product, levels=levels)
@@ -156,6 +158,7 @@ def open_product(paths: Paths, product: str | Product | None = None, *, levels: 
     return parts[0]
 
 
+@closing_files(only_if_refused=True)
 def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool = False) -> list[xr.Dataset]:
     """Open files of any products; those on one grid with the same records are joined."""
     opened = open_named((path, product) for path in expand(paths))
@@ -166,6 +169,7 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
     return opened
 
 
+@closing_files(only_if_refused=True)
 def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:
     """Open files as the products named beside them (None: recognise it), joined as `open_all` does.
 

@@ -16,8 +16,10 @@ import logging
 import os
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -130,6 +132,7 @@ def _told_truly(path: str | Path) -> Iterator[None]:
 
 @contextmanager
 def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Dataset]:
+    _close_texts()
     file = netCDF4.Dataset(str(path), mode, **options)  # type: ignore[arg-type]
     try:
         yield file
@@ -155,6 +158,7 @@ def _read(path: str | Path, **options: Any) -> netCDF4.Dataset:
         return netCDF4.Dataset(str(path), **options)
     _refuse_odd(path)
     with opening(path):
+        _close_texts()
         return netCDF4.Dataset(str(path), **options)
 
 
@@ -175,10 +179,80 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     on_disk = _is_netcdf(source)
     engine = options.pop("engine", None) or ("netcdf4" if on_disk else guess_engine(source))
     if engine not in _LOCKED:
-        return xr.open_dataset(source, engine=engine, **options)
+        return noted_as_open(xr.open_dataset(source, engine=engine, **options))
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
+    options["lock"] = NETCDF
     with NETCDF, opening(source) if on_disk else nullcontext():
-        return xr.open_dataset(source, engine=engine, **{"lock": NETCDF, **options})
+        if not on_disk or engine != "netcdf4":
+            return noted_as_open(xr.open_dataset(source, engine=engine, **options))
+        from xarray.backends import CachingFileManager, NetCDF4DataStore
+
+        del options["lock"]
+        files: Any = CachingFileManager(_opened_by_xarray, os.fspath(source), mode="r", lock=NETCDF)
+        store = NetCDF4DataStore(files, group=options.pop("group", None), lock=NETCDF)  # type: ignore[no-untyped-call]
+        if _holds_texts(files.acquire()):
+            _WITH_TEXTS.add(files)
+        ds = xr.open_dataset(store, engine="store", **options)
+        ds.encoding["source"] = os.path.abspath(source)
+        return noted_as_open(ds)
+
+
+_WITH_TEXTS: Final[weakref.WeakSet[Any]] = weakref.WeakSet()
+"""Managers of files of xarray that hold texts of any length (NC_STRING).
+
+A file with such texts that is closed while another one is open leaves HDF5 with types of a file that is gone; after a few of
+them the process ends in a segmentation fault (netcdf-c issue 2510). So one of them at most is open at a time: xarray opens a
+file again by itself that was closed.
+"""
+
+
+def _opened_by_xarray(path: str, mode: str) -> netCDF4.Dataset:
+    _close_texts()
+    return netCDF4.Dataset(path, mode)  # type: ignore[arg-type]
+
+
+def _close_texts() -> None:
+    for files in list(_WITH_TEXTS):
+        files.close()
+
+
+def _holds_texts(group: netCDF4.Dataset) -> bool:
+    return any(variable.dtype is str for variable in group.variables.values()) or any(
+        _holds_texts(inner) for inner in group.groups.values()
+    )
+
+
+_OPENED: ContextVar[list[xr.Dataset] | None] = ContextVar("datasets opened in a block of closing", default=None)
+
+
+def noted_as_open(ds: xr.Dataset) -> xr.Dataset:
+    """Return a dataset that was just opened, noted for the block of `closing_files` in which that happened."""
+    if (opened := _OPENED.get()) is not None:
+        opened.append(ds)
+    return ds
+
+
+@contextmanager
+def closing_files(*, only_if_refused: bool = False) -> Iterator[None]:
+    """Close at its end what was opened lazily in this block, in all cases or only if it ends in an error.
+
+    An error keeps the frames in which it was raised, and with them the files open there: a notebook holds its last error,
+    so that a refused file could not be written anew. A dataset that is still in use opens its file again by itself.
+    """
+    outer, opened = _OPENED.get(), list[Any]()
+    _OPENED.set(opened)
+    try:
+        yield
+    except BaseException:
+        only_if_refused = False
+        raise
+    finally:
+        _OPENED.set(outer)
+        if not only_if_refused:
+            for ds in opened:
+                ds.close()
+        elif outer is not None:
+            outer.extend(opened)
 
 
 def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None:
@@ -188,6 +262,8 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None
     _LOG.debug("writing %s", path)
     dataset = dataset.compute()
     with replacing(Path(path)) as part, _told_truly(part):
+        with NETCDF:
+            _close_texts()
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
         store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)  # type: ignore[no-untyped-call]
