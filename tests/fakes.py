@@ -79,7 +79,7 @@ class FakeModel:
         rows = np.arange(nx * ny).reshape(nx, ny)
         pairs = [(rows[:-1], rows[1:]), (rows[:, :-1], rows[:, 1:])]
         self.bonds = new_bonds(*(np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1)))
-        self.bonds.bond_length[:] = SIDE
+        self.bonds.bond_length[:] = self.bonds.rest_length[:] = SIDE
         self.elements = new_elements(nx * ny)
         self.elements.body.substeps[:] = self.substeps
         self.elements.length[:] = self.elements.width[:] = SIDE

@@ -116,9 +116,12 @@ def test_the_error_of_the_end_does_not_hide_that_of_the_beginning(tmp_path: Path
     """A file that may not grow any more: neither the next record, nor the last one, nor the state."""
 
     def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (420_000, 420_000))
 
-    long = EXPERIMENT.replace("days: 0.0625", "days: 40")
+    # The run file of 400 elements begins with 290 kB, and a restart file has 500 kB.
+    long = EXPERIMENT.replace("days: 0.0625", "days: 40").replace(
+        "length: 9 km, width: 6 km", "length: 60 km, width: 60 km"
+    )
     (tmp_path / "long.yaml").write_text(long)
     result = riftberg(
         tmp_path, "run", "long.yaml", "-o", "out", "-q", "--no-map", "--every", "0.5", "--days", "40", limit=limit

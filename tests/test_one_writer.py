@@ -62,7 +62,8 @@ def test_a_second_kid_leaves_the_first_alone(tmp_path: Path, times: int) -> None
     """The second one was refused, and its clean-up removed the files of the first, which died then: 7 of 7 tries."""
     import netCDF4
 
-    case = write_case(tmp_path / "case", {"ibhrs": 10**6, "nmax": 10**8}, {"traj_sample_hrs": 1.0})
+    # At rest and with sub-steps short enough for its springs, so that the first is still running when the others come.
+    case = write_case(tmp_path / "case", {"ibhrs": 10**6, "nmax": 10**8, "ibuo": 0.0}, {"mts_sub_steps": 60})
     words = ("kid", str(case), "--output", str(tmp_path / "KID.nc"), "--quiet")
     with started(*words) as first:
         waited_for(tmp_path / "KID_bonds.nc", first)
@@ -78,7 +79,7 @@ def test_a_second_run_or_one_that_goes_on_leaves_the_first_alone(tmp_path: Path)
     from riftberg.runs.run_file import open_run
 
     (tmp_path / "slab.yaml").write_text(SLAB)
-    words = ("run", str(tmp_path / "slab.yaml"), "--days", "100000", "--allow-large", "--every", "24", "--no-map", "-q")
+    words = ("run", str(tmp_path / "slab.yaml"), "--days", "80000", "--allow-large", "--every", "24", "--no-map", "-q")
     out = tmp_path / "out"
     with started(*words, "-o", str(out), "--keep-days", "5") as first:
         waited_for(out / "kept-2.restart.nc", first)

@@ -158,7 +158,7 @@ def test_partners_ascend_where_there_are_many() -> None:
 @pytest.mark.compiled
 def test_with_another_numba_kernels_are_compiled_as_it_does(tmp_path: Path) -> None:
     """`riftberg.compiled.parts` knows the inside of some versions only; the others must do without."""
-    other = "import riftberg.compiled.kernels\nriftberg.kernels.KNOWN_NUMBA = ()\n" + KERNELS
+    other = "import riftberg.compiled.kernels\nriftberg.compiled.kernels.KNOWN_NUMBA = ()\n" + KERNELS
     other = other.replace("len(doubled.part.overloads)", "hasattr(doubled, 'part')")
     for _ in range(2):  # compiled, then from the cache
         assert said(other, tmp_path, RIFTBERG_CACHE=str(tmp_path)).split()[::2][:2] == ["6.0", "False"]

@@ -70,6 +70,8 @@ def hung_up(folder: Path, *before: str) -> subprocess.Popen[str]:
     process = subprocess.Popen(
         [*before, *words, "--days", "3000", "--allow-large"], cwd=folder, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True, start_new_session=True,
+        # Tests that run in the background may ignore hang-ups, and what they start would inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )  # fmt: skip
     end = time.monotonic() + 300.0
     while not (folder / "out" / "run.nc").exists() and process.poll() is None and time.monotonic() < end:

@@ -35,7 +35,7 @@ from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import Stepper, make_stepper
-from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
+from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
 from riftberg.system.input_files import shortened, value_shown
 from riftberg.system.interrupts import Hold, held
 from riftberg.system.limits import check_work
@@ -333,6 +333,7 @@ class BareModel(RunState):
             raise
         self._stepped = self.elements.body.id.copy()
         check_speed(self, before, self._stepper.applied)
+        check_forcing(self)
 
     def _go_back(
         self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats],

@@ -185,11 +185,25 @@ def test_an_option_of_a_sweep_that_there_is_not_is_refused_by_name() -> None:
         sweep(drifting, {"speed": [0.1]}, days=0.1, worker=0)  # type: ignore[call-arg]
 
 
-def test_impossible_combinations_and_what_an_experiment_keeps_are_refused() -> None:
+HEXAGONS = """\
+start: 2020-12-09 13:00
+days: 1
+berg:
+  rectangle: {length: 9 km, width: 6 km}
+  packing: hexagonal
+  placement: [-39.0, -55.5]
+forcing: {kind: constant, current: [0.2, 0.0]}
+"""
+
+
+def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"member with .*grounding.law = 'quadratic'.*quadratic_coefficient > 0"):
         planned("a68a", ["grounding.law=linear,quadratic"], Options(), 6.0)
-    with pytest.raises(InputError, match=r"a68a keeps bonds.packing|overlap"):
+    with pytest.raises(InputError, match=r"member with bonds.packing = 'hexagonal': .*the berg has square elements"):
         planned("a68a", ["bonds.packing=square,hexagonal"], Options(), 6.0)
+    (tmp_path / "hexagons.yaml").write_text(HEXAGONS)
+    with pytest.raises(InputError, match=r"hexagons.yaml keeps bonds.packing = 'hexagonal' whatever is given"):
+        planned(tmp_path / "hexagons.yaml", ["bonds.packing=square,hexagonal"], Options(), 6.0)
     with pytest.raises(InputError, match="no experiment of this name"):
         planned("a86a", ["fracture.normal_strength=14,18kPa"], Options(), 6.0)
 

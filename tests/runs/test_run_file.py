@@ -144,7 +144,7 @@ def test_killed_run_leaves_a_complete_file(tmp_path: Path) -> None:
     """
     here = str(Path(__file__).parent.parent)
     command = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / "run.nc")]
-    environment = {**os.environ, "PYTHONPATH": here}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([here, os.environ.get("PYTHONPATH", "")])}
     with subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"

@@ -399,21 +399,25 @@ class Session:
             self.report(draw=draw)
 
     def _size(self, days: float, every_hours: float) -> float:
-        """Return the least room (bytes) that the run takes beyond what its folder holds.
+        """Return the room (bytes) that the run takes beyond what its folder holds, about.
 
-        The numbers of a run file are compressed, to half their size or less. What is written goes into a copy of it; of the
-        states that are kept there are two, and one more while it is written.
+        What is written goes into a copy of the run file; of the states that are kept there are two, and one more while it is
+        written.
         """
+        from riftberg.runs.applied import force_variables
+        from riftberg.runs.run_file import element_history
         from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
         elements, bonds = len(self.model.elements.id), len(self.model.bonds.first)
         records = days * 24.0 / every_hours
+        histories = len(element_history()) + (len(force_variables()) if self.info.output_forces else 0)
+        # Compression leaves half of the single precision; the ledgers, in double precision, have some 300 bytes a record.
+        record = 0.5 * 4.0 * (histories * elements + 3.0 * bonds) + 300.0
         state = 8.0 * (elements * len(ELEMENT_VARIABLES) + bonds * len(BOND_VARIABLES))
+        # Names and units of its variables take 300 kB of a run file, and 140 kB of a restart file.
         there = self.folder / "run.nc"
         return (
-            2.0 * 0.5 * records * (90.0 * elements + 12.0 * bonds)
-            + 3.0 * state
-            - (there.stat().st_size if there.is_file() else 0.0)
+            2.0 * (records * record + 3e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
         )
 
     def run(self, days: float, every_hours: float, quiet: bool = False) -> None:

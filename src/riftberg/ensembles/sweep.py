@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Mapping
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -205,7 +205,10 @@ def planned(
         first, info = build(named, _first_options(options, members[0]))
         length = info.days if length is None else length
         _check_members(first, members)
-        last, _ = build(named, _first_options(options, members[-1]))
+        try:
+            last, _ = build(named, _first_options(options, members[-1]))
+        except InputError as error:  # the first could be built, so it is what is varied
+            raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
         for model, values in ((first, members[0]), (last, members[-1])):
             _check_taken(model, values, named)
     elif length is None:
@@ -246,8 +249,12 @@ def _first_options(options: Options, values: Mapping[str, Any]) -> Options:
 def _check_members(first: Model, members: list[dict[str, Any]]) -> None:
     """Refuse combinations of values that no run can have."""
     for values in members:
-        said = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
-        changed(first.parameters, grouped(values), where=f"--vary, member with {said}")
+        changed(first.parameters, grouped(values), where=_member_text(values))
+
+
+def _member_text(values: Mapping[str, Any]) -> str:
+    said = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
+    return f"--vary, member with {said}"
 
 
 def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
@@ -288,8 +295,16 @@ class Store:
             raise InputError("holds no sweep that could be gone on with", where=where, remedy="Leave --resume out")
         self._described = described
 
+    @contextmanager
+    def taken(self) -> Iterator[None]:
+        """Hold the folder for this sweep alone; it is made here, when nothing else can be refused any more."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with only_writer(self.folder / PLAN):
+            self.begin()
+            yield
+
     def begin(self) -> None:
-        """Make the folder and write the plan."""
+        """Write the plan."""
         self.members.mkdir(parents=True, exist_ok=True)
         (self.members / STOP).unlink(missing_ok=True)
         write_text(self.folder / PLAN, json.dumps(self._described, indent=1) + "\n")
@@ -354,13 +369,7 @@ def run_sweep(
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
     alone = (workers == 0 and scheduler is None) or not jobs
     result = xr.Dataset()
-    store.folder.mkdir(parents=True, exist_ok=True)
-    with (
-        only_writer(store.folder / PLAN),
-        held() as hold,
-        nullcontext() if alone else connected(scheduler, workers) as client,
-    ):
-        store.begin()
+    with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client, store.taken():
         try:
             _collect(store, jobs, client, hold, bar)
         finally:  # what is done is kept, also after Ctrl-C

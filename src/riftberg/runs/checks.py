@@ -424,6 +424,10 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "record_impulse_.+": Bound((None, len(FORCES), 2)),
     "record_seconds_.+": Bound(()),
     "record_times_.+": Bound((2,)),
+    # Identifiers in the order of the rows of the run file; whether it has gaps, and which sizes change.
+    "record_rows_of_elements_.+": Bound((None,), 0, "next_element - 1"),
+    "record_rows_of_bonds_.+": Bound((None,), 0, "next_bond - 1"),
+    "record_rows_change_.+": Bound((None,), 0, 1),
     "sweep_track": Bound((None, 5)),
     "exchange_totals": Bound((4,)),
     "exchange_(start|held)": Bound((2,)),
@@ -447,6 +451,8 @@ def check_extra(state: State, path: Path, remedy: str) -> None:
         if values.dtype.kind not in "iuf":
             raise _error(f"numbers are needed, not values of type {values.dtype}", path, place, remedy)
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
+    following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
+    sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
     ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0
             for table, ids in (("element", state.elements.id), ("bond", state.bonds.id))}  # fmt: skip
     for name, bound in _bounds_of(state.extra):
@@ -470,9 +476,12 @@ def check_extra(state: State, path: Path, remedy: str) -> None:
 
 def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
     """Return names and bounds of the arrays that are known, those first that say how long the others are."""
-    found = [(name, bound) for pattern, bound in EXTRAS.items() for name in extra if re.fullmatch(pattern, name)]
-    first = {name: bound for name, bound in reversed(found)}  # the first pattern that fits holds
-    return sorted(first.items(), key=lambda item: item[1].least is not None)
+    found: dict[str, Bound] = {}
+    for pattern, bound in EXTRAS.items():
+        for name in extra:
+            if re.fullmatch(pattern, name):
+                found.setdefault(name, bound)  # the first pattern that fits holds
+    return sorted(found.items(), key=lambda item: item[1].least is not None)
 
 
 def _resolved(limit: int | str | None, sizes: Mapping[str, int]) -> int:

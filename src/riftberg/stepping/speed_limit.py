@@ -13,7 +13,7 @@ import numpy as np
 
 from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.parameters import Parameters
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Environment, Floats
 from riftberg.stepping.forces.media import CORIOLIS, FORCES
 from riftberg.stepping.run_state import RunState
 
@@ -28,8 +28,8 @@ _PUSH: Final = {
     "sea_ice": "the drag of the sea ice", "waves": "the waves", "sea_floor": "the sea floor",
 }  # fmt: skip
 
-_DRIVING: Final = ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "ice_fraction", "ice_thickness")
-"""What of the forcing moves an element."""
+_GIVEN: Final = tuple(name for name in Environment._fields if not name.startswith("keel_"))
+"""What the forcing gives as finite numbers; at the keel NaN means that the value of the surface holds there too."""
 
 
 def refuse_fast_start(el: Elements, p: Parameters) -> None:
@@ -80,11 +80,18 @@ def _product(a: Floats, b: Floats) -> float:
     return float(a.dot(b) if a.size < ONE_THREAD else np.einsum("i,i", a, b))
 
 
-def refuse_forcing(run: RunState, before: Elements, error: Exception) -> None:
+def check_forcing(run: RunState) -> None:
+    """Raise `RunError` where the environment that a step ends in is no finite number: a state with it could not go on."""
+    values = [getattr(run.elements.environment, name) for name in _GIVEN]
+    if not math.isfinite(sum(_product(a, a) for a in values)):
+        refuse_forcing(run, run.elements)
+
+
+def refuse_forcing(run: RunState, before: Elements, error: Exception | None = None) -> None:
     """Raise `RunError` where a step has failed on forcing that is no finite number."""
     if at_fault := _forcing_at_fault(before, run.elements):
-        moment = f"in step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
-        raise RunError(f"the run failed {moment}. The reason is the forcing: {at_fault}. Correct it there") from error
+        moment = f"step {run.step_number + 1} ({run.date.isoformat(' ', 'minutes')})"
+        raise RunError(f"{moment} cannot be taken. The reason is the forcing: {at_fault}. Correct it there") from error
 
 
 def _flung(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
@@ -129,7 +136,7 @@ def _error(run: RunState, before: Elements, applied: Floats, k: int) -> SpeedErr
 def _forcing_at_fault(before: Elements, now: Elements) -> str:
     """Say what of the forcing is no finite number, and where; nothing where all is."""
     for el in (before, now):
-        for name in _DRIVING:
+        for name in _GIVEN:
             values = getattr(el.environment, name)
             if not np.isfinite(values).all() and np.isfinite(el.lon).all():
                 k = int(np.argmin(np.isfinite(values)))
