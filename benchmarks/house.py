@@ -2,6 +2,7 @@
 
     python benchmarks/house.py                 # of src/riftberg
     python benchmarks/house.py --list FOLDER   # of another copy of the package, with every finding
+    python benchmarks/house.py --write         # put files and lines of each folder into docs/explanation/architecture.md
 
 Nothing is imported: the files are read as text. Imports count wherever they stand (inside functions and under
 ``TYPE_CHECKING`` too).
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import re
 import statistics
 import tomllib
 from collections import defaultdict
@@ -18,6 +20,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = "riftberg"
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "architecture.md"
+"""Page with the table of folders."""
 
 LONG, MANY = 40, 10
 """Lines beyond which a function is long, and arguments beyond which it has many."""
@@ -141,13 +146,43 @@ def shares(folder: Path) -> dict[str, float]:
     return {name: count / sum(lines.values()) for name, count in lines.items()}
 
 
+def folder_sizes(folder: Path) -> dict[str, tuple[int, int]]:
+    """Return files and lines of each folder, without those of the folders inside it."""
+    sizes: dict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
+    for path in sorted(folder.rglob("*.py")):
+        name = f"{path.parent.relative_to(folder).as_posix()}/"
+        files, lines = sizes[name]
+        sizes[name] = files + 1, lines + len(path.read_text(encoding="utf-8").splitlines())
+    return dict(sizes)
+
+
+def with_sizes(page: str, sizes: dict[str, tuple[int, int]]) -> str:
+    """Return the page with the present files and lines in the rows of its table of folders."""
+    before, begin, rest = page.partition("<!-- folders: begin -->")
+    table, end, after = rest.partition("<!-- folders: end -->")
+
+    def row(match: re.Match[str]) -> str:
+        files, lines = sizes[match[1]]
+        return f"| `{match[1]}` | {files} | {lines:,} |"
+
+    return (
+        before + begin + re.sub(r"^\| `([^`]+/)` \| [\d,]+ \| [\d,]+ \|", row, table, flags=re.MULTILINE) + end + after
+    )
+
+
 def main() -> None:
     """Print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     home = Path(__file__).resolve().parents[1] / "src" / PACKAGE
     parser.add_argument("folder", nargs="?", type=Path, default=home, help="folder of the package")
     parser.add_argument("--list", action="store_true", help="print every finding")
+    parser.add_argument(
+        "--write", action="store_true", help="update the table of folders in the page on the architecture"
+    )
     options = parser.parse_args()
+    if options.write:
+        PAGE.write_text(with_sizes(PAGE.read_text(encoding="utf-8"), folder_sizes(home)), encoding="utf-8")
+        return
     trees = modules(options.folder)
     edges = imports(trees)
     lengths = [lines_of_code(node) for _, node, _ in functions(trees)]

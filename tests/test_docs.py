@@ -165,6 +165,13 @@ def test_every_switch_of_the_quirks_is_told(switch: str) -> None:
     assert f"`compatibility.{switch}`" in QUIRKS.read_text("utf-8")
 
 
+def test_the_table_of_folders_is_that_of_the_package() -> None:
+    text = (DOCS / "explanation" / "architecture.md").read_text("utf-8")
+    table = text.partition("<!-- folders: begin -->")[2].partition("<!-- folders: end -->")[0]
+    named = re.findall(r"^\| `([^`]+/)` \|", table, flags=re.MULTILINE)
+    assert sorted(named) == sorted(loaded("benchmarks/house.py").folder_sizes(ROOT / "src" / "riftberg"))
+
+
 EQUATIONS = {"equations": DOCS / "explanation" / "equations.md", "files": DOCS / "explanation" / "equations-of-life.md"}
 SOURCES = sorted(path for room in ("src", "tests", "docs", "benchmarks") for path in (ROOT / room).rglob("*.py"))
 
