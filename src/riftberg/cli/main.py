@@ -24,8 +24,7 @@ SUMMARIES: Final = {
     "experiments": "List the built-in experiments.",
     "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
     "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",
-    "plot": "Draw maps at chosen dates beside observed outlines, the stress and damage in the bonds, "
-    "and the life of the fragments.",
+    "plot": "Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments.",
     "animate": "Write a film of a run.",
     "replay": "Write one web page that plays the run offline, with scrubbing and zoom.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
