@@ -2,6 +2,7 @@
 
     python benchmarks/house.py                 # of src/riftberg
     python benchmarks/house.py --list FOLDER   # of another copy of the package, with every finding
+    python benchmarks/house.py --write         # put files and lines of each folder into docs/explanation/architecture.md
 
 Nothing is imported: the files are read as text. Imports count wherever they stand (inside functions and under
 ``TYPE_CHECKING`` too).
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import io
+import re
 import tokenize
 import tomllib
 from collections import Counter, defaultdict
@@ -29,6 +31,10 @@ PRIVATE_WORDS = (
     "recall", "alive", "meet", "met", "memory", "surround",
 )  # fmt: skip
 """Words of earlier versions for what numerical mechanics and contact dynamics have names for."""
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "architecture.md"
+"""Page with the table of folders."""
+
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -156,15 +162,28 @@ def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
     return {name: places for name, places in sorted(homes.items()) if len(set(places)) > 1}
 
 
-def folders(folder: Path) -> dict[str, tuple[int, Counter[str]]]:
-    """Return files and lines by kind of each folder of the package, sub-folders of ``stepping`` apart."""
-    result: dict[str, tuple[int, Counter[str]]] = {}
+def folder_sizes(folder: Path) -> dict[str, tuple[int, int]]:
+    """Return files and lines of each folder, without those of the folders inside it."""
+    sizes: dict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
     for path in sorted(folder.rglob("*.py")):
-        inner = path.relative_to(folder).parts[:-1]
-        name = "/".join(inner) + "/" if inner else "(root)"
-        files, lines = result.get(name, (0, Counter()))
-        result[name] = files + 1, lines + lines_by_kind(path.read_text(encoding="utf-8"))
-    return result
+        name = f"{path.parent.relative_to(folder).as_posix()}/"
+        files, lines = sizes[name]
+        sizes[name] = files + 1, lines + len(path.read_text(encoding="utf-8").splitlines())
+    return dict(sizes)
+
+
+def with_sizes(page: str, sizes: dict[str, tuple[int, int]]) -> str:
+    """Return the page with the present files and lines in the rows of its table of folders."""
+    before, begin, rest = page.partition("<!-- folders: begin -->")
+    table, end, after = rest.partition("<!-- folders: end -->")
+
+    def row(match: re.Match[str]) -> str:
+        files, lines = sizes[match[1]]
+        return f"| `{match[1]}` | {files} | {lines:,} |"
+
+    return (
+        before + begin + re.sub(r"^\| `([^`]+/)` \| [\d,]+ \| [\d,]+ \|", row, table, flags=re.MULTILINE) + end + after
+    )
 
 
 def main() -> None:
@@ -173,8 +192,13 @@ def main() -> None:
     home = Path(__file__).resolve().parents[1] / "src" / PACKAGE
     parser.add_argument("folder", nargs="?", type=Path, default=home, help="folder of the package")
     parser.add_argument("--list", action="store_true", help="print every finding")
-    parser.add_argument("--folders", action="store_true", help="print files and lines by folder")
+    parser.add_argument(
+        "--write", action="store_true", help="update the table of folders in the page on the architecture"
+    )
     options = parser.parse_args()
+    if options.write:
+        PAGE.write_text(with_sizes(PAGE.read_text(encoding="utf-8"), folder_sizes(home)), encoding="utf-8")
+        return
     trees = modules(options.folder)
     edges = imports(trees)
     texts = [path.read_text(encoding="utf-8") for path in sorted(options.folder.rglob("*.py"))]
@@ -201,8 +225,6 @@ def main() -> None:
         print(f"{title:>40}  {len(entries)}")
         for entry in entries if options.list else ():
             print(f"      {entry}")
-    for name, (files, lines) in folders(options.folder).items() if options.folders else ():
-        print(f"{name:>40}  {files:3d} files, {sum(lines.values()):6d} lines, {lines['code']:6d} of code")
 
 
 if __name__ == "__main__":

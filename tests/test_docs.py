@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from typer.models import OptionInfo
 
+import riftberg
 from riftberg.cli.main import app
 from riftberg.parameters import Compatibility
 from scripts import loaded
@@ -163,6 +164,18 @@ def test_every_quirk_is_told() -> None:
 @pytest.mark.parametrize("switch", Compatibility.model_fields)
 def test_every_switch_of_the_quirks_is_told(switch: str) -> None:
     assert f"`compatibility.{switch}`" in QUIRKS.read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", riftberg.__all__)
+def test_every_public_name_is_on_the_page_of_python(name: str) -> None:
+    assert re.search(rf"\briftberg\.{name}\b", (DOCS / "reference" / "api.md").read_text("utf-8"))
+
+
+def test_the_table_of_folders_is_that_of_the_package() -> None:
+    text = (DOCS / "explanation" / "architecture.md").read_text("utf-8")
+    table = text.partition("<!-- folders: begin -->")[2].partition("<!-- folders: end -->")[0]
+    named = re.findall(r"^\| `([^`]+/)` \|", table, flags=re.MULTILINE)
+    assert sorted(named) == sorted(loaded("benchmarks/house.py").folder_sizes(ROOT / "src" / "riftberg"))
 
 
 EQUATIONS = {"equations": DOCS / "explanation" / "equations.md", "files": DOCS / "explanation" / "equations-of-life.md"}

@@ -2,7 +2,7 @@
 A68a in December 2020
 =====================
 
-The built-in experiment: the berg loses its northern tip aground and its southern finger afloat. The ocean is fitted to the observed drift.
+The built-in experiment: the berg loses its northern tip aground and its southern finger afloat. The currents are fitted to the observed drift.
 """
 
 from riftberg import draw_map
@@ -14,7 +14,7 @@ run = model.run(info.days, every_hours=3)
 draw_map(run, "a68a.png", forcing=model.forcing, title=info.title)
 
 # %%
-# The life of the pieces:
+# Area, stress and grounding of the fragments:
 draw_timeline(run, "timeline.png")
 
 # %%

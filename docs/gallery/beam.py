@@ -1,8 +1,8 @@
 """
-A beam bends as theory says
-===========================
+Bending of a beam against theory
+================================
 
-Twenty-nine elements in a row, held at both ends, with a load in the middle.
+Twenty-nine elements in a row, simply supported at both ends, with a load in the middle.
 """
 
 import numpy as np

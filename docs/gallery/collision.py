@@ -1,8 +1,8 @@
 """
-Two bergs meet
-==============
+Two bergs collide
+=================
 
-A current brings two bergs together. They push each other and are not bonded.
+A current brings two bergs together. They repel each other and are not bonded.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ run = model.run("30 h")
 draw_map(run, "collision.png", title=info.title)
 
 # %%
-# The centres of the two bergs stay more than a diameter of an element apart.
+# The centres of the two bergs stay more than one element diameter apart.
 half = run.sizes["trajectory"] // 2
 y = run["y"].values
 gap = np.abs(y[:half].mean(0) - y[half:].mean(0))

@@ -1,8 +1,8 @@
 """
-A berg drifts with the water
-============================
+Geostrophic drift
+=================
 
-Where the sea surface slopes in balance with the current, a berg without wind takes the velocity of the water.
+In a current in geostrophic balance and without wind, a berg drifts with the water.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ run = model.run(days=2)
 draw_map(run, "drift.png", forcing=model.forcing, title="Drift with the water")
 
 # %%
-# After two days it still moves with the current, to a millimetre a second or two.
+# After two days it still moves with the current, to within a millimetre per second or two.
 speed = np.hypot(model.elements.u.mean() - 0.2, model.elements.v.mean() - 0.1)
 print(f"{1e3 * speed:.2f} mm/s")
 assert speed < 5e-3

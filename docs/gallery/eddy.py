@@ -1,8 +1,8 @@
 """
-An ocean of one's own: an eddy turns a berg
-===========================================
+Custom forcing: an eddy rotates a berg
+======================================
 
-Any dataset with CF names and units is a forcing. Here it is a round eddy whose sea level balances its current.
+Any dataset with CF names and units can be used as forcing. Here it is a round eddy in geostrophic balance.
 """
 
 import numpy as np
@@ -28,17 +28,17 @@ sea = xr.Dataset(
         for n, v in {"uo": uo, "vo": vo, "zos": level}.items()
     },
     {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})},
-    {"title": "a round high of the sea surface"},
+    {"title": "a round anticyclonic eddy"},
 )
 
 start = "2020-12-09"
 berg = Iceberg.rectangle("40 km", "15 km", thickness="200 m", placement=(-37.0, -56.0))
 model = Model(berg, DatasetForcing.from_xarray(sea, start), A68A_2022, start)
 run = model.run(days=3)
-draw_map(run, "eddy.png", title="A high of the sea turns a berg")
+draw_map(run, "eddy.png", title="An anticyclonic eddy rotates a berg")
 
 # %%
-# A high turns counter-clockwise in the southern hemisphere, and the berg with it.
+# An anticyclone rotates counter-clockwise in the southern hemisphere, and the berg with it.
 turn = np.degrees(model.elements.rotation.mean())
 print(f"{turn:.1f} degrees in three days")
 assert turn > 5

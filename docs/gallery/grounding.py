@@ -1,8 +1,8 @@
 """
-Running aground
-===============
+Grounding
+=========
 
-A current carries a berg up a slope. Where the keel meets the sea floor, the berg is held, and the current turns it.
+A current carries a berg up a slope. Where the keel meets the sea floor, the berg is held, and the current rotates it.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ run = model.run(days=3)
 draw_map(run, "grounding.png", title="Aground on a slope")
 
 # %%
-# It drifted with the current at first. Now it creeps and turns, with its eastern edge where the water is as deep as its keel.
+# At first it drifted with the current. Now it creeps and rotates, with its eastern edge where the water is as deep as its keel.
 speed = float(np.hypot(model.elements.u_sync.mean(), model.elements.v_sync.mean()))
 draft = float(model.elements.thickness[0]) * 850.0 / 1025.0
 print(f"{100 * speed:.2f} cm/s over {model.elements.depth.min():.0f} m, with a draft of {draft:.0f} m")

@@ -1,8 +1,8 @@
 """
-Hexagons
-========
+Hexagonal packing
+=================
 
-Elements may be squares or hexagons. A hexagon inside the berg has six bonds.
+Elements may be squares or hexagons. A hexagon in the interior of the berg has six bonds.
 """
 
 from riftberg import Iceberg, Model, Parameters, Steady, draw_map

@@ -2,7 +2,7 @@
 Inertial circles
 ================
 
-A berg that was pushed and then left alone goes round in circles with the period :math:`2\\pi/f`.
+A berg with an initial velocity and without forcing moves in inertial circles of period :math:`2\\pi/f`.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ model = Model(berg, Steady(), Parameters(drag={"ocean_scale": 0.0}, stepping={"t
 run = model.run(days=2, every_hours="10 min")
 
 # %%
-# The heading turns evenly; its rate gives the period.
+# The heading rotates steadily; its rate gives the period.
 u, v = run["u_sync"].values[0], run["v_sync"].values[0]
 hours = (run["time"] - run["time"][0]).values / np.timedelta64(1, "h")
 turned = np.unwrap(np.arctan2(v, u))

@@ -1,8 +1,8 @@
 """
-A process of one's own: a base that melts
-=========================================
+Custom process: basal melt
+==========================
 
-A function that is called after each long step may change thickness and mass.
+A function that is called after each time step may change thickness and mass.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 A berg from an outline
 ======================
 
-A polygon of longitudes and latitudes is filled with elements. The lattice is laid so that its area comes close to that of the outline.
+A polygon in longitude and latitude is filled with elements. The lattice is positioned so that its area is close to that of the outline.
 """
 
 import numpy as np

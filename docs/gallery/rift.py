@@ -1,8 +1,8 @@
 """
-A rift
-======
+Break-up along a rift
+=====================
 
-Bonds along a line are weakened. In a current that pulls the two halves apart, the berg breaks there.
+Bonds along a line are weakened. In a divergent current that pulls the two halves apart, the berg breaks there.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ values = {"uo": 0.3 * np.tanh(x / 15e3), "vo": 0 * x}
 sea = xr.Dataset(
     {n: (("lat", "lon"), values[n], {"standard_name": names[n], "units": "m s-1"}) for n in names},
     {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})},
-    {"title": "water that parts at 37 W"},
+    {"title": "current that diverges at 37 W"},
 )
 berg = Iceberg.rectangle("60 km", "15 km", thickness="200 m", placement=(-37.0, -56.0), offset=(0.0, 0.0))
 rifted = berg.with_rifts([[-37.01, -56.2], [-37.01, -55.8]], strength=0.02)

@@ -1,8 +1,8 @@
 """
-Scatter of strength
-===================
+Random bond strength
+====================
 
-Real ice has weak places. Bonds take strengths from a distribution with mean 1; the seed makes them again.
+Real ice has weak spots. Bond strengths are drawn from a distribution with mean 1; a seed makes them reproducible.
 """
 
 from matplotlib.figure import Figure

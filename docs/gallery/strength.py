@@ -1,8 +1,8 @@
 """
-Many runs: weaker ice breaks earlier
-====================================
+Ensemble: sensitivity to ice strength
+=====================================
 
-The built-in A68a with three strengths of the ice, side by side. The tip breaks as it touches the sea floor, whatever its strength; the
+The built-in A68a with three strengths of the ice. The tip breaks when it touches the sea floor, whatever its strength. The
 finger, which the current bends, breaks later in stronger ice.
 """
 

@@ -2,7 +2,7 @@
 Stress in the bonds
 ===================
 
-Where a berg is pulled, its bonds carry tension: the stress in equilibrium with the loads.
+Where a berg is stretched, its bonds carry tension, in equilibrium with the loads.
 """
 
 from riftberg import A68A_2022
@@ -14,7 +14,7 @@ run = model.run(days=3, every_hours=6)
 draw_stress(run, "stress.png")
 
 # %%
-# No bond carries more than it bears.
+# No bond exceeds its strength.
 largest = float(run["normal_stress"].max())
 print(f"{largest / 1e3:.1f} kPa")
 assert 0 < largest <= A68A_2022.fracture.normal_strength

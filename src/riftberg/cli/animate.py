@@ -25,7 +25,7 @@ def animate(
         float | None, typer.Option("--hours", help="Hours between frames.  [default: a film of 20 s]")
     ] = None,
     fps: Annotated[
-        int | None, typer.Option("--fps", min=1, max=60, help="Frames a second.  [default: 20, GIF 10]")
+        int | None, typer.Option("--fps", min=1, max=60, help="Frames per second.  [default: 20, GIF 10]")
     ] = None,
     dpi: Annotated[
         int | None, typer.Option("--dpi", min=30, max=400, help="Resolution.  [default: 110, GIF 80]")

@@ -42,7 +42,7 @@ def bench(
         ),
     ] = None,
 ) -> None:
-    """Measure seconds per simulated day, compilation and memory, beside a yardstick."""
+    """Measure seconds per simulated day, compilation and memory, relative to a reference workload."""
     import json
 
     from riftberg.diagnostics.speed import measure

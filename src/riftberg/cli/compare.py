@@ -26,11 +26,11 @@ def compare(
     ] = None,
     observed: Annotated[
         Path | None,
-        typer.Option("--observed", help="Positions (CSV) to compare with.  [default: those of A68a, for its runs]"),
+        typer.Option("--observed", help="Observed positions (CSV).  [default: those of A68a, for its runs]"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
-    """Show runs side by side: break-ups, bonds, and the distance from the observed positions by day."""
+    """Compare runs: break-ups, bonds, and the daily distance from the observed positions."""
     import json
 
     if output is not None:

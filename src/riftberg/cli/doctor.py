@@ -28,7 +28,7 @@ def doctor(
         typer.Option(
             "--for",
             metavar="EXPERIMENT",
-            help="Experiment whose place and dates the files must cover: a name, or a YAML file, whose own files are "
+            help="Experiment whose region and dates the files must cover: a name, or a YAML file, whose own files are "
             "examined if no others are named.",
         ),
     ] = None,
@@ -41,12 +41,14 @@ def doctor(
         list[str] | None, typer.Option("--need", help="A field that the run needs, for example depth_below_surface.")
     ] = None,
     run: Annotated[
-        Path | None, typer.Option("--along", metavar="RUN.nc", help="A run whose path the files must cover.")
+        Path | None, typer.Option("--along", metavar="RUN.nc", help="A run whose track the files must cover.")
     ] = None,
-    product: Annotated[str | None, typer.Option("--product", help="The product, instead of recognising it.")] = None,
+    product: Annotated[
+        str | None, typer.Option("--product", help="Name of the product, instead of recognising it.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Tell what forcing files are, whether they serve an experiment, and what is missing."""
+    """Identify forcing files, check that they are sufficient for an experiment, list what is missing."""
     from riftberg.products.doctor import ASSUMED, NEEDED
     from riftberg.products.doctor import doctor as examine
     from riftberg.products.findings import Report

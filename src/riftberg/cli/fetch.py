@@ -36,10 +36,12 @@ def fetch(
         ),
     ] = None,
     depth: Annotated[float, typer.Option("--depth", help="Deepest level (m), for products with levels.")] = 250.0,
-    small: Annotated[bool, typer.Option("--small", help="a68a: only the small files, no hourly fields.")] = False,
+    small: Annotated[
+        bool, typer.Option("--small", help="a68a: only the small files, without the hourly fields.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
-    """Fetch forcing files; a fetch that was cut goes on where it stopped."""
+    """Download forcing files; an interrupted download resumes where it stopped."""
     positive(depth, "--depth", "m", most=12_000.0)
     folder = folder or Path("riftberg-data") / what
     if what == "a68a":

@@ -17,28 +17,31 @@ from riftberg.system.limits import allow_extreme, allow_large
 
 @reported
 def kid(
-    case: Annotated[Path, typer.Argument(help="Folder with input.nml and the restart files that it names.")],
+    case: Annotated[Path, typer.Argument(help="Folder with input.nml and the restart files named in it.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Trajectory file or folder.  [default: riftberg-out/NAME]")
     ] = None,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Show no progress and no list of namelist entries.")
+        bool, typer.Option("--quiet", "-q", help="Show neither progress nor the list of namelist entries.")
     ] = False,
     large: Annotated[
-        bool, typer.Option("--allow-large", help="Allow more elements and steps than a slip asks for.")
+        bool, typer.Option("--allow-large", help="Allow very large numbers of elements and steps.")
     ] = False,
     extreme: Annotated[
         bool,
         typer.Option(
-            "--allow-extreme", help="Take currents, wind and sea level that no sea has, and ice of up to 1000 m/s."
+            "--allow-extreme", help="Accept unphysical currents, wind and sea level, and ice speeds up to 1000 m/s."
         ),
     ] = False,
     ranks: Annotated[
         str,
-        typer.Option("--ranks", help="Processes of the run of KID that is followed: footloose draws depend on them."),
+        typer.Option(
+            "--ranks",
+            help="Processors of the KID run to reproduce, such as 2x2: footloose random numbers depend on them.",
+        ),
     ] = "1x1",
 ) -> None:
-    """Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files."""
+    """Run a KID or iKID case from its namelist; write trajectory, restart and bond files."""
     from riftberg.kid.run import load_case, run_kid
     from riftberg.runs.progress import ProgressRecorder
 

@@ -20,19 +20,18 @@ from riftberg.version import __version__
 
 SUMMARIES: Final = {
     "run": "Run an experiment and write run.nc, summary.json and map.png.",
-    "sweep": "Run an experiment for every combination of some values of its parameters, side by side, into one result.",
+    "sweep": "Run an ensemble: an experiment for every combination of parameter values, collected in one result.",
     "experiments": "List the built-in experiments.",
-    "kid": "Run a case of KID or iKID from its namelist, and write its trajectory, restart and bond files.",
-    "bench": "Measure seconds per simulated day, compilation and memory, beside a yardstick.",
-    "plot": "Draw maps at chosen dates beside observed outlines, the stress and damage in the bonds, "
-    "and the life of the fragments.",
+    "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
+    "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",
+    "plot": "Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments.",
     "animate": "Write a film of a run.",
-    "replay": "Write a run as one web page that needs no network: play, scrub, zoom.",
+    "replay": "Write one web page that plays the run offline, with scrubbing and zoom.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
-    "compare": "Show runs side by side: break-ups, bonds, and the distance from the observed positions by day.",
-    "why": "Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
-    "doctor": "Tell what forcing files are, whether they serve an experiment, and what is missing.",
-    "fetch": "Fetch forcing files; a fetch that was cut goes on where it stopped.",
+    "compare": "Compare runs: break-ups, bonds, and the daily distance from the observed positions.",
+    "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
+    "doctor": "Identify forcing files, check that they are sufficient for an experiment, list what is missing.",
+    "fetch": "Download forcing files; an interrupted download resumes where it stopped.",
 }
 """The commands in the order of the help, with the first lines of their own, so that help need not load them."""
 
@@ -135,7 +134,7 @@ class App(typer.Typer):
 app = App(
     name="riftberg",
     cls=Commands,
-    help="Tabular icebergs as lattices of ice columns joined by breakable bonds: drift, grounding and break-up.",
+    help="Tabular icebergs as lattices of ice columns joined by breakable bonds: drift, grounding, melt and break-up.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -152,7 +151,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Take the options that stand before the command."""

@@ -41,7 +41,7 @@ Dates = Annotated[
 FORMATS = ("png", "pdf", "svg")
 
 Format = Annotated[
-    str, typer.Option("--format", "-f", metavar="FORMAT", help="png, pdf or svg; text in pdf and svg stays text.")
+    str, typer.Option("--format", "-f", metavar="FORMAT", help="png, pdf or svg; text in pdf and svg remains editable.")
 ]
 
 

@@ -35,7 +35,7 @@ def plot(
     picture: Format = "png",
     dpi: Annotated[int, typer.Option("--dpi", min=30, max=1200, help="Resolution.")] = 150,
 ) -> None:  # fmt: skip
-    """Draw maps at chosen dates beside observed outlines, the stress and damage in the bonds, and the life of the fragments."""
+    """Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments."""
     from riftberg.runs.run_file import open_run
 
     for name in kind or ():

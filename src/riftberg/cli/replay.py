@@ -21,10 +21,12 @@ def replay(
     ] = None,
     title: Annotated[str, typer.Option("--title", help="Heading.")] = "",
     observed: ObservedFile = None,
-    largest: Annotated[float, typer.Option("--largest", min=0.5, help="MB above which records are left out.")] = 10.0,
-    show: Annotated[bool, typer.Option("--show", help="Open it in the browser.")] = False,
+    largest: Annotated[
+        float, typer.Option("--largest", min=0.5, help="Size in MB above which records are thinned out.")
+    ] = 10.0,
+    show: Annotated[bool, typer.Option("--show", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Write a run as one web page that needs no network: play, scrub, zoom."""
+    """Write one web page that plays the run offline, with scrubbing and zoom."""
     from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 

@@ -41,12 +41,14 @@ Settings = Annotated[
 ]  # fmt: skip
 Days = Annotated[float | None, typer.Option("--days", help="Length of the run, instead of the experiment's.")]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of data files.")]
-Without = Annotated[list[str] | None, typer.Option("--without", help="Leave out a part of the experiment.")]
+Without = Annotated[
+    list[str] | None, typer.Option("--without", help="Leave out a part of the experiment, for example shoal.")
+]
 NumericsName = Annotated[
     str | None,
     typer.Option(
         "--numerics",
-        help="'own', 'reference' for the numerics and quirks of iKID, or 'both' for both, side by side.  "
+        help="'own', 'reference' for the numerics and quirks of iKID, or 'both' to run and compare both.  "
         "[default: own; reference for a68a-paper]",
     ),
 ]
@@ -69,12 +71,13 @@ def run(
     without: Without = None,
     numerics: NumericsName = None,
     fetch: Annotated[
-        bool, typer.Option("--fetch", help="Fetch missing data files first (a68a-paper: 1.3 GB, a68a-oras5: 8 MB).")
+        bool, typer.Option("--fetch", help="Download missing data files first (a68a-paper: 1.3 GB, a68a-oras5: 8 MB).")
     ] = False,
     grid: Annotated[
         float | None,
         typer.Option(
-            "--grid", help="Put data files on a grid of cells this wide (degrees).  [default: their own grids]"
+            "--grid",
+            help="Interpolate data files to a grid with cells of this width (degrees).  [default: their own grids]",
         ),
     ] = None,
     every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
@@ -84,26 +87,31 @@ def run(
     cells: Annotated[
         float | None,
         typer.Option(
-            "--cells", help="Write fresh water, heat and mass on cells this wide (degrees), by month and day."
+            "--cells", help="Write fresh water, heat and mass on cells of this width (degrees), monthly and daily."
         ),
     ] = None,
     resume: Annotated[
         Path | None,
         typer.Option(
             "--resume",
-            help="Go on with the run in a folder, from its last good state; or from a restart file, elsewhere.",
+            help="Restart the run in a folder from its last good state, or start from a restart file in another folder.",
         ),
     ] = None,
     keep_days: Annotated[
-        float | None, typer.Option("--keep-days", help="Simulated days between states kept for --resume.")
+        float | None, typer.Option("--keep-days", help="Simulated days between the states saved for --resume.")
     ] = None,
     keep_minutes: Annotated[
-        float, typer.Option("--keep-minutes", help="Minutes of computing between states kept for --resume; 0 for none.")
+        float,
+        typer.Option("--keep-minutes", help="Minutes of computing between the states saved for --resume; 0 for none."),
     ] = KEEP_MINUTES,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
     large: Annotated[
-        bool, typer.Option("--allow-large", help="Allow more elements, steps or bytes than a slip of units asks for.")
+        bool,
+        typer.Option(
+            "--allow-large",
+            help="Allow very large numbers of elements, steps or bytes, which are usually a slip of units.",
+        ),
     ] = False,
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""

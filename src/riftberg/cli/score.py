@@ -39,17 +39,22 @@ def score(
         ),
     ] = None,
     date: Annotated[
-        str | None, typer.Option("--date", "-d", help="Date of outlines that tell none (KML, shapefile, NetCDF).")
+        str | None,
+        typer.Option("--date", "-d", help="Date of outlines whose file gives none (KML, shapefile, NetCDF)."),
     ] = None,
     variable: Annotated[
-        str | None, typer.Option("--variable", help="Variable that is the mask, in a NetCDF file that has several.")
+        str | None, typer.Option("--variable", help="Name of the mask variable, in a NetCDF file that has several.")
     ] = None,
     between: Annotated[str | None, typer.Option("--between", metavar="FIRST,LAST", help="Dates to compare.")] = None,
     together: Annotated[
         str | None,
-        typer.Option("--together", metavar="N,N,...", help="Fragments that make up the berg, instead of finding them."),
+        typer.Option(
+            "--together",
+            metavar="N,N,...",
+            help="Fragments that make up the berg, instead of matching them automatically.",
+        ),
     ] = None,
-    interpolated: Annotated[bool, typer.Option("--interpolated", help="Use interpolated positions too.")] = False,
+    interpolated: Annotated[bool, typer.Option("--interpolated", help="Include interpolated positions.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw score.png.")] = True,
     picture: Format = "png",

@@ -33,7 +33,7 @@ def sweep(
         list[str] | None,
         typer.Option(
             "--vary", metavar="GROUP.NAME=VALUES",
-            help="What is varied: fracture.normal_strength=14..24kPa:11 for eleven values, or 14,18,24kPa. Again for more.",
+            help="Parameter to vary: fracture.normal_strength=14..24kPa:11 for eleven values, or 14,18,24kPa. May be repeated.",
         ),
     ] = None,
     output: Annotated[
@@ -53,7 +53,7 @@ def sweep(
     cells: Annotated[
         float | None,
         typer.Option(
-            "--cells", help="Write fresh water, heat and mass of each member on cells this wide (degrees), into the folder cells."
+            "--cells", help="Write fresh water, heat and mass of each member on cells of this width (degrees), in folder cells."
         ),
     ] = None,
     scheduler: Annotated[
@@ -61,16 +61,16 @@ def sweep(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option("--workers", help="Processes on this machine; 0 for none but this one.  [default: one for each core]"),
+        typer.Option("--workers", help="Processes on this machine; 0 to run in this process.  [default: one per core]"),
     ] = None,
     resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="FOLDER", help="Go on with the sweep in a folder.")
+        Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue the sweep in a folder.")
     ] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw sweep.png.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
     large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
 ) -> None:  # fmt: skip
-    """Run an experiment for every combination of some values of its parameters, side by side, into one result."""
+    """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
     with allow_large(large):
         if workers is not None and workers < 0:
             raise InputError(f"{workers} processes", where="--workers", remedy="Give 0 or more")

@@ -14,7 +14,7 @@ import typer
 Verbose = Annotated[
     int,
     typer.Option(
-        "--verbose", "-v", count=True, help="Log what happens; twice (-vv) for each file that is opened or written."
+        "--verbose", "-v", count=True, help="Show the log; twice (-vv) to include each file that is opened or written."
     ),
 ]
 

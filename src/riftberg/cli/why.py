@@ -27,23 +27,24 @@ def why(
     controls: Annotated[
         bool,
         typer.Option(
-            "--controls", help="Run the experiment again without each of its parts, and with half the long step."
+            "--controls", help="Repeat the experiment without each of its parts, and with half the time step."
         ),
     ] = False,
     experiment: Annotated[
         str | None,
         typer.Option(
-            "--experiment", help="Experiment or YAML file of the run, for the controls.  [default: as it says]"
+            "--experiment",
+            help="Experiment or YAML file of the run, for the controls.  [default: as recorded in the run]",
         ),
     ] = None,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of data files, for the controls.")] = None,
-    everything: Annotated[bool, typer.Option("--all", help="Tell of every piece, however small.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Report every piece, however small.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw why.png.")] = True,
     picture: Format = "png",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress of the controls.")] = False,
 ) -> None:
-    """Tell why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
+    """Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
     from riftberg.diagnostics.why import explain, words
     from riftberg.runs.checks import check_recorded
     from riftberg.runs.run_file import open_run
