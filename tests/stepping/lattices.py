@@ -11,7 +11,7 @@ from riftberg.stepping.contact.candidates import without
 from riftberg.stepping.explicit.bond_rows import allocate_rows
 from riftberg.stepping.explicit.breaking import allocate_pairs
 from riftberg.stepping.explicit.mts import StepPlan, StepReport, take_long_step
-from riftberg.stepping.explicit.springs import Room, allocate_scratch, pairs_from_list
+from riftberg.stepping.explicit.springs import Workspace, allocate_scratch, pairs_from_list
 from riftberg.stepping.forces.interactions import Partners
 from riftberg.stepping.forces.media import allocate_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
@@ -155,7 +155,18 @@ def touching_pairs(el, bonds, p):
 
 
 def long_step(
-    el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None, around=None
+    el,
+    bonds,
+    p,
+    dt,
+    substeps,
+    *,
+    starting=False,
+    skip_outer=False,
+    may_break=False,
+    grow_damage=False,
+    rank=None,
+    around=None,
 ):
     """Take one long step by the kernels of `riftberg.stepping.explicit.mts`; changes the state in place."""
     n = el.mass.size
@@ -164,27 +175,29 @@ def long_step(
         substeps=substeps,
         time=0.0,
         starting=starting,
-        skip_slow=skip_slow,
-        search=not p.broken_as_contact,
+        skip_outer=skip_outer,
+        by_search=not p.broken_as_contact,
         break_inline=may_break,
         break_after=False,
-        wears=wears,
+        grow_damage=grow_damage,
     )
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
     around = allocate_surroundings(n) if around is None else around
-    room = Room(allocate_rows(bonds, n), pairs, allocate_scratch(n))
+    work = Workspace(allocate_rows(bonds, n), pairs, allocate_scratch(n))
     colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
-    earlier = np.arange(n) if rank is None else rank
+    rank = np.arange(n) if rank is None else rank
 
     def part(**which):
         return take_long_step(
-            el, bonds, room, colliding, inside, sizes, around, earlier, plan._replace(**which), p
+            el, bonds, work, colliding, inside, sizes, around, rank, plan._replace(**which), p
         )  # fmt: skip
 
-    slow = part(moves=False)
-    if slow.passes < 0:
-        return slow
-    fast = part(kicks=False)
+    outer = part(apply_inner=False)
+    if outer.iterations < 0:
+        return outer
+    inner = part(apply_outer=False)
     explicit = p.explicit_substeps or p.dem
-    return StepReport(slow.broken + fast.broken, slow.passes if explicit and fast.passes > 0 else fast.passes)
+    return StepReport(
+        outer.broken + inner.broken, outer.iterations if explicit and inner.iterations > 0 else inner.iterations
+    )

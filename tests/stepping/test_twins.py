@@ -143,9 +143,9 @@ def test_long_step_with_dem_bonds_equals_twin(options, substeps):
         el, bonds = lattice(seed, p)
         el.static[2] = float(seed % 2)
         el.load_y[4], el.free_y[0] = -1e9, 0.0
-        want, want_bonds, _, passes = twin.multiple_step(unpack(el), unpack(bonds), p, 20.0 * substeps, substeps)
+        want, want_bonds, _, iterations = twin.multiple_step(unpack(el), unpack(bonds), p, 20.0 * substeps, substeps)
         report = long_step(el, bonds, p, 20.0 * substeps, substeps)
-        assert report.passes == passes
+        assert report.iterations == iterations
         compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
         compare(bonds, want_bonds, BOND, rtol=1e-11)
 
@@ -174,12 +174,12 @@ def test_skipped_and_contact_free_steps_equal_twin(touching):
     for seed in SEEDS:
         el, bonds = lattice(seed, p, touching=touching)
         other, other_bonds = copy_state(el, bonds)
-        want, _, _, passes = twin.multiple_step(unpack(el), unpack(bonds), p, 40.0, 2)
-        assert (passes > 1) == touching
-        assert long_step(el, bonds, p, 40.0, 2).passes == passes
+        want, _, _, iterations = twin.multiple_step(unpack(el), unpack(bonds), p, 40.0, 2)
+        assert (iterations > 1) == touching
+        assert long_step(el, bonds, p, 40.0, 2).iterations == iterations
         compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
-        want, _, _, _ = twin.multiple_step(unpack(other), unpack(other_bonds), p, 40.0, 2, skip_slow=True)
-        long_step(other, other_bonds, p, 40.0, 2, skip_slow=True)
+        want, _, _, _ = twin.multiple_step(unpack(other), unpack(other_bonds), p, 40.0, 2, skip_outer=True)
+        long_step(other, other_bonds, p, 40.0, 2, skip_outer=True)
         compare(other, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
 
 
@@ -191,11 +191,11 @@ def test_flags_left_from_earlier_steps_enter_the_norm():
         el, bonds = lattice(3, p)
         el.in_contact[:4] = flagged
         el.u[:4] += 10.0
-        want, _, _, passes = twin.multiple_step(unpack(el), unpack(bonds), p, 1800.0, 90, skip_slow=False)
+        want, _, _, iterations = twin.multiple_step(unpack(el), unpack(bonds), p, 1800.0, 90, skip_outer=False)
         report = long_step(el, bonds, p, 1800.0, 90)
-        assert report.passes == passes
+        assert report.iterations == iterations
         np.testing.assert_array_equal(el.in_contact, column(want, "in_contact"))
-        counts.add(passes)
+        counts.add(iterations)
     assert len(counts) == 2
 
 

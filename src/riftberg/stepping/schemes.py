@@ -21,7 +21,7 @@ from riftberg.stepping.explicit.batches import Batch
 from riftberg.stepping.explicit.breaking import allocate_pairs
 from riftberg.stepping.explicit.lone_bergs import collide, find_islands
 from riftberg.stepping.explicit.mts import StepReport, take_long_step
-from riftberg.stepping.explicit.springs import POLAR_LATITUDE, allocate_room, pairs_from_list
+from riftberg.stepping.explicit.springs import POLAR_LATITUDE, allocate_workspace, pairs_from_list
 from riftberg.stepping.explicit.step_plan import StepPlan
 from riftberg.stepping.forces.interactions import Partners
 from riftberg.stepping.forces.media import FORCES, Surroundings, allocate_surroundings
@@ -127,7 +127,7 @@ class ImposedStepper(FrozenStepper):
 
     def _move(self, run: RunState) -> None:
         el, p, imposed = run.elements, run.parameters, run.parameters.stepping.fixed_velocity
-        show_places(el)
+        publish_positions(el)
         moving, kicks = el.static < 0.5, el.kicks
         for kick in kicks:
             kick[moving] = 0.0
@@ -143,7 +143,7 @@ class ImposedStepper(FrozenStepper):
         settle(run)
 
 
-def show_places(el: Elements) -> None:
+def publish_positions(el: Elements) -> None:
     """Let moving elements see each other where they are, also those that a user, or a process after a step, has moved."""
     moving = el.static < 0.5
     np.copyto(el.lon_pair, el.lon, where=moving)
@@ -163,7 +163,7 @@ def settle(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
-    show_places(el)
+    publish_positions(el)
 
 
 def _processing_rank(run: RunState) -> Ints:
@@ -199,51 +199,51 @@ class MultipleStepper(Stateless):
         self._touched = NOBODY
         self._kept: list[Batch] = []
         self._standing: tuple[int, bytes] | None = None
-        self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
+        self._needs_processing_order = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
 
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
         el, bonds, c = run.elements, run.bonds, run.constants
-        show_places(el)
+        publish_positions(el)
         sizes = interaction_sizes(el, c)
-        earlier = np.arange(el.size)
-        if self._quirky_order and not _uniform(run):
-            earlier = _processing_rank(run)
+        rank = np.arange(el.size)
+        if self._needs_processing_order and not _uniform(run):
+            rank = _processing_rank(run)
         dt = run.parameters.stepping.time_step
-        slow = self._collisions(run, sizes)
+        outer = self._collisions(run, sizes)
         meeting = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
         islands, general = find_islands(run, sizes, *meeting, POLAR_LATITUDE)
         meeting = meeting[0][general], meeting[1][general]
         substeps = substeps_of_meeting(run, sizes, *meeting)
         batches = self._batches(run, substeps)
-        waits = np.zeros(el.size)
+        subcycled = np.zeros(el.size)
         if islands is not None:
-            waits[islands.rows] = 1.0
+            subcycled[islands.rows] = 1.0
         for batch in batches:
             self._gather_pairs(batch, dt, c)
             batch.add_meetings(*meeting)
-            batch.room.scratch.waits[:] = batch.of_all(waits)
-        inner = [self._inner_partners(batch, batch.of_all(slow.group), run) for batch in batches]
+            batch.work.scratch.subcycled[:] = batch.of_all(subcycled)
+        inner = [self._inner_partners(batch, batch.of_all(outer.group), run) for batch in batches]
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:
             self._around = allocate_surroundings(el.size)
         if batches[0].rows is None:
             plan = plan._replace(substeps=int(substeps[0]))
             report = take_long_step(
-                el, bonds, batches[0].room, slow, inner[0], sizes, self._around, earlier, plan, c
+                el, bonds, batches[0].work, outer, inner[0], sizes, self._around, rank, plan, c
             )  # fmt: skip
-            self._check_settled(report, run)
+            self._check_converged(report, run)
             broken = report.broken
         else:
-            broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, substeps, plan)
+            broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
         met = NOBODY if islands is None else collide(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
             # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
-            slowly = np.append(self._around.acts, True)
-            self._around.applied[:, slowly] *= 0.5
+            outer_only = np.append(self._around.acts, True)
+            self._around.applied[:, outer_only] *= 0.5
         self._touched = joined(
-            [touching_rows(el, slow.collision, sizes, c), met, *(batch.touched() for batch in batches)]
+            [touching_rows(el, outer.collision, sizes, c), met, *(batch.touched() for batch in batches)]
         )
         settle(run)
         run.time += run.parameters.stepping.time_step
@@ -252,33 +252,34 @@ class MultipleStepper(Stateless):
             _update_fragments(run)
 
     def _step_in_batches(
-        self, run: RunState, batches: list[Batch], slow: Partners, inner: list[Partners], sizes: Sizes, earlier: Ints,
+        self, run: RunState, batches: list[Batch], outer: Partners, inner: list[Partners], sizes: Sizes, rank: Ints,
         substeps: Ints, plan: StepPlan,
     ) -> int:  # fmt: skip
         """Take the sub-steps of each batch for itself; returns the number of bonds broken."""
         c = run.constants
-        first = batches[0].room  # the slow forces need no room
+        first = batches[0].work  # the slow forces need no room
         report = take_long_step(
-            run.elements, run.bonds, first, slow, slow, sizes, self._around, earlier, plan._replace(moves=False), c
+            run.elements, run.bonds, first, outer, outer, sizes, self._around, rank,
+            plan._replace(apply_inner=False), c,
         )  # fmt: skip
-        self._check_settled(report, run)
+        self._check_converged(report, run)
         broken = report.broken
-        for batch, fast in zip(batches, inner, strict=True):
+        for batch, partners in zip(batches, inner, strict=True):
             batch.take(run)
             some, around = batch.elements, batch.surroundings(self._around)
-            part = plan._replace(substeps=int(batch.of_all(substeps)[0]), kicks=False)
+            part = plan._replace(substeps=int(batch.of_all(substeps)[0]), apply_outer=False)
             report = take_long_step(
-                some, batch.bonds, batch.room, fast, fast, interaction_sizes(some, c), around, batch.of_all(earlier),
+                some, batch.bonds, batch.work, partners, partners, interaction_sizes(some, c), around, batch.of_all(rank),
                 part, c,
             )  # fmt: skip
             batch.give(run, around, self._around)
-            self._check_settled(report, run)
+            self._check_converged(report, run)
             broken += report.broken
         return broken
 
     @staticmethod
-    def _check_settled(report: StepReport, run: RunState) -> None:
-        if report.passes < 0:
+    def _check_converged(report: StepReport, run: RunState) -> None:
+        if report.iterations < 0:
             raise RunError(
                 f"the contact iteration did not settle within {run.constants.max_iterations} passes at "
                 f"{run.date:%Y-%m-%d %H:%M}; raise contact.tolerance or shorten stepping.time_step"
@@ -295,14 +296,14 @@ class MultipleStepper(Stateless):
         c = run.constants
         el = run.elements.copy()
         sizes = interaction_sizes(el, c)
-        slow = self._collisions(run, sizes)
+        outer = self._collisions(run, sizes)
         # The kernel of the step, so that none is compiled for this alone; no sub-steps are taken that would need room.
-        room = self._kept[0].room if self._kept else allocate_room(el, run.bonds)
-        plan = self._plan(run)._replace(starting=False, skip_slow=False, moves=False, closes=True)
+        work = self._kept[0].work if self._kept else allocate_workspace(el, run.bonds)
+        plan = self._plan(run)._replace(starting=False, skip_outer=False, apply_inner=False, sync_only=True)
         report = take_long_step(
-            el, run.bonds, room, slow, slow, sizes, allocate_surroundings(el.size), np.arange(el.size), plan, c
+            el, run.bonds, work, outer, outer, sizes, allocate_surroundings(el.size), np.arange(el.size), plan, c
         )  # fmt: skip
-        return (el.u_sync, el.v_sync) if report.passes >= 0 else (run.elements.u_sync, run.elements.v_sync)
+        return (el.u_sync, el.v_sync) if report.iterations >= 0 else (run.elements.u_sync, run.elements.v_sync)
 
     @property
     def applied(self) -> Floats:
@@ -355,12 +356,12 @@ class MultipleStepper(Stateless):
             substeps=1,
             time=run.time,
             starting=first and not quirks.zero_start,
-            skip_slow=first and p.stepping.skip_first_long_force,
-            search=not self._contact_by_bonds,
+            skip_outer=first and p.stepping.skip_first_long_force,
+            by_search=not self._contact_by_bonds,
             break_inline=p.fracture.enabled and inline,
             break_after=p.fracture.enabled and after,
             # A start that must not break bonds must not wear them either.
-            wears=p.damage.enabled and (inline or after),
+            grow_damage=p.damage.enabled and (inline or after),
             threads=p.stepping.threads,
         )
 
@@ -381,7 +382,7 @@ class MultipleStepper(Stateless):
 
     def _gather_pairs(self, batch: Batch, dt: float, c: KernelParameters) -> None:
         """List the pairs inside bergs that may touch in this step."""
-        el, bonds, pairs = batch.elements, batch.bonds, batch.room.pairs
+        el, bonds, pairs = batch.elements, batch.bonds, batch.work.pairs
         if not c.dem:
             pairs.count[0] = 0
             return
@@ -396,7 +397,7 @@ class MultipleStepper(Stateless):
         candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c, cells)
         if candidates.partner.size > pairs.first.size:
             pairs = allocate_pairs(2 * candidates.partner.size)
-            batch.room = batch.room._replace(pairs=pairs)
+            batch.work = batch.work._replace(pairs=pairs)
         bonded, bond = batch.near.bonded(el, bonds)
         pairs_from_list(pairs, candidates, bonded, bond)
 
@@ -474,7 +475,7 @@ class VerletStepper(SingleStepper):
     def step(self, run: RunState) -> None:
         """Advance by one step."""
         el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
-        show_places(el)
+        publish_positions(el)
         if run.step_number == 0 and c.grid_position_round_trip and run.forcing.grid is not None:
             round_trip(el, run.forcing.grid.arrays)
         run.forcing.sample(el, run.time)
@@ -524,7 +525,7 @@ class RungeKuttaStepper(SingleStepper):
     def step(self, run: RunState) -> None:
         """Advance by one step; stages go from the cell at the start of the step."""
         el, c, dt = run.elements, run.constants, run.parameters.stepping.time_step
-        show_places(el)
+        publish_positions(el)
         mean_speeds = run.parameters.stepping.predictor_corrector
         sizes = interaction_sizes(el, c)
         partners = self._partners(run, sizes)

@@ -11,7 +11,7 @@ from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
 from riftberg.stepping.contact.candidates import Neighbourhood
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs
-from riftberg.stepping.explicit.springs import allocate_room
+from riftberg.stepping.explicit.springs import allocate_workspace
 from riftberg.stepping.forces.media import Surroundings
 from riftberg.stepping.run_state import RunState
 
@@ -27,7 +27,7 @@ class Batch:
         self.near = Neighbourhood()
         self._inside = 0
         self.take(run)
-        self.room = allocate_room(self.elements, self.bonds)
+        self.work = allocate_workspace(self.elements, self.bonds)
 
     def take(self, run: RunState) -> None:
         """Take the state of a run."""
@@ -54,7 +54,7 @@ class Batch:
 
     def add_meetings(self, first: Ints, second: Ints) -> None:
         """List the pairs of different bergs that may come into contact, behind those inside bergs."""
-        pairs = self.room.pairs
+        pairs = self.work.pairs
         used = int(pairs.count[0])
         self._inside = used
         if self.rows is not None:
@@ -69,7 +69,7 @@ class Batch:
             bigger = allocate_pairs(2 * (used + first.size + self.bonds.first.size))
             for old, new in zip(pairs[:3], bigger[:3], strict=True):
                 new[:used] = old[:used]
-            self.room = self.room._replace(pairs=bigger)
+            self.work = self.work._replace(pairs=bigger)
             pairs = bigger
         block = slice(used, used + first.size)
         pairs.first[block], pairs.second[block], pairs.bond[block] = first, second, OTHER_BERGS
@@ -77,7 +77,7 @@ class Batch:
 
     def touched(self) -> tuple[Ints, Ints]:
         """Return the rows (of the run) of the pairs of different bergs that have touched in the sub-steps."""
-        pairs = self.room.pairs
+        pairs = self.work.pairs
         count = int(pairs.count[0])
         k = np.flatnonzero(pairs.bond[self._inside : count] == TOUCHED) + self._inside
         first, second = pairs.first[k], pairs.second[k]

@@ -30,7 +30,7 @@ from riftberg.stepping.explicit.element_blocks import (
     take_contact,
 )
 from riftberg.stepping.explicit.outer_kick import begin_substeps, end_substeps
-from riftberg.stepping.explicit.springs import Room, reaches_pole, remember_fast, show_all
+from riftberg.stepping.explicit.springs import Workspace, publish_all_velocities, reaches_pole, store_inner
 from riftberg.stepping.explicit.step_plan import StepPlan
 from riftberg.stepping.forces.interactions import PairLaw, pair_law
 from riftberg.stepping.forces.media import Surroundings
@@ -40,7 +40,7 @@ from riftberg.stepping.forces.sizes import Sizes
 
 @stage
 def touch_broken(
-    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, search: bool, scratch: Scratch, sizes: Sizes,
+    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, by_search: bool, scratch: Scratch, sizes: Sizes,
     law: PairLaw, dt: float, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Accelerations by contact of elements whose bond has broken, or of bergs that meet.
@@ -53,7 +53,7 @@ def touch_broken(
         scratch.accel_y[:] = 0.0
         soft_dt = 0.0 if p.explicit_contact_damping else dt
         add_contacts(
-            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, search, p.max_bonds, True, soft_dt
+            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, by_search, p.max_bonds, True, soft_dt
         )
         take_contact(rows, scratch.accel_x, scratch.accel_y)
 
@@ -68,7 +68,7 @@ class BondTest(NamedTuple):
     dt: float
     time: float
     may_break: bool
-    wears: bool
+    grow_damage: bool
     last: bool
     period: float
 
@@ -95,7 +95,7 @@ def act_on_ends(
             block, sheet, ends, test.dt, p.poisson, p.objective_damping, p.no_shear, p.linear_bending,
             p.flat_relative_velocity, p.latlon, p.earth_radius, test.period,
         )  # fmt: skip
-        if test.wears:
+        if test.grow_damage:
             damage_rows(block, sheet, test.dt, p)
         if test.may_break and loaded(block, sheet, 1.0) > 0:
             broken += break_overloaded(rows.bond[first:end], block, sheet, ends, rows.turned, bonds, aground, test.time)
@@ -110,8 +110,8 @@ def bond_test(n: int, plan: StepPlan, period: float) -> BondTest:
     """What happens to the bonds in sub-step ``n``; -1 is the evaluation before the first, in which no time passes."""
     moving = n >= 0
     dt = plan.dt / plan.substeps if moving else 0.0
-    may_break, wears = plan.break_inline and moving, plan.wears and moving
-    return BondTest(dt, plan.time + (n + 1) * dt, may_break, wears, n == plan.substeps - 1, period)
+    may_break, grow_damage = plan.break_inline and moving, plan.grow_damage and moving
+    return BondTest(dt, plan.time + (n + 1) * dt, may_break, grow_damage, n == plan.substeps - 1, period)
 
 
 @kernel
@@ -162,14 +162,14 @@ class Conditions(NamedTuple):
 
 @stage
 def begin_beams(
-    el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
+    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> Conditions:  # fmt: skip
     """Lay out bonds and elements for the sub-steps, and move the elements to the positions of the first one."""
-    rows, scratch, whole = room.rows, room.scratch, plan.dt / plan.substeps
+    rows, scratch, whole = work.rows, work.scratch, plan.dt / plan.substeps
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, whole, p)
     near_pole = p.latlon and reaches_pole(el.place.lat)
-    count = load_rows(rows, el, bonds, sizes, earlier, p)
+    count = load_rows(rows, el, bonds, sizes, rank, p)
     load_elements(rows, el, scratch)
     period = p.period if crosses(el.shown.lon_pair, p.period) else 0.0
     if first_substep(plan, p) == 0:
@@ -198,36 +198,36 @@ def complete_substep(
 
 @stage
 def end_beams(
-    el: Elements, room: Room, around: Surroundings, plan: StepPlan, on: Conditions, p: KernelParameters
+    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, on: Conditions, p: KernelParameters
 ) -> None:
     """Give the elements back to the state after the sub-steps."""
-    store_elements(room.rows, el, room.scratch)
+    store_elements(work.rows, el, work.scratch)
     if p.iterate:
-        remember_fast(el)
+        store_inner(el)
     if on.floor_acts:
-        end_substeps(around, room.scratch, plan.substeps)
-    show_all(el, el.motion.u, el.motion.v)
+        end_substeps(around, work.scratch, plan.substeps)
+    publish_all_velocities(el, el.motion.u, el.motion.v)
 
 
 @stage
 def take_substeps_of_beams(
-    el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
+    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as beams; returns the number of bonds broken.
 
     `riftberg.stepping.explicit.threads` does the same with some threads.
     """
-    rows, pairs, scratch, law = room.rows, room.pairs, room.scratch, pair_law(p)
-    on = begin_beams(el, bonds, room, sizes, around, earlier, plan, p)
+    rows, pairs, scratch, law = work.rows, work.pairs, work.scratch, pair_law(p)
+    on = begin_beams(el, bonds, work, sizes, around, rank, plan, p)
     used, blocks, broken = rows.used[: on.count], row.blocks_of(el.place.lon.size), 0
     for n in range(first_substep(plan, p), plan.substeps):
         test = bond_test(n, plan, on.period)
-        touch_broken(el, bonds, rows, pairs, plan.search, scratch, sizes, law, test.dt, p)
+        touch_broken(el, bonds, rows, pairs, plan.by_search, scratch, sizes, law, test.dt, p)
         now = act_on_ends(bonds, rows, used, rows.sheet, scratch.aground, test, p)
         if now > 0:
             record_breaks(rows, bonds, el.body.bond_count, pairs, test.time, p.broken_as_contact)
             broken += now
         complete_substep(rows, 0, blocks, rows.sheet, n, plan, on, p)
-    end_beams(el, room, around, plan, on, p)
+    end_beams(el, work, around, plan, on, p)
     return broken

@@ -115,7 +115,7 @@ def _force_while_breaking(block, sheet, ends, k):
 
 
 @stage
-def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full, dt):
+def add_contacts(pairs, status, el, sizes, law, ax, ay, by_search, max_bonds, skip_full, dt):
     """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
     ``dt``: sub-step (s) by which damping is softened.
@@ -126,7 +126,7 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
     radius, mass, own_radius, own_mass = sizes.bond_radius, sizes.bond_mass, sizes.radius, sizes.mass
     for k in range(pairs.count[0]):
         i, j = first[k], second[k]
-        if search and bond[k] >= 0 and status[bond[k]] == 0:
+        if by_search and bond[k] >= 0 and status[bond[k]] == 0:
             continue
         rx, ry = separation(x[i], y[i], x[j], y[j], law.latlon, law.earth_radius, law.period)
         apart = bond[k] <= OTHER_BERGS
@@ -139,7 +139,7 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_
         for end in range(2):
             e, c = (i, j) if end == 0 else (j, i)
             looks = not (skip_full and bond_count[e] == max_bonds) and bond_count[c] < max_bonds
-            if search and not looks and not apart:
+            if by_search and not looks and not apart:
                 continue
             s = 1.0 if end == 0 else -1.0
             m1, m2 = (own_mass[e], own_mass[c]) if apart else (mass[e], mass[c])

@@ -71,8 +71,8 @@ def _lay_out_bodies(own, body, scratch):
     _lay_out(own, row.OWN, row.RATE, scratch.ground_rate)
     _lay_out(own, row.OWN, row.LINEAR, scratch.ground_linear)
     _lay_out(own, row.OWN, row.QUADRATIC, scratch.ground_quadratic)
-    _lay_out(own, row.OWN, row.LEAVES, scratch.ground_leaves)
-    _lay_out(own, row.OWN, row.LEAVES_SPIN, scratch.ground_leaves_spin)
+    _lay_out(own, row.OWN, row.LEAVES, scratch.ground_decay)
+    _lay_out(own, row.OWN, row.LEAVES_SPIN, scratch.ground_spin_decay)
 
 
 @stage
@@ -116,8 +116,8 @@ def store_elements(rows: BondRows, el: Elements, scratch: Scratch) -> None:
     _bring_back(kicks.ax_fast, own, row.OWN, row.AX)
     _bring_back(kicks.ay_fast, own, row.OWN, row.AY)
     _bring_back(kicks.spin_rate, own, row.OWN, row.SPIN_RATE)
-    _bring_back(scratch.stopped_x, own, row.OWN, row.STOPPED_X)
-    _bring_back(scratch.stopped_y, own, row.OWN, row.STOPPED_Y)
+    _bring_back(scratch.floor_impulse_x, own, row.OWN, row.STOPPED_X)
+    _bring_back(scratch.floor_impulse_y, own, row.OWN, row.STOPPED_Y)
 
 
 @kernel
@@ -243,7 +243,7 @@ def kick_block(own, ends, sheet, dt: float, implicit_ground: bool) -> None:
     for k in range(row.LANES):
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
         u, v, ax_old, ay_old = own[row.OWN_U + k], own[row.OWN_V + k], own[row.AX + k], own[row.AY + k]
-        active, rate, leaves, per_mass = (
+        active, rate, decay, per_mass = (
             own[row.ACTIVE + k],
             own[row.RATE + k],
             own[row.LEAVES + k],
@@ -251,7 +251,7 @@ def kick_block(own, ends, sheet, dt: float, implicit_ground: bool) -> None:
         )
         spin, angle = ends[row.SPIN + k], ends[row.ANGLE + k]
         moves = active > 0.0
-        slow = leaves if implicit_ground else 1.0
+        factor = decay if implicit_ground else 1.0
         ax = own[row.CONTACT_X + k] + (sheet[row.SUM_X + k] + own[row.LOAD_X + k]) * per_mass - explicit * rate * u
         ay = (
             own[row.CONTACT_Y + k]
@@ -259,7 +259,7 @@ def kick_block(own, ends, sheet, dt: float, implicit_ground: bool) -> None:
             - explicit * rate * v
         )
         spin_rate = active * (sheet[row.SUM_TORQUE + k] * own[row.PER_INERTIA + k])
-        new_u, new_v = (u + half * ax_old + half * ax) * slow, (v + half * ay_old + half * ay) * slow
+        new_u, new_v = (u + half * ax_old + half * ax) * factor, (v + half * ay_old + half * ay) * factor
         new_spin = (spin + dt * spin_rate) * own[row.LEAVES_SPIN + k]
         own[row.OWN_U + k], own[row.OWN_V + k] = new_u if moves else u, new_v if moves else v
         own[row.AX + k], own[row.AY + k] = ax if moves else ax_old, ay if moves else ay_old

@@ -8,8 +8,8 @@ from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity
 from riftberg.state import Elements
-from riftberg.stepping.explicit.outer_kick import SlowRoom, any_of
-from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, is_lone, solve_velocity
+from riftberg.stepping.explicit.outer_kick import OuterWorkspace, any_of
+from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, is_isolated, solve_velocity
 from riftberg.stepping.forces.interactions import PairLaw, Partners, pair_view
 from riftberg.stepping.forces.media import Surroundings
 from riftberg.stepping.forces.scratch import Scratch
@@ -17,7 +17,7 @@ from riftberg.stepping.forces.sizes import Sizes
 
 
 @kernel
-def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
+def _solve_all(el, dt, around, partners, unconverged, view, law, scratch, p):
     """Kick all moving elements of unsettled groups once with velocities of the others frozen."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     half = 0.5 * dt
@@ -25,13 +25,13 @@ def _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p):
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     group, one = partners.group, partners.group.size == 0
     for e in range(motion.u.size):
-        if scratch.active[e] == 0.0 or not unsettled[0 if one else group[e]]:
+        if scratch.active[e] == 0.0 or not unconverged[0 if one else group[e]]:
             continue
         u0, v0 = motion.u[e], motion.v[e]
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, 0.5, 0.5, True, False,
-            False, INTERACTIONS_ONLY, dt, body.mass[e], is_lone(e, bonded, same, other), partners, False, p.constant_size,
+            False, INTERACTIONS_ONLY, dt, body.mass[e], is_isolated(e, bonded, same, other), partners, False, p.constant_size,
             view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
@@ -52,12 +52,12 @@ def _norms(el, group, change, norm, scratch):
 
 
 @stage
-def _rewind(el, dt, group, unsettled, scratch):
+def _rewind(el, dt, group, unconverged, scratch):
     """Show this iterate to the others and go back to the velocity before the kick (equations 6.4, 3b)."""
     shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt
     for e in range(motion.u.size):
-        if scratch.active[e] == 0.0 or not unsettled[0 if group.size == 0 else group[e]]:
+        if scratch.active[e] == 0.0 or not unconverged[0 if group.size == 0 else group[e]]:
             continue
         shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
         motion.u[e] -= half * (kicks.ax_fast[e] + kicks.bx_fast[e]) + half * (kicks.ax[e] + kicks.bx[e])
@@ -72,7 +72,7 @@ def _rewind(el, dt, group, unsettled, scratch):
 
 @stage
 def implicit_kick(
-    el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
+    el: Elements, dt: float, around: Surroundings, partners: Partners, work: OuterWorkspace, sizes: Sizes, law: PairLaw,
     scratch: Scratch, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``.
@@ -80,23 +80,23 @@ def implicit_kick(
     ``ax`` ... ``by`` hold the fast accelerations of the sub-step before (copied by the caller).
     """
     view = pair_view(el, sizes)
-    unsettled, before, change, norm = room.unsettled, room.norm_before, room.change, room.norm
-    unsettled[:] = True
-    _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
+    unconverged, before, change, norm = work.unconverged, work.norm_before, work.change, work.norm
+    unconverged[:] = True
+    _solve_all(el, dt, around, partners, unconverged, view, law, scratch, p)
     if not p.iterate:
         return 1
     _norms(el, partners.group, change, before, scratch)
-    passes = 1
-    while any_of(unsettled):
-        if passes >= p.max_iterations:
+    iterations = 1
+    while any_of(unconverged):
+        if iterations >= p.max_iterations:
             return -1
-        _rewind(el, dt, partners.group, unsettled, scratch)
-        _solve_all(el, dt, around, partners, unsettled, view, law, scratch, p)
-        passes += 1
+        _rewind(el, dt, partners.group, unconverged, scratch)
+        _solve_all(el, dt, around, partners, unconverged, view, law, scratch, p)
+        iterations += 1
         _norms(el, partners.group, change, norm, scratch)
-        for g in range(unsettled.size):
+        for g in range(unconverged.size):
             scale = math.sqrt(before[g]) + math.sqrt(norm[g])
             if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < p.tolerance:
-                unsettled[g] = False
+                unconverged[g] = False
             before[g] = norm[g]
-    return passes
+    return iterations

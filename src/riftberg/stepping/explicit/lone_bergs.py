@@ -303,10 +303,10 @@ def _kick(b, h, step, p):
             continue
         u, v = b[EAST, e], b[NORTH, e]
         rate = b[LINEAR_RATE, e] + b[QUADRATIC_RATE, e] * math.sqrt(u * u + v * v)
-        explicit, slow = (0.0, 1.0 / (1.0 + rate * h)) if p.ground_implicit else (rate, 1.0)
+        explicit, factor = (0.0, 1.0 / (1.0 + rate * h)) if p.ground_implicit else (rate, 1.0)
         ax, ay = b[NEW_AX, e] - explicit * u, b[NEW_AY, e] - explicit * v
-        b[EAST, e] = (u + 0.5 * h * b[AX, e] + 0.5 * h * ax) * slow
-        b[NORTH, e] = (v + 0.5 * h * b[AY, e] + 0.5 * h * ay) * slow
+        b[EAST, e] = (u + 0.5 * h * b[AX, e] + 0.5 * h * ax) * factor
+        b[NORTH, e] = (v + 0.5 * h * b[AY, e] + 0.5 * h * ay) * factor
         b[AX, e], b[AY, e] = ax, ay
         b[SEEN_EAST, e], b[SEEN_NORTH, e] = b[EAST, e], b[NORTH, e]
         b[STOPPED_EAST, e] -= rate * (b[EAST, e] if p.ground_implicit else u)

@@ -10,26 +10,26 @@ from riftberg.state import Bonds, Elements, Ints
 from riftberg.stepping.explicit.beams import take_substeps_of_beams
 from riftberg.stepping.explicit.implicit_substep import implicit_kick
 from riftberg.stepping.explicit.outer_kick import (
-    SlowRoom,
-    allocate_slow_room,
+    OuterWorkspace,
+    allocate_outer_workspace,
     begin_substeps,
-    closing_half_kick,
     end_substeps,
-    opening_half_kick,
+    first_half_kick,
+    second_half_kick,
 )
 from riftberg.stepping.explicit.springs import (
-    Room,
+    Workspace,
+    accumulate_floor_impulse,
     add_collisions,
     drift,
     drift_near_pole,
     floor_rates,
     kick,
+    publish_all_velocities,
+    publish_velocities,
     reaches_pole,
-    remember_fast,
-    show_all,
-    show_velocities,
     spring_accelerations,
-    sum_stopped,
+    store_inner,
 )
 from riftberg.stepping.explicit.step_plan import StepPlan
 from riftberg.stepping.explicit.threads import WORTH_THREADS, take_substeps_in_threads
@@ -43,11 +43,11 @@ class StepReport(NamedTuple):
     """Bonds broken in the long step and passes of the contact iteration (-1: it did not settle)."""
 
     broken: int
-    passes: int
+    iterations: int
 
 
 @stage
-def _start_fast(el, scratch, implicit_ground):
+def _start_inner(el, scratch, implicit_ground):
     """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
 
     What the sea floor does in that half kick is kept with what it does in the sub-steps.
@@ -57,12 +57,12 @@ def _start_fast(el, scratch, implicit_ground):
         rate = 0.0 if implicit_ground else scratch.active[e] * scratch.ground_rate[e]
         kicks.ax_fast[e] = scratch.active[e] * scratch.accel_x[e] - rate * motion.u[e]
         kicks.ay_fast[e] = scratch.active[e] * scratch.accel_y[e] - rate * motion.v[e]
-        scratch.stopped_x[e] -= 0.5 * rate * motion.u[e]
-        scratch.stopped_y[e] -= 0.5 * rate * motion.v[e]
+        scratch.floor_impulse_x[e] -= 0.5 * rate * motion.u[e]
+        scratch.floor_impulse_y[e] -= 0.5 * rate * motion.v[e]
 
 
 @stage
-def _drift_and_show(el, scratch, dt, near_pole, p):
+def _drift(el, scratch, dt, near_pole, p):
     """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
     if near_pole:
@@ -75,124 +75,124 @@ def _drift_and_show(el, scratch, dt, near_pole, p):
 def _kick(el, scratch, dt, floor_acts, implicit_ground):
     """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
     if floor_acts and not implicit_ground:
-        sum_stopped(el, scratch)
+        accumulate_floor_impulse(el, scratch)
     kick(el, scratch, dt, implicit_ground)
     if floor_acts and implicit_ground:
-        sum_stopped(el, scratch)
-    show_velocities(el, scratch.active)
+        accumulate_floor_impulse(el, scratch)
+    publish_velocities(el, scratch.active)
 
 
 @stage
-def _kick_slowly(
-    el: Elements, bonds: Bonds, partners: Partners, room: SlowRoom, sizes: Sizes, around: Surroundings, plan: StepPlan,
+def _outer_kick(
+    el: Elements, bonds: Bonds, partners: Partners, work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Apply the slow forces; returns what `StepReport` holds."""
     find_surroundings(el, sizes, around, p)
-    if plan.skip_slow:
+    if plan.skip_outer:
         return 0, 1
-    passes = closing_half_kick(el, plan.dt, around, partners, room, sizes, pair_law(p), plan.starting, p)
-    if passes < 0 or plan.closes:
-        return 0, passes
+    iterations = second_half_kick(el, plan.dt, around, partners, work, sizes, pair_law(p), plan.starting, p)
+    if iterations < 0 or plan.sync_only:
+        return 0, iterations
     broken = 0
     if plan.break_after:
         broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
-    opening_half_kick(el, plan.dt, sizes, p)
-    return broken, passes
+    first_half_kick(el, plan.dt, sizes, p)
+    return broken, iterations
 
 
 def take_long_step(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
-    earlier: Ints, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: Partners, inner: Partners, sizes: Sizes, around: Surroundings,
+    rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
     """Apply the slow forces and take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
 
     One call for both, for to hand the state to compiled code takes some 40 us; and one kernel, for what is compiled by
     itself and again within another takes twice as long. Where bergs take different numbers of sub-steps, the slow forces
-    are applied to all at once (``plan.moves`` false), and each batch moves for itself (``plan.kicks`` false).
+    are applied to all at once (``plan.apply_inner`` false), and each batch moves for itself (``plan.apply_outer`` false).
     """
-    slow_room = allocate_slow_room(el.size, slow)
-    if p.dem and plan.moves and plan.threads > 1 and el.size >= WORTH_THREADS:
-        slowly = plan._replace(moves=False)
-        broken, passes = _step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, slowly, p)
-        if passes >= 0:
-            broken += take_substeps_in_threads(el, bonds, room, sizes, around, earlier, plan, p)
-        return StepReport(broken, passes)
+    outer_work = allocate_outer_workspace(el.size, outer)
+    if p.dem and plan.apply_inner and plan.threads > 1 and el.size >= WORTH_THREADS:
+        outer_only = plan._replace(apply_inner=False)
+        broken, iterations = _step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, outer_only, p)
+        if iterations >= 0:
+            broken += take_substeps_in_threads(el, bonds, work, sizes, around, rank, plan, p)
+        return StepReport(broken, iterations)
     if p.dem:
-        return StepReport(*_step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, plan, p))
-    fast_room = allocate_slow_room(el.size, fast)
-    return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, fast_room, sizes, around, plan, p))
+        return StepReport(*_step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, plan, p))
+    inner_work = allocate_outer_workspace(el.size, inner)
+    return StepReport(*_step_of_springs(el, bonds, work, outer, outer_work, inner, inner_work, sizes, around, plan, p))
 
 
 @stage
 def _take_substeps_of_springs(
-    el: Elements, bonds: Bonds, room: Room, fast: Partners, fast_room: SlowRoom, sizes: Sizes, around: Surroundings,
+    el: Elements, bonds: Bonds, work: Workspace, inner: Partners, inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings,
     plan: StepPlan, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
-    pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
+    pairs, scratch, law = work.pairs, work.scratch, pair_law(p)
     floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and reaches_pole(el.place.lat)
-    passes = 1
+    iterations = 1
     explicit = p.explicit_substeps
     # With a proper start, one evaluation without moving stands before the first sub-step.
     for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
         if moving:
-            _drift_and_show(el, scratch, dt, near_pole, p)
+            _drift(el, scratch, dt, near_pole, p)
         if explicit or not moving:
-            spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
+            spring_accelerations(el, inner, p.constant_size, scratch, sizes, law)
             add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
         if floor_varies:
             floor_rates(el, scratch, dt)
         if not moving:
-            _start_fast(el, scratch, p.ground_implicit)
+            _start_inner(el, scratch, p.ground_implicit)
             continue
         if explicit:
             _kick(el, scratch, dt, floor_acts, p.ground_implicit)
         else:
-            passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
-            if passes < 0:
-                return passes
-            show_velocities(el, scratch.active)
+            iterations = implicit_kick(el, dt, around, inner, inner_work, sizes, law, scratch, p)
+            if iterations < 0:
+                return iterations
+            publish_velocities(el, scratch.active)
         if p.iterate and not explicit:
-            remember_fast(el)
+            store_inner(el)
     if p.iterate:
-        remember_fast(el)
+        store_inner(el)
     if floor_acts:
         end_substeps(around, scratch, plan.substeps)
-    show_all(el, el.motion.u, el.motion.v)
-    return passes
+    publish_all_velocities(el, el.motion.u, el.motion.v)
+    return iterations
 
 
 @borrower
 def _step_of_beams(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, sizes: Sizes, around: Surroundings,
-    earlier: Ints, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: Partners, outer_work: OuterWorkspace, sizes: Sizes, around: Surroundings,
+    rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """Return what `StepReport` holds; see `riftberg.compiled.kernels` why no named tuple.
 
     Beams and springs have a kernel each: together they take half as long again to compile, and a run needs one of them.
     """
-    broken, passes = 0, 1
-    if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
-    if plan.moves and passes >= 0:
-        broken += take_substeps_of_beams(el, bonds, room, sizes, around, earlier, plan, p)
-        passes = 1
-    return broken, passes
+    broken, iterations = 0, 1
+    if plan.apply_outer:
+        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+    if plan.apply_inner and iterations >= 0:
+        broken += take_substeps_of_beams(el, bonds, work, sizes, around, rank, plan, p)
+        iterations = 1
+    return broken, iterations
 
 
 @borrower
 def _step_of_springs(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, fast: Partners, fast_room: SlowRoom,
-    sizes: Sizes, around: Surroundings, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: Partners, outer_work: OuterWorkspace, inner: Partners,
+    inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """As `_step_of_beams`."""
-    broken, passes = 0, 1
-    if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
-    if plan.moves and passes >= 0:
-        passes = _take_substeps_of_springs(el, bonds, room, fast, fast_room, sizes, around, plan, p)
-    return broken, passes
+    broken, iterations = 0, 1
+    if plan.apply_outer:
+        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+    if plan.apply_inner and iterations >= 0:
+        iterations = _take_substeps_of_springs(el, bonds, work, inner, inner_work, sizes, around, plan, p)
+    return broken, iterations

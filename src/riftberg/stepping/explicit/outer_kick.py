@@ -13,8 +13,13 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats
-from riftberg.stepping.explicit.springs import show_all
-from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, find_lone, solve_in_contact
+from riftberg.stepping.explicit.springs import publish_all_velocities
+from riftberg.stepping.forces.implicit_velocity import (
+    INTERACTIONS_ONLY,
+    WITH_SURROUNDINGS,
+    find_isolated,
+    solve_in_contact,
+)
 from riftberg.stepping.forces.interactions import PairLaw, Partners
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
 from riftberg.stepping.forces.scratch import Scratch
@@ -22,28 +27,28 @@ from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.forces.touching import Touching, allocate_touching, find_touching
 
 
-class SlowRoom(NamedTuple):
+class OuterWorkspace(NamedTuple):
     """Room for the slow half kick.
 
     Whether each element has no partner; who touches whom; of each group of bergs whether it has settled, and sums over its
     velocities: of changes, of squares now and before, and those of a pass.
     """
 
-    alone: NDArray[np.bool_]
+    isolated: NDArray[np.bool_]
     touching: Touching
-    unsettled: NDArray[np.bool_]
+    unconverged: NDArray[np.bool_]
     change: Floats
     norm: Floats
     norm_before: Floats
     sums: Floats
 
 
-def allocate_slow_room(count: int, partners: Partners) -> SlowRoom:
+def allocate_outer_workspace(count: int, partners: Partners) -> OuterWorkspace:
     """Return room for ``count`` elements with these partners."""
     groups = 1 if partners.group.size == 0 else int(partners.group.max()) + 1
     touching = allocate_touching(count, partners.collision.partner.size)
     sums = (np.zeros(groups) for _ in range(4))
-    return SlowRoom(np.zeros(count, np.bool_), touching, np.zeros(groups, np.bool_), *sums)
+    return OuterWorkspace(np.zeros(count, np.bool_), touching, np.zeros(groups, np.bool_), *sums)
 
 
 @stage
@@ -56,23 +61,23 @@ def begin_substeps(
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
     radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
-    active, waits, aground, rate = scratch.active, scratch.waits, scratch.aground, scratch.ground_rate
+    active, subcycled, aground, rate = scratch.active, scratch.subcycled, scratch.aground, scratch.ground_rate
     linear, quadratic = scratch.ground_linear, scratch.ground_quadratic
-    leaves, leaves_spin = scratch.ground_leaves, scratch.ground_leaves_spin
+    decay, spin_decay = scratch.ground_decay, scratch.ground_spin_decay
     in_substeps = not around.acts[SEA_FLOOR]
     acts = varies = False
-    scratch.stopped_x[:] = 0.0
-    scratch.stopped_y[:] = 0.0
+    scratch.floor_impulse_x[:] = 0.0
+    scratch.floor_impulse_y[:] = 0.0
     for e in range(active.size):
-        active[e] = 1.0 if static[e] < 0.5 and waits[e] == 0.0 else 0.0
+        active[e] = 1.0 if static[e] < 0.5 and subcycled[e] == 0.0 else 0.0
         fraction = grounded_part(thickness[e], depth[e], p)
         aground[e] = fraction
         turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)
-        leaves_spin[e] = 1.0 / (1.0 + turning * dt) if p.ground_torque and p.dem else 1.0
+        spin_decay[e] = 1.0 / (1.0 + turning * dt) if p.ground_torque and p.dem else 1.0
         scratch.per_mass[e], scratch.per_inertia[e] = 1.0 / mass[e], 2.0 / (mass[e] * radius[e] * radius[e])
         linear[e] = media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
         quadratic[e] = media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
-        rate[e], leaves[e] = linear[e], 1.0 / (1.0 + linear[e] * dt)
+        rate[e], decay[e] = linear[e], 1.0 / (1.0 + linear[e] * dt)
         varies = varies or quadratic[e] != 0.0
         acts = acts or varies or linear[e] != 0.0
     return acts, varies
@@ -81,14 +86,14 @@ def begin_substeps(
 @stage
 def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
     """Keep the mean acceleration by which the sea floor stopped the elements in the sub-steps."""
-    applied, stopped_x, stopped_y = around.applied, scratch.stopped_x, scratch.stopped_y
-    for e in range(stopped_x.size):
-        applied[e, SEA_FLOOR, 0] = stopped_x[e] / substeps
-        applied[e, SEA_FLOOR, 1] = stopped_y[e] / substeps
+    applied, floor_impulse_x, floor_impulse_y = around.applied, scratch.floor_impulse_x, scratch.floor_impulse_y
+    for e in range(floor_impulse_x.size):
+        applied[e, SEA_FLOOR, 0] = floor_impulse_x[e] / substeps
+        applied[e, SEA_FLOOR, 1] = floor_impulse_y[e] / substeps
 
 
 @kernel
-def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed, kick, first, p):
+def _solve_pass(el, dt, around, isolated, touching, group, unconverged, norm, by_speed, kick, first, p):
     """Solve for the slow accelerations of all moving elements, or in later passes of those in contact.
 
     The first pass marks the groups with elements in contact in ``unsettled``; later ones leave settled groups alone.
@@ -105,7 +110,7 @@ def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed
         g = 0 if one else group[e]
         if first and not p.sticky_collision_flags:
             in_contact[e] = 0.0
-        if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unsettled[g])):
+        if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unconverged[g])):
             continue
         s = solve_in_contact(
             e, u[e], v[e], media, rates, acts, coriolis, applied, not p.uncentred_half_kicks, mode, dt, mass[e], touching,
@@ -113,8 +118,8 @@ def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed
         )  # fmt: skip
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
         # A lone element cannot collide; asked without that, a velocity that is not a number would count as contact.
-        if first and not alone[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
-            unsettled[g] = True
+        if first and not isolated[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
+            unconverged[g] = True
             in_contact[e] = 1.0
         u_sync[e] = u[e] + kick * dt * s.total_x
         v_sync[e] = v[e] + kick * dt * s.total_y
@@ -122,7 +127,7 @@ def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed
 
 
 @stage
-def _settle_groups(el, group, unsettled, change, norm, norm_before, tolerance):
+def _check_convergence(el, group, unconverged, change, norm, norm_before, tolerance):
     """Mark the groups whose elements in contact have hardly changed their velocities since the pass before."""
     u_shown, v_shown, u, v = el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync
     static, in_contact, one = el.body.static, el.body.in_contact, group.size == 0
@@ -133,10 +138,10 @@ def _settle_groups(el, group, unsettled, change, norm, norm_before, tolerance):
             g = 0 if one else group[e]
             change[g] += (u[e] - u_shown[e]) ** 2 + (v[e] - v_shown[e]) ** 2
             norm[g] += u[e] ** 2 + v[e] ** 2
-    for g in range(unsettled.size):
+    for g in range(unconverged.size):
         scale = math.sqrt(norm_before[g]) + math.sqrt(norm[g])
         if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < tolerance:
-            unsettled[g] = False
+            unconverged[g] = False
         norm_before[g] = norm[g]
 
 
@@ -150,8 +155,8 @@ def any_of(marks):
 
 
 @stage
-def closing_half_kick(
-    el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
+def second_half_kick(
+    el: Elements, dt: float, around: Surroundings, partners: Partners, work: OuterWorkspace, sizes: Sizes, law: PairLaw,
     starting: bool, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Complete the slow half kick of the step before; leaves the synchronised velocity in ``u_sync`` (part 1).
@@ -162,33 +167,35 @@ def closing_half_kick(
     ``dt``: long step, s.
     """
     u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
-    find_touching(el, partners.collision, sizes, law, room.touching)
+    find_touching(el, partners.collision, sizes, law, work.touching)
     kick = 0.0 if starting else 1.0
-    find_lone(partners, room.alone)
-    group, unsettled, norm_before = partners.group, room.unsettled, room.norm_before
-    unsettled[:] = False
-    passes, sums = 0, norm_before
+    find_isolated(partners, work.isolated)
+    group, unconverged, norm_before = partners.group, work.unconverged, work.norm_before
+    unconverged[:] = False
+    iterations, sums = 0, norm_before
     while True:
-        first = passes == 0  # not the words True and False, each of which would be compiled for itself
-        _slow_pass(el, dt, around, room.alone, room.touching, group, unsettled, sums, law.by_speed, kick, first, p)
-        passes += 1
+        first = iterations == 0  # not the words True and False, each of which would be compiled for itself
+        _solve_pass(
+            el, dt, around, work.isolated, work.touching, group, unconverged, sums, law.by_speed, kick, first, p
+        )
+        iterations += 1
         if not p.iterate:
             for e in range(u.size):
                 if static[e] < 0.5:
                     u[e], v[e] = u_sync[e], v_sync[e]
-            return passes
+            return iterations
         if not first:
-            _settle_groups(el, group, unsettled, room.change, room.norm, norm_before, p.tolerance)
-        show_all(el, u_sync, v_sync)
-        if not any_of(unsettled):
-            return passes
-        if passes >= p.max_iterations:
+            _check_convergence(el, group, unconverged, work.change, work.norm, norm_before, p.tolerance)
+        publish_all_velocities(el, u_sync, v_sync)
+        if not any_of(unconverged):
+            return iterations
+        if iterations >= p.max_iterations:
             return -1
-        sums = room.sums
+        sums = work.sums
 
 
 @stage
-def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
+def first_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
     """Start the long step with its first slow half kick (part 2), and the rotational drag of the water."""
     motion, kicks, static, vorticity, spin = (
         el.motion,

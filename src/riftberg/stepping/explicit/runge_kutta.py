@@ -14,7 +14,7 @@ from riftberg.compiled.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import metres_per_unit, move
 from riftberg.state import Elements, Floats
-from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, is_lone, solve_velocity
+from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, is_isolated, solve_velocity
 from riftberg.stepping.forces.interactions import Partners, pair_law, pair_view
 from riftberg.stepping.forces.media import Surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import Sizes
@@ -83,7 +83,7 @@ def evaluate(
         s = solve_velocity(
             e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, media, rates, acts, coriolis,
             applied, 1.0, 1.0, mean_speeds, p.stages_from_start, False, mode, span, body.mass[e],
-            is_lone(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
+            is_isolated(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
         )  # fmt: skip
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y

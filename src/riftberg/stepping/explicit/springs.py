@@ -28,7 +28,7 @@ POLAR_LATITUDE = 88.0
 """North of this (degrees) the tangent plane may be needed within a long step."""
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Room for the sub-steps of some bergs.
 
     ``pairs`` holds the pairs of broken bonds or the candidates of a search.
@@ -39,10 +39,10 @@ class Room(NamedTuple):
     scratch: Scratch
 
 
-def allocate_room(elements: Elements, bonds: Bonds) -> Room:
+def allocate_workspace(elements: Elements, bonds: Bonds) -> Workspace:
     """Return room for the sub-steps of these elements and bonds."""
     pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Room(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
+    return Workspace(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
 
 
 @kernel
@@ -131,17 +131,17 @@ def floor_rates(el: Elements, scratch: Scratch, dt: float) -> None:
     for e in range(el.place.lon.size):
         speed = math.sqrt(motion.u[e] * motion.u[e] + motion.v[e] * motion.v[e])
         rate = scratch.ground_linear[e] + scratch.ground_quadratic[e] * speed
-        scratch.ground_rate[e], scratch.ground_leaves[e] = rate, 1.0 / (1.0 + rate * dt)
+        scratch.ground_rate[e], scratch.ground_decay[e] = rate, 1.0 / (1.0 + rate * dt)
 
 
 @kernel
-def sum_stopped(el: Elements, scratch: Scratch) -> None:
+def accumulate_floor_impulse(el: Elements, scratch: Scratch) -> None:
     """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
     motion = el.motion
     for e in range(el.place.lon.size):
         rate = scratch.active[e] * scratch.ground_rate[e]
-        scratch.stopped_x[e] -= rate * motion.u[e]
-        scratch.stopped_y[e] -= rate * motion.v[e]
+        scratch.floor_impulse_x[e] -= rate * motion.u[e]
+        scratch.floor_impulse_y[e] -= rate * motion.v[e]
 
 
 @kernel
@@ -160,11 +160,11 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
         u, v, ax_old, ay_old = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
         rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
-        slow = scratch.ground_leaves[e] if implicit_ground else 1.0
+        factor = scratch.ground_decay[e] if implicit_ground else 1.0
         ax = scratch.accel_x[e] - explicit * rate * u
         ay = scratch.accel_y[e] - explicit * rate * v
-        new_u = (u + half * ax_old + half * ax) * slow
-        new_v = (v + half * ay_old + half * ay) * slow
+        new_u = (u + half * ax_old + half * ax) * factor
+        new_v = (v + half * ay_old + half * ay) * factor
         motion.u[e] = new_u if moves else u
         motion.v[e] = new_v if moves else v
         kicks.ax_fast[e] = ax if moves else ax_old
@@ -172,7 +172,7 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
 
 
 @kernel
-def show_velocities(el: Elements, active: Floats) -> None:
+def publish_velocities(el: Elements, active: Floats) -> None:
     """Let the others see the new velocities."""
     shown, motion = el.shown, el.motion
     for e in range(el.place.lon.size):
@@ -208,7 +208,7 @@ def reaches_pole(lat: Floats) -> bool:
 
 
 @stage
-def remember_fast(el):
+def store_inner(el):
     """Keep the fast accelerations of this sub-step where the reference keeps them."""
     ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
     ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
@@ -217,7 +217,7 @@ def remember_fast(el):
 
 
 @kernel
-def show_all(el: Elements, u: Floats, v: Floats) -> None:
+def publish_all_velocities(el: Elements, u: Floats, v: Floats) -> None:
     """Let the others see these velocities of all elements that are not held, of those too that waited."""
     u_shown, v_shown, static = el.shown.u_pair, el.shown.v_pair, el.body.static
     for e in range(u.size):

@@ -33,7 +33,7 @@ from riftberg.stepping.explicit.beams import (
 )
 from riftberg.stepping.explicit.bond_rows import BondRows
 from riftberg.stepping.explicit.breaking import record_breaks
-from riftberg.stepping.explicit.springs import Room
+from riftberg.stepping.explicit.springs import Workspace
 from riftberg.stepping.explicit.step_plan import StepPlan
 from riftberg.stepping.forces.interactions import pair_law
 from riftberg.stepping.forces.media import Surroundings
@@ -66,11 +66,11 @@ def parts_of(rows: BondRows, count: int, elements: int, threads: int) -> list[Pa
 
 @kernel
 def _begin(
-    el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
+    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, bool, bool, bool, float]:  # fmt: skip
     """As `begin_beams`; see `riftberg.compiled.kernels` why no named tuple."""
-    on = begin_beams(el, bonds, room, sizes, around, earlier, plan, p)
+    on = begin_beams(el, bonds, work, sizes, around, rank, plan, p)
     return on.count, on.floor_acts, on.floor_varies, on.near_pole, on.period
 
 
@@ -83,37 +83,41 @@ def _act(
 
 
 @kernel
-def _touch(el: Elements, bonds: Bonds, room: Room, search: bool, sizes: Sizes, dt: float, p: KernelParameters) -> None:
+def _touch(
+    el: Elements, bonds: Bonds, work: Workspace, by_search: bool, sizes: Sizes, dt: float, p: KernelParameters
+) -> None:
     """As `touch_broken`."""
-    touch_broken(el, bonds, room.rows, room.pairs, search, room.scratch, sizes, pair_law(p), dt, p)
+    touch_broken(el, bonds, work.rows, work.pairs, by_search, work.scratch, sizes, pair_law(p), dt, p)
 
 
 @kernel
-def _end(el: Elements, room: Room, around: Surroundings, plan: StepPlan, on: Conditions, p: KernelParameters) -> None:
+def _end(
+    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, on: Conditions, p: KernelParameters
+) -> None:
     """As `end_beams`."""
-    end_beams(el, room, around, plan, on, p)
+    end_beams(el, work, around, plan, on, p)
 
 
 def take_substeps_in_threads(
-    el: Elements, bonds: Bonds, room: Room, sizes: Sizes, around: Surroundings, earlier: Ints, plan: StepPlan,
+    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps of a long step in ``plan.threads`` threads; returns the number of bonds broken."""
-    rows, broken = room.rows, 0
-    on = Conditions(*_begin(el, bonds, room, sizes, around, earlier, plan, p))
+    rows, broken = work.rows, 0
+    on = Conditions(*_begin(el, bonds, work, sizes, around, rank, plan, p))
     parts = parts_of(rows, on.count, el.size, plan.threads)
     with ThreadPoolExecutor(plan.threads) as team:
         for n in range(plain(first_substep)(plan, p), plan.substeps):
             test = plain(bond_test)(n, plan, on.period)
-            if room.pairs.count[0] > 0:
-                _touch(el, bonds, room, plan.search, sizes, test.dt, p)
-            acts = [team.submit(_act, bonds, rows, x.used, x.sheet, room.scratch.aground, test, p) for x in parts]
+            if work.pairs.count[0] > 0:
+                _touch(el, bonds, work, plan.by_search, sizes, test.dt, p)
+            acts = [team.submit(_act, bonds, rows, x.used, x.sheet, work.scratch.aground, test, p) for x in parts]
             now = sum(act.result() for act in acts)
             if now > 0:
-                record_breaks(rows, bonds, el.body.bond_count, room.pairs, test.time, p.broken_as_contact)
+                record_breaks(rows, bonds, el.body.bond_count, work.pairs, test.time, p.broken_as_contact)
                 broken += now
             kicks = [team.submit(complete_substep, rows, x.begin, x.end, x.sheet, n, plan, on, p) for x in parts]
             for kick in kicks:
                 kick.result()
-    _end(el, room, around, plan, on, p)
+    _end(el, work, around, plan, on, p)
     return broken

@@ -6,7 +6,7 @@ from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Elements
-from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, is_lone, solve_velocity
+from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, is_isolated, solve_velocity
 from riftberg.stepping.forces.interactions import Partners, pair_law, pair_view
 from riftberg.stepping.forces.media import Surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import Sizes
@@ -34,7 +34,7 @@ def update_velocities(
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
         s = solve_velocity(
             e, place.lon[e], place.lat[e], us, vs, u, v, u, v, media, rates, acts, coriolis, applied, 1.0, 0.5, True,
-            False, False, mode, dt, body.mass[e], is_lone(e, bonded, same, other), partners, p.plain_kid_branch, False,
+            False, False, mode, dt, body.mass[e], is_isolated(e, bonded, same, other), partners, p.plain_kid_branch, False,
             view, law,
         )  # fmt: skip
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)

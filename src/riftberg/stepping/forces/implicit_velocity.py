@@ -124,14 +124,14 @@ def apply_at_velocities(el: Elements, around: Surroundings) -> None:
 @stage
 def solve_velocity(
     e, x, y, u_star, v_star, u0, v0, us, vs, media, rates, acts, coriolis, applied, share, explicit_part, mean_speeds,
-    from_start, centred, mode, dt, mass, alone, partners, plain, bond_size, view, law,
+    from_start, centred, mode, dt, mass, isolated, partners, plain, bond_size, view, law,
 ):  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
 
     ``x``, ``y``: position, degrees or m; ``u_star``, ``v_star``: velocity with the explicit half kick, m s-1.
     """
     t = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    if not alone:
+    if not isolated:
         ud, vd = (u0, v0) if from_start else (us, vs)
         t = interaction_terms(e, x, y, u0, v0, ud, vd, partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
@@ -147,7 +147,7 @@ def solve_velocity(
         e, u_star, v_star, u0, v0, us, vs, ud, vd, push_x, push_y, f, media, rates, acts, t, share, explicit_part,
         mean_speeds, turn_part, mode, dt,
     )  # fmt: skip
-    if not alone:
+    if not isolated:
         ud, vd = u_star + dt * ax, v_star + dt * ay
         if from_start and not mean_speeds:
             ud, vd = 0.5 * (ud + us), 0.5 * (vd + vs)
@@ -212,14 +212,14 @@ def _corrected(
 
 
 @kernel
-def is_lone(e: int, bonded: Ints, same: Ints, other: Ints) -> bool:
+def is_isolated(e: int, bonded: Ints, same: Ints, other: Ints) -> bool:
     """Whether an element has no partner of any kind; the arrays are the ``start`` of the lists of `Partners`."""
     return bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e]
 
 
 @kernel
-def find_lone(partners: Partners, lone: NDArray[np.bool_]) -> None:
+def find_isolated(partners: Partners, isolated: NDArray[np.bool_]) -> None:
     """Find whether each element has no partner of any kind."""
     bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
-    for e in range(lone.size):
-        lone[e] = is_lone(e, bonded, same, other)
+    for e in range(isolated.size):
+        isolated[e] = is_isolated(e, bonded, same, other)

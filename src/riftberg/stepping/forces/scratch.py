@@ -19,17 +19,17 @@ class Scratch(NamedTuple):
     """
 
     active: Floats
-    waits: Floats
+    subcycled: Floats
     aground: Floats
     per_mass: Floats
     per_inertia: Floats
     ground_linear: Floats
     ground_quadratic: Floats
     ground_rate: Floats
-    ground_leaves: Floats
-    ground_leaves_spin: Floats
-    stopped_x: Floats
-    stopped_y: Floats
+    ground_decay: Floats
+    ground_spin_decay: Floats
+    floor_impulse_x: Floats
+    floor_impulse_y: Floats
     accel_x: Floats
     accel_y: Floats
 
