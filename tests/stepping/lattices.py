@@ -8,10 +8,10 @@ from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.contact.candidates import without
-from riftberg.stepping.explicit.bond_rows import allocate_rows
+from riftberg.stepping.explicit.bond_rows import allocate_tiles
 from riftberg.stepping.explicit.breaking import allocate_pairs
 from riftberg.stepping.explicit.mts import StepPlan, StepReport, take_long_step
-from riftberg.stepping.explicit.springs import Workspace, allocate_scratch, pairs_from_list
+from riftberg.stepping.explicit.springs import Workspace, allocate_fields, pairs_from_list
 from riftberg.stepping.forces.interactions import Partners
 from riftberg.stepping.forces.media import allocate_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
@@ -184,7 +184,7 @@ def long_step(
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
     around = allocate_surroundings(n) if around is None else around
-    work = Workspace(allocate_rows(bonds, n), pairs, allocate_scratch(n))
+    work = Workspace(allocate_tiles(bonds, n), pairs, allocate_fields(n))
     colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
     rank = np.arange(n) if rank is None else rank
 

@@ -223,7 +223,7 @@ class MultipleStepper(Stateless):
         for batch in batches:
             self._gather_pairs(batch, dt, c)
             batch.add_meetings(*meeting)
-            batch.work.scratch.subcycled[:] = batch.of_all(subcycled)
+            batch.work.fields.subcycled[:] = batch.of_all(subcycled)
         inner = [self._inner_partners(batch, batch.of_all(outer.group), run) for batch in batches]
         plan = self._plan(run)
         if self._around.coriolis.size != el.size:

@@ -1,6 +1,6 @@
 """The sub-steps of a long step with bonds as beams (equations 6.4, part 3).
 
-Bonds and elements stand in blocks (`riftberg.stepping.explicit.bond_blocks`). A sub-step has two halves: forces of the
+Bonds and elements stand in blocks (`riftberg.stepping.explicit.tiles`). A sub-step has two halves: forces of the
 bonds, then sums over them, kick, and the drift of the sub-step that follows.
 """
 
@@ -11,36 +11,46 @@ from typing import NamedTuple
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.explicit import bond_blocks as row
-from riftberg.stepping.explicit.bond_law import add_to_first, apply_bond_law, gather_ends, next_ends
-from riftberg.stepping.explicit.bond_rows import BondRows, crosses, load_rows
-from riftberg.stepping.explicit.breaking import ContactPairs, add_contacts, break_overloaded, note_all, record_breaks
-from riftberg.stepping.explicit.damage import damage_rows, loaded
+from riftberg.stepping.explicit import tiles as tile
+from riftberg.stepping.explicit.bond_law import (
+    accumulate_first_ends,
+    apply_bond_law,
+    gather_second_ends,
+    shift_second_ends,
+)
+from riftberg.stepping.explicit.bond_rows import BondTiles, may_cross_seam, pack_bonds
+from riftberg.stepping.explicit.breaking import ContactPairs, add_contacts, break_overloaded, record_breaks, store_bonds
+from riftberg.stepping.explicit.damage import count_loaded, grow_damage
 from riftberg.stepping.explicit.element_blocks import (
-    drift_block,
-    drift_block_near_pole,
-    kick_block,
-    load_elements,
-    rates_of_floor,
-    show_elements,
-    start_block,
-    stopped_by_floor,
-    store_elements,
+    accumulate_floor_impulse,
+    drift_tile,
+    drift_tile_near_pole,
+    floor_rates,
+    kick_tile,
+    pack_contact,
+    pack_elements,
+    start_tile,
     sum_over_bonds,
-    take_contact,
+    unpack_elements,
+    unpack_pair_state,
 )
 from riftberg.stepping.explicit.outer_kick import begin_substeps, end_substeps
-from riftberg.stepping.explicit.springs import Workspace, publish_all_velocities, reaches_pole, store_inner
+from riftberg.stepping.explicit.springs import (
+    SubstepFields,
+    Workspace,
+    publish_all_velocities,
+    reaches_pole,
+    store_inner,
+)
 from riftberg.stepping.explicit.step_plan import StepPlan
 from riftberg.stepping.forces.interactions import PairLaw, pair_law
 from riftberg.stepping.forces.media import Surroundings
-from riftberg.stepping.forces.scratch import Scratch
 from riftberg.stepping.forces.sizes import Sizes
 
 
 @stage
-def touch_broken(
-    el: Elements, bonds: Bonds, rows: BondRows, pairs: ContactPairs, by_search: bool, scratch: Scratch, sizes: Sizes,
+def add_pair_contact(
+    el: Elements, bonds: Bonds, tiles: BondTiles, pairs: ContactPairs, by_search: bool, fields: SubstepFields, sizes: Sizes,
     law: PairLaw, dt: float, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Accelerations by contact of elements whose bond has broken, or of bergs that meet.
@@ -48,17 +58,17 @@ def touch_broken(
     Before the bonds act: one that breaks then touches from the next sub-step on.
     """
     if pairs.count[0] > 0:
-        show_elements(rows, el)
-        scratch.accel_x[:] = 0.0
-        scratch.accel_y[:] = 0.0
+        unpack_pair_state(tiles, el)
+        fields.accel_x[:] = 0.0
+        fields.accel_y[:] = 0.0
         soft_dt = 0.0 if p.explicit_contact_damping else dt
         add_contacts(
-            pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, by_search, p.max_bonds, True, soft_dt
+            pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, by_search, p.max_bonds, True, soft_dt
         )
-        take_contact(rows, scratch.accel_x, scratch.accel_y)
+        pack_contact(tiles, fields.accel_x, fields.accel_y)
 
 
-class BondTest(NamedTuple):
+class SubstepFlags(NamedTuple):
     """A sub-step as the bonds meet it.
 
     Its length, and the time since the start at its end, s; whether to test for fracture at all; whether stress takes from the
@@ -74,79 +84,106 @@ class BondTest(NamedTuple):
 
 
 @stage
-def act_on_ends(
-    bonds: Bonds, rows: BondRows, used: Ints, sheet: Floats, aground: Floats, test: BondTest, p: KernelParameters
+def apply_bonds(
+    bonds: Bonds,
+    tiles: BondTiles,
+    in_use: Ints,
+    scratch: Floats,
+    aground: Floats,
+    flags: SubstepFlags,
+    p: KernelParameters,
 ) -> int:
     """Forces of the bonds in the blocks ``used`` on their ends, which are shown; returns the number of bonds broken.
 
     What `record_breaks` has to do for these is left to it: several threads may each go through some blocks.
     """
-    width, broken = row.blocks_of(aground.size), 0
-    for b in used:
+    width, broken = tile.tile_count(aground.size), 0
+    for b in in_use:
         # Views of one block: LLVM sees that no index in it is negative, which an offset from outside would hide.
-        block, e = rows.block[b * row.BLOCK : (b + 1) * row.BLOCK], b % width
-        ends, sums = rows.ends[e * row.ENDS : (e + 1) * row.ENDS], rows.sums[e * row.SUMS : (e + 1) * row.SUMS]
-        first, end = b * row.LANES, (b + 1) * row.LANES
+        bond, e = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE], b % width
+        ends, sums = (
+            tiles.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE],
+            tiles.sums[e * tile.SUM_TILE : (e + 1) * tile.SUM_TILE],
+        )
+        first, end = b * tile.LANES, (b + 1) * tile.LANES
         if b < width:
-            next_ends(sheet, rows.ends[e * row.ENDS : (e + 2) * row.ENDS])
+            shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
         else:
-            gather_ends(sheet, rows.second[first:end], rows.ends)
+            gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
         apply_bond_law(
-            block, sheet, ends, test.dt, p.poisson, p.objective_damping, p.no_shear, p.linear_bending,
-            p.flat_relative_velocity, p.latlon, p.earth_radius, test.period,
+            bond, scratch, ends, flags.dt, p.poisson, p.objective_damping, p.no_shear, p.linear_bending,
+            p.flat_relative_velocity, p.latlon, p.earth_radius, flags.period,
         )  # fmt: skip
-        if test.grow_damage:
-            damage_rows(block, sheet, test.dt, p)
-        if test.may_break and loaded(block, sheet, 1.0) > 0:
-            broken += break_overloaded(rows.bond[first:end], block, sheet, ends, rows.turned, bonds, aground, test.time)
-        if test.last:
-            note_all(rows.bond[first:end], bonds, block, sheet, rows.turned)
-        add_to_first(block, sheet, sums)
+        if flags.grow_damage:
+            grow_damage(bond, scratch, flags.dt, p)
+        if flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
+            broken += break_overloaded(
+                tiles.bond_ids[first:end], bond, scratch, ends, tiles.rotation, bonds, aground, flags.time
+            )
+        if flags.last:
+            store_bonds(tiles.bond_ids[first:end], bonds, bond, scratch, tiles.rotation)
+        accumulate_first_ends(bond, scratch, sums)
     return broken
 
 
 @kernel
-def bond_test(n: int, plan: StepPlan, period: float) -> BondTest:
+def substep_flags(n: int, plan: StepPlan, period: float) -> SubstepFlags:
     """What happens to the bonds in sub-step ``n``; -1 is the evaluation before the first, in which no time passes."""
     moving = n >= 0
     dt = plan.dt / plan.substeps if moving else 0.0
     may_break, grow_damage = plan.break_inline and moving, plan.grow_damage and moving
-    return BondTest(dt, plan.time + (n + 1) * dt, may_break, grow_damage, n == plan.substeps - 1, period)
+    return SubstepFlags(dt, plan.time + (n + 1) * dt, may_break, grow_damage, n == plan.substeps - 1, period)
 
 
 @kernel
-def _drift_block(rows: BondRows, b: int, dt: float, near_pole: bool, p: KernelParameters) -> None:
+def _drift_tile(tiles: BondTiles, b: int, dt: float, near_pole: bool, p: KernelParameters) -> None:
     """Move the elements of block ``b`` to the positions of a sub-step, and show them."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
-    own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
-    turned = rows.turned[b * row.LANES : (b + 1) * row.LANES]
+    elem, ends = (
+        tiles.elem[b * tile.ELEMENT_TILE : (b + 1) * tile.ELEMENT_TILE],
+        tiles.ends[b * tile.END_TILE : (b + 1) * tile.END_TILE],
+    )
+    rotation = tiles.rotation[b * tile.LANES : (b + 1) * tile.LANES]
     if near_pole:
-        drift_block_near_pole(own, ends, turned, dt, p.earth_radius, q1)
+        drift_tile_near_pole(elem, ends, rotation, dt, p.earth_radius, q1)
     else:
-        drift_block(own, ends, turned, dt, p.latlon, p.earth_radius, q1)
+        drift_tile(elem, ends, rotation, dt, p.latlon, p.earth_radius, q1)
 
 
 @kernel
-def _kick_block(
-    rows: BondRows, b: int, sheet: Floats, dt: float, first: bool, floor_acts: bool, floor_varies: bool, implicit: bool
+def _kick_tile(
+    tiles: BondTiles,
+    b: int,
+    scratch: Floats,
+    dt: float,
+    first: bool,
+    floor_acts: bool,
+    floor_varies: bool,
+    implicit: bool,
 ) -> None:
     """Complete a sub-step for the elements of block ``b``; ``first`` is the evaluation before the first one."""
-    own, ends = rows.own[b * row.OWN : (b + 1) * row.OWN], rows.ends[b * row.ENDS : (b + 1) * row.ENDS]
-    sums, slot = rows.sums[b * row.SUMS : (b + 1) * row.SUMS], rows.slot[b * row.LANES : (b + 1) * row.LANES]
-    sum_over_bonds(sheet, sums, slot, rows.block)
+    elem, ends = (
+        tiles.elem[b * tile.ELEMENT_TILE : (b + 1) * tile.ELEMENT_TILE],
+        tiles.ends[b * tile.END_TILE : (b + 1) * tile.END_TILE],
+    )
+    sums, slots = (
+        tiles.sums[b * tile.SUM_TILE : (b + 1) * tile.SUM_TILE],
+        tiles.slots[b * tile.LANES : (b + 1) * tile.LANES],
+    )
+    sum_over_bonds(scratch, sums, slots, tiles.bond)
     if floor_varies:
-        rates_of_floor(own, 0.0 if first else dt)
+        floor_rates(elem, 0.0 if first else dt)
     if first:
-        start_block(own, ends, sheet, dt, implicit)
+        start_tile(elem, ends, scratch, dt, implicit)
         return
     if floor_acts and not implicit:
-        stopped_by_floor(own)
-    kick_block(own, ends, sheet, dt, implicit)
+        accumulate_floor_impulse(elem)
+    kick_tile(elem, ends, scratch, dt, implicit)
     if floor_acts and implicit:
-        stopped_by_floor(own)
+        accumulate_floor_impulse(elem)
 
 
-class Conditions(NamedTuple):
+class StepContext(NamedTuple):
     """What holds in all sub-steps of a long step, with bonds as beams.
 
     Blocks of rows in use; whether the sea floor acts, and changes with the speed; whether an element may come near the pole;
@@ -164,18 +201,18 @@ class Conditions(NamedTuple):
 def begin_beams(
     el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
-) -> Conditions:  # fmt: skip
+) -> StepContext:  # fmt: skip
     """Lay out bonds and elements for the sub-steps, and move the elements to the positions of the first one."""
-    rows, scratch, whole = work.rows, work.scratch, plan.dt / plan.substeps
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, whole, p)
+    tiles, fields, whole = work.tiles, work.fields, plan.dt / plan.substeps
+    floor_acts, floor_varies = begin_substeps(el, around, fields, sizes, whole, p)
     near_pole = p.latlon and reaches_pole(el.place.lat)
-    count = load_rows(rows, el, bonds, sizes, rank, p)
-    load_elements(rows, el, scratch)
-    period = p.period if crosses(el.shown.lon_pair, p.period) else 0.0
+    count = pack_bonds(tiles, el, bonds, sizes, rank, p)
+    pack_elements(tiles, el, fields)
+    period = p.period if may_cross_seam(el.shown.lon_pair, p.period) else 0.0
     if first_substep(plan, p) == 0:
-        for b in range(row.blocks_of(el.place.lon.size)):
-            _drift_block(rows, b, whole, near_pole, p)
-    return Conditions(count, floor_acts, floor_varies, near_pole, period)
+        for b in range(tile.tile_count(el.place.lon.size)):
+            _drift_tile(tiles, b, whole, near_pole, p)
+    return StepContext(count, floor_acts, floor_varies, near_pole, period)
 
 
 @kernel
@@ -185,27 +222,34 @@ def first_substep(plan: StepPlan, p: KernelParameters) -> int:
 
 
 @kernel
-def complete_substep(
-    rows: BondRows, begin: int, end: int, sheet: Floats, n: int, plan: StepPlan, on: Conditions, p: KernelParameters
+def kick_and_drift(
+    tiles: BondTiles,
+    begin: int,
+    end: int,
+    scratch: Floats,
+    n: int,
+    plan: StepPlan,
+    context: StepContext,
+    p: KernelParameters,
 ) -> None:
     """Kick the elements of blocks ``begin`` to ``end`` in sub-step ``n``, and move them to the positions of the next one."""
     whole, implicit = plan.dt / plan.substeps, p.ground_implicit
     for b in range(begin, end):
-        _kick_block(rows, b, sheet, whole, n < 0, on.floor_acts, on.floor_varies, implicit)
+        _kick_tile(tiles, b, scratch, whole, n < 0, context.floor_acts, context.floor_varies, implicit)
         if n < plan.substeps - 1:
-            _drift_block(rows, b, whole, on.near_pole, p)
+            _drift_tile(tiles, b, whole, context.near_pole, p)
 
 
 @stage
 def end_beams(
-    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, on: Conditions, p: KernelParameters
+    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, context: StepContext, p: KernelParameters
 ) -> None:
     """Give the elements back to the state after the sub-steps."""
-    store_elements(work.rows, el, work.scratch)
+    unpack_elements(work.tiles, el, work.fields)
     if p.iterate:
         store_inner(el)
-    if on.floor_acts:
-        end_substeps(around, work.scratch, plan.substeps)
+    if context.floor_acts:
+        end_substeps(around, work.fields, plan.substeps)
     publish_all_velocities(el, el.motion.u, el.motion.v)
 
 
@@ -218,16 +262,16 @@ def take_substeps_of_beams(
 
     `riftberg.stepping.explicit.threads` does the same with some threads.
     """
-    rows, pairs, scratch, law = work.rows, work.pairs, work.scratch, pair_law(p)
-    on = begin_beams(el, bonds, work, sizes, around, rank, plan, p)
-    used, blocks, broken = rows.used[: on.count], row.blocks_of(el.place.lon.size), 0
+    tiles, pairs, fields, law = work.tiles, work.pairs, work.fields, pair_law(p)
+    context = begin_beams(el, bonds, work, sizes, around, rank, plan, p)
+    in_use, blocks, broken = tiles.in_use[: context.count], tile.tile_count(el.place.lon.size), 0
     for n in range(first_substep(plan, p), plan.substeps):
-        test = bond_test(n, plan, on.period)
-        touch_broken(el, bonds, rows, pairs, plan.by_search, scratch, sizes, law, test.dt, p)
-        now = act_on_ends(bonds, rows, used, rows.sheet, scratch.aground, test, p)
+        flags = substep_flags(n, plan, context.period)
+        add_pair_contact(el, bonds, tiles, pairs, plan.by_search, fields, sizes, law, flags.dt, p)
+        now = apply_bonds(bonds, tiles, in_use, tiles.scratch, fields.aground, flags, p)
         if now > 0:
-            record_breaks(rows, bonds, el.body.bond_count, pairs, test.time, p.broken_as_contact)
+            record_breaks(tiles, bonds, el.body.bond_count, pairs, flags.time, p.broken_as_contact)
             broken += now
-        complete_substep(rows, 0, blocks, rows.sheet, n, plan, on, p)
-    end_beams(el, work, around, plan, on, p)
+        kick_and_drift(tiles, 0, blocks, tiles.scratch, n, plan, context, p)
+    end_beams(el, work, around, plan, context, p)
     return broken

@@ -11,7 +11,7 @@ from riftberg.physics.bonds import normal_force
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Ints
-from riftberg.stepping.explicit import bond_blocks as row
+from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.forces.interactions import COLLISION, SAME_BERG_CONTACT, pair_terms
 
 OTHER_BERGS, TOUCHED = -2, -3
@@ -37,41 +37,41 @@ def allocate_pairs(size: int) -> ContactPairs:
 
 
 @stage
-def break_overloaded(bond, block, sheet, ends, turned, bonds, aground, time):
+def break_overloaded(bond_ids, bond, scratch, ends, rotation, bonds, aground, time):
     """Break the bonds of a block that are overloaded: mark them, and replace their force.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
     """
     broken = 0
-    for k in range(row.LANES):
+    for k in range(tile.LANES):
         over = exceeds(
-            sheet[row.NORMAL_STRESS + k],
-            sheet[row.SHEAR_STRESS + k],
-            block[row.NORMAL_LIMIT + k],
-            block[row.SHEAR_LIMIT + k],
+            scratch[tile.NORMAL_STRESS + k],
+            scratch[tile.SHEAR_STRESS + k],
+            bond[tile.NORMAL_LIMIT + k],
+            bond[tile.SHEAR_LIMIT + k],
             1.0,
         )
-        if block[row.ALIVE + k] == 0.0 or not over:
+        if bond[tile.INTACT + k] == 0.0 or not over:
             continue
-        b = bond[k]
+        b = bond_ids[k]
         i, j = bonds.first[b], bonds.second[b]
-        note(bonds, b, block, sheet, k, turned)
+        store_bond(bonds, b, bond, scratch, k, rotation)
         bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
-        block[row.ALIVE + k] = 0.0
-        block[row.FX + k], block[row.FY + k] = _force_while_breaking(block, sheet, ends, k)
-        sheet[row.TORQUE1 + k] = block[row.TORQUE2 + k] = 0.0
+        bond[tile.INTACT + k] = 0.0
+        bond[tile.FX + k], bond[tile.FY + k] = _force_while_breaking(bond, scratch, ends, k)
+        scratch[tile.TORQUE1 + k] = bond[tile.TORQUE2 + k] = 0.0
         broken += 1
     return broken
 
 
 @kernel
-def record_breaks(rows, bonds, bond_count, pairs, time, keep_contact):
+def record_breaks(tiles, bonds, bond_count, pairs, time, keep_contact):
     """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, in order of row."""
-    for r in range(rows.bond.size):
-        b = rows.bond[r]
+    for r in range(tiles.bond_ids.size):
+        b = tiles.bond_ids[r]
         if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
             continue
         i, j = bonds.first[b], bonds.second[b]
@@ -84,34 +84,36 @@ def record_breaks(rows, bonds, bond_count, pairs, time, keep_contact):
 
 
 @kernel
-def note(bonds, b, block, sheet, k, turned):
+def store_bond(bonds, b, bond, scratch, k, rotation):
     """Write to the state what bond ``b`` in lane ``k`` bears now."""
-    slip = block[row.SLIP + k]
-    bonds.shear_x[b], bonds.shear_y[b] = -slip * sheet[row.NY + k], slip * sheet[row.NX + k]
-    bonds.normal_stress[b], bonds.shear_stress[b] = sheet[row.NORMAL_STRESS + k], sheet[row.SHEAR_STRESS + k]
-    bonds.bond_length[b], bonds.peak_stress[b] = sheet[row.LENGTH + k], block[row.PEAK_STRESS + k]
-    bonds.relative_rotation[b] += turned[bonds.first[b]] - turned[bonds.second[b]]
-    bonds.damage[b] = block[row.DAMAGE + k]
+    slip = bond[tile.SLIP + k]
+    bonds.shear_x[b], bonds.shear_y[b] = -slip * scratch[tile.NY + k], slip * scratch[tile.NX + k]
+    bonds.normal_stress[b], bonds.shear_stress[b] = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
+    bonds.bond_length[b], bonds.peak_stress[b] = scratch[tile.LENGTH + k], bond[tile.PEAK_STRESS + k]
+    bonds.relative_rotation[b] += rotation[bonds.first[b]] - rotation[bonds.second[b]]
+    bonds.damage[b] = bond[tile.DAMAGE + k]
 
 
 @kernel
-def note_all(bond, bonds, block, sheet, turned):
+def store_bonds(bond_ids, bonds, bond, scratch, rotation):
     """Write to the state what the bonds of a block bear; of those that broke in this long step it keeps what held then."""
-    for k in range(row.LANES):
-        if block[row.ALIVE + k] > 0.0:
-            note(bonds, bond[k], block, sheet, k, turned)
+    for k in range(tile.LANES):
+        if bond[tile.INTACT + k] > 0.0:
+            store_bond(bonds, bond_ids[k], bond, scratch, k, rotation)
 
 
 @kernel
-def _force_while_breaking(block, sheet, ends, k):
+def _force_while_breaking(bond, scratch, ends, k):
     """Normal force and damping (N) of a bond that fails in shear under compression; zero otherwise."""
-    if sheet[row.NORMAL_STRESS + k] >= 0.0:
+    if scratch[tile.NORMAL_STRESS + k] >= 0.0:
         return 0.0, 0.0
-    damping = block[row.DAMPING + k]
-    u1, v1, u2, v2 = ends[row.U + k], ends[row.V + k], sheet[row.U + k], sheet[row.V + k]
-    du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), sheet[row.TURN + k])
-    push = normal_force(block[row.MODULUS + k], sheet[row.WIDTH + k], sheet[row.THICKNESS + k], sheet[row.HALF + k])
-    return push * sheet[row.NX + k] - damping * du, push * sheet[row.NY + k] - damping * dv
+    damping = bond[tile.DAMPING + k]
+    u1, v1, u2, v2 = ends[tile.U + k], ends[tile.V + k], scratch[tile.U + k], scratch[tile.V + k]
+    du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), scratch[tile.TURN + k])
+    push = normal_force(
+        bond[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], scratch[tile.HALF + k]
+    )
+    return push * scratch[tile.NX + k] - damping * du, push * scratch[tile.NY + k] - damping * dv
 
 
 @stage

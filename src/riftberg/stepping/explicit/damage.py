@@ -10,19 +10,19 @@ from __future__ import annotations
 
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
-from riftberg.stepping.explicit import bond_blocks as row
+from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.fracture.strengths import limits_left
 
 
 @kernel
-def damage_rows(block, sheet, dt, p):
+def grow_damage(bond, scratch, dt, p):
     """Let the damage of the unbroken rows of a block grow over ``dt`` (s), and lower their limits accordingly."""
-    if loaded(block, sheet, p.damage_threshold) > 0:
-        _grow(block, sheet, dt, p)
+    if count_loaded(bond, scratch, p.damage_threshold) > 0:
+        _grow(bond, scratch, dt, p)
 
 
 @kernel
-def loaded(block, sheet, threshold):
+def count_loaded(bond, scratch, threshold):
     """Number of unbroken rows of a block whose stress is above this part of their strength.
 
     A whole number, so that the loop vectorises.
@@ -30,27 +30,27 @@ def loaded(block, sheet, threshold):
     Rows without stress and strength, and those whose stress is not a number, are not among them.
     """
     count = 0
-    for k in range(row.LANES):
-        torn = sheet[row.NORMAL_STRESS + k] > threshold * block[row.NORMAL_LIMIT + k]
-        sheared = sheet[row.SHEAR_STRESS + k] > threshold * block[row.SHEAR_LIMIT + k]
-        count += 1 if (torn | sheared) & (block[row.ALIVE + k] > 0.0) else 0
+    for k in range(tile.LANES):
+        torn = scratch[tile.NORMAL_STRESS + k] > threshold * bond[tile.NORMAL_LIMIT + k]
+        sheared = scratch[tile.SHEAR_STRESS + k] > threshold * bond[tile.SHEAR_LIMIT + k]
+        count += 1 if (torn | sheared) & (bond[tile.INTACT + k] > 0.0) else 0
     return count
 
 
 @kernel
-def _grow(block, sheet, dt, p):
+def _grow(bond, scratch, dt, p):
     """Raise the damage of the rows above the threshold."""
     threshold = p.damage_threshold
-    for k in range(row.LANES):
-        tension, shear = sheet[row.NORMAL_STRESS + k], sheet[row.SHEAR_STRESS + k]
-        normal, sliding = block[row.NORMAL_LIMIT + k], block[row.SHEAR_LIMIT + k]
+    for k in range(tile.LANES):
+        tension, shear = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
+        normal, sliding = bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k]
         over = tension > threshold * normal or shear > threshold * sliding
-        if block[row.ALIVE + k] == 0.0 or not over:
+        if bond[tile.INTACT + k] == 0.0 or not over:
             continue
         ratio = stress_ratio(tension, shear, normal, sliding)
         rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
-        damage = grown_damage(block[row.DAMAGE + k], rate, dt)
-        block[row.DAMAGE + k] = damage
-        block[row.NORMAL_LIMIT + k], block[row.SHEAR_LIMIT + k] = limits_left(
-            p.normal_strength, p.shear_strength, block[row.STRENGTH + k], damage
+        damage = grown_damage(bond[tile.DAMAGE + k], rate, dt)
+        bond[tile.DAMAGE + k] = damage
+        bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k] = limits_left(
+            p.normal_strength, p.shear_strength, bond[tile.STRENGTH + k], damage
         )

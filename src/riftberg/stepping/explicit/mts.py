@@ -47,39 +47,39 @@ class StepReport(NamedTuple):
 
 
 @stage
-def _start_inner(el, scratch, implicit_ground):
+def _start_inner(el, fields, implicit_ground):
     """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
 
     What the sea floor does in that half kick is kept with what it does in the sub-steps.
     """
     motion, kicks = el.motion, el.kicks
     for e in range(motion.u.size):
-        rate = 0.0 if implicit_ground else scratch.active[e] * scratch.ground_rate[e]
-        kicks.ax_fast[e] = scratch.active[e] * scratch.accel_x[e] - rate * motion.u[e]
-        kicks.ay_fast[e] = scratch.active[e] * scratch.accel_y[e] - rate * motion.v[e]
-        scratch.floor_impulse_x[e] -= 0.5 * rate * motion.u[e]
-        scratch.floor_impulse_y[e] -= 0.5 * rate * motion.v[e]
+        rate = 0.0 if implicit_ground else fields.active[e] * fields.ground_rate[e]
+        kicks.ax_fast[e] = fields.active[e] * fields.accel_x[e] - rate * motion.u[e]
+        kicks.ay_fast[e] = fields.active[e] * fields.accel_y[e] - rate * motion.v[e]
+        fields.floor_impulse_x[e] -= 0.5 * rate * motion.u[e]
+        fields.floor_impulse_y[e] -= 0.5 * rate * motion.v[e]
 
 
 @stage
-def _drift(el, scratch, dt, near_pole, p):
+def _drift(el, fields, dt, near_pole, p):
     """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
     q1 = p.swapped_implicit_velocity and not p.explicit_substeps
     if near_pole:
-        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1)
+        drift_near_pole(el, fields.active, dt, p.earth_radius, q1)
     else:
-        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
+        drift(el, fields.active, dt, p.latlon, p.earth_radius, q1)
 
 
 @stage
-def _kick(el, scratch, dt, floor_acts, implicit_ground):
+def _kick(el, fields, dt, floor_acts, implicit_ground):
     """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
     if floor_acts and not implicit_ground:
-        accumulate_floor_impulse(el, scratch)
-    kick(el, scratch, dt, implicit_ground)
+        accumulate_floor_impulse(el, fields)
+    kick(el, fields, dt, implicit_ground)
     if floor_acts and implicit_ground:
-        accumulate_floor_impulse(el, scratch)
-    publish_velocities(el, scratch.active)
+        accumulate_floor_impulse(el, fields)
+    publish_velocities(el, fields.active)
 
 
 @stage
@@ -130,8 +130,8 @@ def _take_substeps_of_springs(
     plan: StepPlan, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
-    pairs, scratch, law = work.pairs, work.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
+    pairs, fields, law = work.pairs, work.fields, pair_law(p)
+    floor_acts, floor_varies = begin_substeps(el, around, fields, sizes, plan.dt / plan.substeps, p)
     near_pole = p.latlon and reaches_pole(el.place.lat)
     iterations = 1
     explicit = p.explicit_substeps
@@ -140,28 +140,28 @@ def _take_substeps_of_springs(
         moving = n >= 0
         dt = plan.dt / plan.substeps if moving else 0.0
         if moving:
-            _drift(el, scratch, dt, near_pole, p)
+            _drift(el, fields, dt, near_pole, p)
         if explicit or not moving:
-            spring_accelerations(el, inner, p.constant_size, scratch, sizes, law)
-            add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
+            spring_accelerations(el, inner, p.constant_size, fields, sizes, law)
+            add_collisions(pairs, bonds, el, sizes, law, fields, p.max_bonds, dt)
         if floor_varies:
-            floor_rates(el, scratch, dt)
+            floor_rates(el, fields, dt)
         if not moving:
-            _start_inner(el, scratch, p.ground_implicit)
+            _start_inner(el, fields, p.ground_implicit)
             continue
         if explicit:
-            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
+            _kick(el, fields, dt, floor_acts, p.ground_implicit)
         else:
-            iterations = implicit_kick(el, dt, around, inner, inner_work, sizes, law, scratch, p)
+            iterations = implicit_kick(el, dt, around, inner, inner_work, sizes, law, fields, p)
             if iterations < 0:
                 return iterations
-            publish_velocities(el, scratch.active)
+            publish_velocities(el, fields.active)
         if p.iterate and not explicit:
             store_inner(el)
     if p.iterate:
         store_inner(el)
     if floor_acts:
-        end_substeps(around, scratch, plan.substeps)
+        end_substeps(around, fields, plan.substeps)
     publish_all_velocities(el, el.motion.u, el.motion.v)
     return iterations
 

@@ -13,7 +13,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import spin_drag
 from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats
-from riftberg.stepping.explicit.springs import publish_all_velocities
+from riftberg.stepping.explicit.springs import SubstepFields, publish_all_velocities
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     WITH_SURROUNDINGS,
@@ -22,7 +22,6 @@ from riftberg.stepping.forces.implicit_velocity import (
 )
 from riftberg.stepping.forces.interactions import PairLaw, Partners
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
-from riftberg.stepping.forces.scratch import Scratch
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.forces.touching import Touching, allocate_touching, find_touching
 
@@ -53,7 +52,7 @@ def allocate_outer_workspace(count: int, partners: Partners) -> OuterWorkspace:
 
 @stage
 def begin_substeps(
-    el: Elements, around: Surroundings, scratch: Scratch, sizes: Sizes, dt: float, p: KernelParameters
+    el: Elements, around: Surroundings, fields: SubstepFields, sizes: Sizes, dt: float, p: KernelParameters
 ) -> tuple[bool, bool]:
     """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4, 3b and 3c).
 
@@ -61,20 +60,20 @@ def begin_substeps(
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
     radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
-    active, subcycled, aground, rate = scratch.active, scratch.subcycled, scratch.aground, scratch.ground_rate
-    linear, quadratic = scratch.ground_linear, scratch.ground_quadratic
-    decay, spin_decay = scratch.ground_decay, scratch.ground_spin_decay
+    active, subcycled, aground, rate = fields.active, fields.subcycled, fields.aground, fields.ground_rate
+    linear, quadratic = fields.ground_linear, fields.ground_quadratic
+    decay, spin_decay = fields.ground_decay, fields.ground_spin_decay
     in_substeps = not around.acts[SEA_FLOOR]
     acts = varies = False
-    scratch.floor_impulse_x[:] = 0.0
-    scratch.floor_impulse_y[:] = 0.0
+    fields.floor_impulse_x[:] = 0.0
+    fields.floor_impulse_y[:] = 0.0
     for e in range(active.size):
         active[e] = 1.0 if static[e] < 0.5 and subcycled[e] == 0.0 else 0.0
         fraction = grounded_part(thickness[e], depth[e], p)
         aground[e] = fraction
         turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)
         spin_decay[e] = 1.0 / (1.0 + turning * dt) if p.ground_torque and p.dem else 1.0
-        scratch.per_mass[e], scratch.per_inertia[e] = 1.0 / mass[e], 2.0 / (mass[e] * radius[e] * radius[e])
+        fields.per_mass[e], fields.per_inertia[e] = 1.0 / mass[e], 2.0 / (mass[e] * radius[e] * radius[e])
         linear[e] = media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
         quadratic[e] = media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
         rate[e], decay[e] = linear[e], 1.0 / (1.0 + linear[e] * dt)
@@ -84,9 +83,9 @@ def begin_substeps(
 
 
 @stage
-def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
+def end_substeps(around: Surroundings, fields: SubstepFields, substeps: int) -> None:
     """Keep the mean acceleration by which the sea floor stopped the elements in the sub-steps."""
-    applied, floor_impulse_x, floor_impulse_y = around.applied, scratch.floor_impulse_x, scratch.floor_impulse_y
+    applied, floor_impulse_x, floor_impulse_y = around.applied, fields.floor_impulse_x, fields.floor_impulse_y
     for e in range(floor_impulse_x.size):
         applied[e, SEA_FLOOR, 0] = floor_impulse_x[e] / substeps
         applied[e, SEA_FLOOR, 1] = floor_impulse_y[e] / substeps

@@ -9,40 +9,62 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.physics.geometry import fast_cos_latitude, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
-from riftberg.stepping.explicit.bond_rows import BondRows, allocate_rows
+from riftberg.stepping.explicit.bond_rows import BondTiles, allocate_tiles
 from riftberg.stepping.explicit.breaking import (
     ContactPairs,
     add_contacts,
     allocate_pairs,
 )
 from riftberg.stepping.forces.interactions import PairLaw, Partners, interaction_terms, pair_view
-from riftberg.stepping.forces.scratch import Scratch, allocate_scratch
 from riftberg.stepping.forces.sizes import Sizes
 
 POLAR_LATITUDE = 88.0
 """North of this (degrees) the tangent plane may be needed within a long step."""
 
 
+class SubstepFields(NamedTuple):
+    """One value per element, as long as the sub-steps of a long step last."""
+
+    active: Floats  # 1 where it moves
+    subcycled: Floats  # 1 where it has sub-steps of its own (`lone_bergs`)
+    aground: Floats  # How far it is aground, 0 to 1
+    per_mass: Floats  # 1 over its mass, kg-1
+    per_inertia: Floats  # 1 over its moment of inertia, kg-1 m-2
+    ground_linear: Floats  # Drag of the sea floor: linear rate, s-1
+    ground_quadratic: Floats  # Its quadratic coefficient, m-1
+    ground_rate: Floats  # Its rate at the velocity now, s-1
+    ground_decay: Floats  # What an implicit sub-step leaves of the velocity, 0 to 1
+    ground_spin_decay: Floats  # What an implicit sub-step leaves of the spin, 0 to 1
+    floor_impulse_x: Floats  # Sum over the sub-steps of the accelerations by the sea floor, m s-2
+    floor_impulse_y: Floats
+    accel_x: Floats  # Acceleration in this sub-step, m s-2
+    accel_y: Floats
+
+
+def allocate_fields(count: int) -> SubstepFields:
+    """Return zeros for ``count`` elements."""
+    return SubstepFields(*(np.zeros(count) for _ in SubstepFields._fields))
+
+
 class Workspace(NamedTuple):
-    """Room for the sub-steps of some bergs.
+    """Arrays that the sub-steps of some bergs work in."""
 
-    ``pairs`` holds the pairs of broken bonds or the candidates of a search.
-    """
-
-    rows: BondRows
-    pairs: ContactPairs
-    scratch: Scratch
+    tiles: BondTiles
+    pairs: ContactPairs  # Pairs of broken bonds, or candidates of a search
+    fields: SubstepFields
 
 
 def allocate_workspace(elements: Elements, bonds: Bonds) -> Workspace:
     """Return room for the sub-steps of these elements and bonds."""
     pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Workspace(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
+    return Workspace(allocate_tiles(bonds, elements.size), pairs, allocate_fields(elements.size))
 
 
 @kernel
@@ -90,7 +112,7 @@ def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: 
 
 @kernel
 def spring_accelerations(
-    el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw
+    el: Elements, partners: Partners, bond_size: bool, fields: SubstepFields, sizes: Sizes, law: PairLaw
 ):
     """Accelerations (m s-2) by KID's bonds and contact inside the berg (equations 5.3 without DEM)."""
     place, shown, motion = el.place, el.shown, el.motion
@@ -111,41 +133,48 @@ def spring_accelerations(
             law,
         )
         uw, vw = shown.u_pair[e], shown.v_pair[e]
-        scratch.accel_x[e] = ix + px - p11 * uw - p12 * vw
-        scratch.accel_y[e] = iy + py - p12 * uw - p22 * vw
+        fields.accel_x[e] = ix + px - p11 * uw - p12 * vw
+        fields.accel_y[e] = iy + py - p12 * uw - p22 * vw
 
 
 @kernel
 def add_collisions(
-    pairs: ContactPairs, bonds: Bonds, el: Elements, sizes: Sizes, law: PairLaw, scratch: Scratch, most: int, dt: float
+    pairs: ContactPairs,
+    bonds: Bonds,
+    el: Elements,
+    sizes: Sizes,
+    law: PairLaw,
+    fields: SubstepFields,
+    most: int,
+    dt: float,
 ) -> None:
     """Add the accelerations (m s-2) by contact between bergs, where bonds are springs or there are none."""
     if pairs.count[0] > 0:
-        add_contacts(pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, False, most, False, dt)
+        add_contacts(pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, False, most, False, dt)
 
 
 @kernel
-def floor_rates(el: Elements, scratch: Scratch, dt: float) -> None:
+def floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion
     for e in range(el.place.lon.size):
         speed = math.sqrt(motion.u[e] * motion.u[e] + motion.v[e] * motion.v[e])
-        rate = scratch.ground_linear[e] + scratch.ground_quadratic[e] * speed
-        scratch.ground_rate[e], scratch.ground_decay[e] = rate, 1.0 / (1.0 + rate * dt)
+        rate = fields.ground_linear[e] + fields.ground_quadratic[e] * speed
+        fields.ground_rate[e], fields.ground_decay[e] = rate, 1.0 / (1.0 + rate * dt)
 
 
 @kernel
-def accumulate_floor_impulse(el: Elements, scratch: Scratch) -> None:
+def accumulate_floor_impulse(el: Elements, fields: SubstepFields) -> None:
     """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
     motion = el.motion
     for e in range(el.place.lon.size):
-        rate = scratch.active[e] * scratch.ground_rate[e]
-        scratch.floor_impulse_x[e] -= rate * motion.u[e]
-        scratch.floor_impulse_y[e] -= rate * motion.v[e]
+        rate = fields.active[e] * fields.ground_rate[e]
+        fields.floor_impulse_x[e] -= rate * motion.u[e]
+        fields.floor_impulse_y[e] -= rate * motion.v[e]
 
 
 @kernel
-def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
+def kick(el: Elements, fields: SubstepFields, dt: float, implicit_ground: bool) -> None:
     """Update velocities by half the old and half the new fast acceleration (equations 6.4, 3b).
 
     The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
@@ -159,10 +188,10 @@ def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> No
     for e in range(el.place.lon.size):
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
         u, v, ax_old, ay_old = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
-        rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
-        factor = scratch.ground_decay[e] if implicit_ground else 1.0
-        ax = scratch.accel_x[e] - explicit * rate * u
-        ay = scratch.accel_y[e] - explicit * rate * v
+        rate, moves = fields.ground_rate[e], fields.active[e] > 0.0
+        factor = fields.ground_decay[e] if implicit_ground else 1.0
+        ax = fields.accel_x[e] - explicit * rate * u
+        ay = fields.accel_y[e] - explicit * rate * v
         new_u = (u + half * ax_old + half * ax) * factor
         new_v = (v + half * ay_old + half * ay) * factor
         motion.u[e] = new_u if moves else u

@@ -19,19 +19,19 @@ import numpy as np
 from riftberg.compiled.kernels import kernel, plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.explicit import bond_blocks as row
+from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.beams import (
-    BondTest,
-    Conditions,
-    act_on_ends,
+    StepContext,
+    SubstepFlags,
+    add_pair_contact,
+    apply_bonds,
     begin_beams,
-    bond_test,
-    complete_substep,
     end_beams,
     first_substep,
-    touch_broken,
+    kick_and_drift,
+    substep_flags,
 )
-from riftberg.stepping.explicit.bond_rows import BondRows
+from riftberg.stepping.explicit.bond_rows import BondTiles
 from riftberg.stepping.explicit.breaking import record_breaks
 from riftberg.stepping.explicit.springs import Workspace
 from riftberg.stepping.explicit.step_plan import StepPlan
@@ -43,23 +43,23 @@ WORTH_THREADS: Final = 20_000
 """With fewer elements handing over costs more than a second thread gains."""
 
 
-class Part(NamedTuple):
+class Share(NamedTuple):
     """What one thread does: blocks of elements ``begin`` to ``end``, the blocks of rows that begin there; and its own sheet."""
 
     begin: int
     end: int
-    used: Ints
-    sheet: Floats
+    in_use: Ints
+    scratch: Floats
 
 
-def parts_of(rows: BondRows, count: int, elements: int, threads: int) -> list[Part]:
+def partition(tiles: BondTiles, count: int, elements: int, threads: int) -> list[Share]:
     """Share out the blocks of a lattice."""
-    blocks = row.blocks_of(elements)
+    blocks = tile.tile_count(elements)
     limits = np.linspace(0, blocks, threads + 1).astype(np.int64).tolist()
-    used = rows.used[:count]
-    place = used % blocks
+    in_use = tiles.in_use[:count]
+    place = in_use % blocks
     return [
-        Part(begin, end, used[(place >= begin) & (place < end)].copy(), np.zeros(row.SHEET))
+        Share(begin, end, in_use[(place >= begin) & (place < end)].copy(), np.zeros(tile.SCRATCH_TILE))
         for begin, end in pairwise(limits)
     ]
 
@@ -70,32 +70,38 @@ def _begin(
     p: KernelParameters,
 ) -> tuple[int, bool, bool, bool, float]:  # fmt: skip
     """As `begin_beams`; see `riftberg.compiled.kernels` why no named tuple."""
-    on = begin_beams(el, bonds, work, sizes, around, rank, plan, p)
-    return on.count, on.floor_acts, on.floor_varies, on.near_pole, on.period
+    context = begin_beams(el, bonds, work, sizes, around, rank, plan, p)
+    return context.count, context.floor_acts, context.floor_varies, context.near_pole, context.period
 
 
 @kernel
 def _act(
-    bonds: Bonds, rows: BondRows, used: Ints, sheet: Floats, aground: Floats, test: BondTest, p: KernelParameters
+    bonds: Bonds,
+    tiles: BondTiles,
+    in_use: Ints,
+    scratch: Floats,
+    aground: Floats,
+    flags: SubstepFlags,
+    p: KernelParameters,
 ) -> int:
-    """As `act_on_ends`."""
-    return act_on_ends(bonds, rows, used, sheet, aground, test, p)
+    """As `apply_bonds`."""
+    return apply_bonds(bonds, tiles, in_use, scratch, aground, flags, p)
 
 
 @kernel
 def _touch(
     el: Elements, bonds: Bonds, work: Workspace, by_search: bool, sizes: Sizes, dt: float, p: KernelParameters
 ) -> None:
-    """As `touch_broken`."""
-    touch_broken(el, bonds, work.rows, work.pairs, by_search, work.scratch, sizes, pair_law(p), dt, p)
+    """As `add_pair_contact`."""
+    add_pair_contact(el, bonds, work.tiles, work.pairs, by_search, work.fields, sizes, pair_law(p), dt, p)
 
 
 @kernel
 def _end(
-    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, on: Conditions, p: KernelParameters
+    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, context: StepContext, p: KernelParameters
 ) -> None:
     """As `end_beams`."""
-    end_beams(el, work, around, plan, on, p)
+    end_beams(el, work, around, plan, context, p)
 
 
 def take_substeps_in_threads(
@@ -103,21 +109,21 @@ def take_substeps_in_threads(
     p: KernelParameters,
 ) -> int:  # fmt: skip
     """Take the sub-steps of a long step in ``plan.threads`` threads; returns the number of bonds broken."""
-    rows, broken = work.rows, 0
-    on = Conditions(*_begin(el, bonds, work, sizes, around, rank, plan, p))
-    parts = parts_of(rows, on.count, el.size, plan.threads)
+    tiles, broken = work.tiles, 0
+    context = StepContext(*_begin(el, bonds, work, sizes, around, rank, plan, p))
+    parts = partition(tiles, context.count, el.size, plan.threads)
     with ThreadPoolExecutor(plan.threads) as team:
         for n in range(plain(first_substep)(plan, p), plan.substeps):
-            test = plain(bond_test)(n, plan, on.period)
+            flags = plain(substep_flags)(n, plan, context.period)
             if work.pairs.count[0] > 0:
-                _touch(el, bonds, work, plan.by_search, sizes, test.dt, p)
-            acts = [team.submit(_act, bonds, rows, x.used, x.sheet, work.scratch.aground, test, p) for x in parts]
+                _touch(el, bonds, work, plan.by_search, sizes, flags.dt, p)
+            acts = [team.submit(_act, bonds, tiles, x.in_use, x.scratch, work.fields.aground, flags, p) for x in parts]
             now = sum(act.result() for act in acts)
             if now > 0:
-                record_breaks(rows, bonds, el.body.bond_count, work.pairs, test.time, p.broken_as_contact)
+                record_breaks(tiles, bonds, el.body.bond_count, work.pairs, flags.time, p.broken_as_contact)
                 broken += now
-            kicks = [team.submit(complete_substep, rows, x.begin, x.end, x.sheet, n, plan, on, p) for x in parts]
+            kicks = [team.submit(kick_and_drift, tiles, x.begin, x.end, x.scratch, n, plan, context, p) for x in parts]
             for kick in kicks:
                 kick.result()
-    _end(el, work, around, plan, on, p)
+    _end(el, work, around, plan, context, p)
     return broken

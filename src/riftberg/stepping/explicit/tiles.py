@@ -30,28 +30,30 @@ LANES: Final = 32
 # and, for the second ends of a block of rows, in the sheet.
 X, Y, U, V, SPIN, ANGLE = (LANES * n for n in range(6))
 
-ENDS: Final = LANES * 6
+END_TILE: Final = LANES * 6
 """Numbers in a block of elements."""
 
 # What elements have for themselves. Velocity (m s-1), fast accelerations before this sub-step, explicit and implicit, and that by
 # contact (m s-2).
-OWN_U, OWN_V, AX, AY, BX, BY, CONTACT_X, CONTACT_Y = (LANES * n for n in range(8))
+VELOCITY_X, VELOCITY_Y, AX, AY, BX, BY, CONTACT_X, CONTACT_Y = (LANES * n for n in range(8))
 # 1 where it moves; 1 over its mass (kg-1) and its inertia (kg-1 m-2); steady loads (N), 0 where a roller takes what is northward.
 ACTIVE, PER_MASS, PER_INERTIA, LOAD_X, LOAD_Y, FREE_Y, SPIN_RATE = (LANES * n for n in range(8, 15))
 # The sea floor: rate at the velocity now (s-1), its linear and its quadratic part (m-1), what an implicit sub-step leaves of
 # velocity and of spin (0 to 1), and the sum of its decelerations (m s-2).
-RATE, LINEAR, QUADRATIC, LEAVES, LEAVES_SPIN, STOPPED_X, STOPPED_Y = (LANES * n for n in range(15, 22))
+FLOOR_RATE, FLOOR_LINEAR, FLOOR_QUADRATIC, DECAY, SPIN_DECAY, FLOOR_IMPULSE_X, FLOOR_IMPULSE_Y = (
+    LANES * n for n in range(15, 22)
+)
 
-OWN: Final = LANES * 22
+ELEMENT_TILE: Final = LANES * 22
 """Numbers in a block of what elements have for themselves."""
 
 # In a row, constants of the law; ALIVE is 1, or 0 where no bond is or it has broken in this long step. MODULUS is E over the
 # length at rest; DAMPING in kg s-1.
-ALIVE, REST, RADIUS1, RADIUS2, LEVER1, LEVER2, THICKNESS_SMALL, THICKNESS_GAP, DAMPING, MODULUS = (
+INTACT, REST, RADIUS1, RADIUS2, LEVER1, LEVER2, THICKNESS_SMALL, THICKNESS_GAP, DAMPING, MODULUS = (
     LANES * n for n in range(10)
 )
 # Mean latitude of the ends when the rows were loaded, and its cosine and sine, times metres in a degree.
-Y_LOADED, METRES_COS, METRES_SIN = (LANES * n for n in range(10, 13))
+Y_REFERENCE, METRES_COS, METRES_SIN = (LANES * n for n in range(10, 13))
 # What the stress may reach, and its largest in this long step, Pa; shear displacement along the tangent, m.
 NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(13, 17))
 # Force on the first end, N, and torque on the second, N m.
@@ -59,7 +61,7 @@ FX, FY, TORQUE2 = (LANES * n for n in range(17, 20))
 # What only damage asks for.
 STRENGTH, DAMAGE = (LANES * n for n in range(20, 22))
 
-BLOCK: Final = LANES * 22
+BOND_TILE: Final = LANES * 22
 """Numbers in a block of rows."""
 
 # In the sheet, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the local
@@ -68,29 +70,29 @@ NX, NY, HALF, LENGTH, WIDTH, THICKNESS, TURN, SINE = (LANES * n for n in range(6
 # Torque on the first end, N m, and stresses, Pa.
 TORQUE1, NORMAL_STRESS, SHEAR_STRESS = (LANES * n for n in range(14, 17))
 
-SHEET: Final = LANES * 17
+SCRATCH_TILE: Final = LANES * 17
 """Numbers in the sheet."""
 
 # In the sums of a block of elements: forces (N) and torques (N m) of the bonds that begin there.
 SUM_X, SUM_Y, SUM_TORQUE = (LANES * n for n in range(3))
 
-SUMS: Final = LANES * 3
+SUM_TILE: Final = LANES * 3
 """Numbers in the sums of a block of elements."""
 
 
 @kernel
-def place_of(row: int) -> int:
+def bond_offset(tile: int) -> int:
     """Where the quantities of a row begin: ``block[place_of(row) + REST]`` is its ``REST``."""
-    return (row // LANES) * BLOCK + row % LANES
+    return (tile // LANES) * BOND_TILE + tile % LANES
 
 
 @kernel
-def end_of(element: int) -> int:
+def end_offset(element: int) -> int:
     """Where what bonds see of an element begins."""
-    return (element // LANES) * ENDS + element % LANES
+    return (element // LANES) * END_TILE + element % LANES
 
 
 @kernel
-def blocks_of(count: int) -> int:
+def tile_count(count: int) -> int:
     """Blocks that ``count`` elements take."""
     return (count + LANES - 1) // LANES
