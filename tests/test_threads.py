@@ -15,8 +15,8 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.stepping.explicit import mts as multiple
-from riftberg.stepping.explicit.bond_rows import allocate_tiles, pack_bonds
-from riftberg.stepping.explicit.threads import partition
+from riftberg.stepping.explicit.beams import partition
+from riftberg.stepping.explicit.tiles import allocate_tiles, pack_bonds
 from riftberg.stepping.forces.sizes import interaction_sizes
 
 PROGRAM = """

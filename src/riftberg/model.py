@@ -28,14 +28,20 @@ from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved
 from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
-from riftberg.stepping.explicit.ringing import ringing, with_steady_step
-from riftberg.stepping.explicit.substep_choice import assign_substeps, check_long_step, coarse_sizes
+from riftberg.stepping.explicit.stability import (
+    assign_substeps,
+    check_long_step,
+    resonance_warning,
+    size_bins,
+    with_nonresonant_step,
+)
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.schemes import Stepper, make_stepper
+from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
+from riftberg.stepping.stepper import Stepper
 from riftberg.system.input_files import shortened, value_shown
 from riftberg.system.interrupts import Hold, held
 from riftberg.system.limits import check_work
@@ -122,7 +128,7 @@ class BareModel(RunState):
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
-        stepped = with_steady_step(elements, bonds, sized)
+        stepped = with_nonresonant_step(elements, bonds, sized)
         self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs)
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
@@ -350,7 +356,7 @@ class BareModel(RunState):
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
         self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
-        self._seen_coarse = coarse_sizes(self.elements) if coarse is None else coarse
+        self._seen_coarse = size_bins(self.elements) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
@@ -359,7 +365,7 @@ class BareModel(RunState):
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
         if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
             return
-        coarse = coarse_sizes(self.elements)
+        coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
         if self.population.version != version:
@@ -497,7 +503,7 @@ class BareModel(RunState):
     @property
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
-        text = ringing(self.elements, self.bonds, self.parameters)
+        text = resonance_warning(self.elements, self.bonds, self.parameters)
         return (*((text,) if text else ()), *self.unusual.values())
 
     @property

@@ -8,12 +8,12 @@ from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.contact.candidates import without
-from riftberg.stepping.explicit.bond_rows import allocate_tiles
-from riftberg.stepping.explicit.breaking import allocate_pairs
-from riftberg.stepping.explicit.mts import StepPlan, StepReport, take_long_step
-from riftberg.stepping.explicit.springs import Workspace, allocate_fields, pairs_from_list
-from riftberg.stepping.forces.interactions import Partners
+from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list
+from riftberg.stepping.explicit.mts import StepReport, take_long_step
+from riftberg.stepping.explicit.substeps import StepPlan, Workspace, allocate_fields
+from riftberg.stepping.explicit.tiles import allocate_tiles
 from riftberg.stepping.forces.media import allocate_surroundings
+from riftberg.stepping.forces.pair_law import NeighbourLists
 from riftberg.stepping.forces.sizes import interaction_sizes
 
 RADIUS = 1500.0
@@ -123,7 +123,7 @@ def partners_of(el, bonds, p, *, multiple):
     none = no_pairs(el.mass.size)
 
     def partners(*lists):
-        return Partners(*lists, np.zeros(0), np.zeros(0, np.int64))
+        return NeighbourLists(*lists, np.zeros(0), np.zeros(0, np.int64))
 
     def near(rule):
         return find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, rule, p.latlon, p.earth_radius, p.period)

@@ -10,12 +10,13 @@ import numba
 import numpy as np
 import pytest
 
-from riftberg.stepping.explicit import bond_law, element_blocks
+from riftberg.stepping.explicit import tile_kernels
 from riftberg.stepping.explicit import tiles as tile
-from riftberg.stepping.explicit.bond_rows import BondTiles, allocate_tiles, may_cross_seam, pack_bonds
+from riftberg.stepping.explicit.beams import pack_elements
 from riftberg.stepping.explicit.breaking import store_bonds
-from riftberg.stepping.explicit.element_blocks import drift_tile, pack_elements, sum_over_bonds
-from riftberg.stepping.explicit.springs import allocate_fields
+from riftberg.stepping.explicit.substeps import allocate_fields
+from riftberg.stepping.explicit.tile_kernels import drift_tile, sum_over_bonds
+from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles, may_cross_seam, pack_bonds
 from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, parameters
 
@@ -72,9 +73,9 @@ def applied(made: BondTiles, count: int, elements: int) -> None:
     made.sums[:] = 0.0
     for b in made.in_use[:count]:
         block, ends, sums = parts(made, b, elements)
-        bond_law.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
-        bond_law.apply_bond_law(block, made.scratch, ends, 10.0, *LAW, P.earth_radius, P.period)
-        bond_law.accumulate_first_ends(block, made.scratch, sums)
+        tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
+        tile_kernels.apply_bond_law(block, made.scratch, ends, 10.0, *LAW, P.earth_radius, P.period)
+        tile_kernels.accumulate_first_ends(block, made.scratch, sums)
 
 
 def quantity(made: BondTiles, name: int) -> np.ndarray:
@@ -108,10 +109,10 @@ def test_the_first_layer_holds_the_bonds_to_the_next_element() -> None:
 def test_neighbours_are_copied_as_they_are_gathered(columns: int) -> None:
     el, _, made, _ = loaded(columns, 3)
     for b in range(tile.tile_count(el.mass.size)):
-        bond_law.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
+        tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
         one_by_one = made.scratch[: tile.END_TILE].copy()
         made.scratch[:] = np.nan
-        bond_law.shift_second_ends(made.scratch, made.ends[b * tile.END_TILE : (b + 2) * tile.END_TILE])
+        tile_kernels.shift_second_ends(made.scratch, made.ends[b * tile.END_TILE : (b + 2) * tile.END_TILE])
         assert np.array_equal(made.scratch[: tile.END_TILE], one_by_one)
 
 
@@ -240,8 +241,8 @@ def test_large_angles_have_the_sine_of_all_angles() -> None:
     el.rotation[bonds.second[made.bond_ids[0]]] += 2.5
     show(made, el)
     block, ends, _ = parts(made, 0, el.mass.size)
-    bond_law.gather_second_ends(made.scratch, made.second_end[: tile.LANES], made.ends)
-    bond_law.sines(block, made.scratch, ends, False)
+    tile_kernels.gather_second_ends(made.scratch, made.second_end[: tile.LANES], made.ends)
+    tile_kernels.sines(block, made.scratch, ends, False)
     angle = ends[tile.ANGLE : tile.ANGLE + tile.LANES] - made.scratch[tile.ANGLE : tile.ANGLE + tile.LANES]
     there = made.bond_ids[: tile.LANES] >= 0
     assert np.abs(angle[there]).max() > 2.0
@@ -278,7 +279,7 @@ def test_the_loops_of_the_sub_steps_are_vector_code(name: str) -> None:
         "elem": made.elem,
         "rotation": made.rotation,
     }
-    loop = getattr(bond_law, name, None) or getattr(element_blocks, name)
+    loop = getattr(tile_kernels, name)
     again = numba.njit(error_model="numpy")(loop.py_func)  # machine code from a cache cannot be read
     again(*(given[array] for array in arrays), *arguments)
     (code,) = again.inspect_asm().values()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riftberg.state import copy_state
-from riftberg.stepping.explicit import runge_kutta, verlet
+from riftberg.stepping.explicit import single_step
 from riftberg.stepping.forces.media import allocate_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, long_step, parameters, partners_of
@@ -62,7 +62,7 @@ def merged(base, options):
     return {g: {**base.get(g, {}), **options.get(g, {})} for g in {*base, *options}}
 
 
-def single_step(options, scheme):
+def parameters_of(options, scheme):
     """Parameters of a single-step scheme: spring bonds of KID unless told otherwise."""
     base = {"bonds": {"law": "spring", "spring": 1e-5}, "stepping": {"scheme": scheme}}
     return parameters(**merged(base, options))
@@ -71,35 +71,35 @@ def single_step(options, scheme):
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_verlet_step_equals_twin(options):
     """Spec 4.2, 5.1, 5.2, 6.2."""
-    p = single_step(options, "verlet")
+    p = parameters_of(options, "verlet")
     for seed in SEEDS:
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
         want = twin.verlet_step(unpack(el), unpack(bonds), p, 60.0)
         sizes, around = interaction_sizes(el, p), allocate_surroundings(el.mass.size)
-        verlet.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, around, 60.0, p)
-        verlet.update_positions(el, 60.0, p)
+        single_step.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, around, 60.0, p)
+        single_step.update_positions(el, 60.0, p)
         compare(el, want, ("lon", "lat", "u", "v", "ax", "ay", "bx", "by", "u_sync", "v_sync"))
 
 
 def run_stages(el, partners, sizes, dt, mean_speeds, p):
     """One Runge-Kutta step in the environment of its start."""
-    stages = runge_kutta.allocate_stages(el.mass.size)
+    stages = single_step.allocate_stages(el.mass.size)
     around = allocate_surroundings(el.mass.size)
-    runge_kutta.begin(el, stages)
+    single_step.begin_stages(el, stages)
     for stage in range(4):
         if stage > 0:
-            runge_kutta.go_to_stage(el, stages, stage, runge_kutta.AHEAD[stage], dt, p)
-        part = runge_kutta.FRACTION[stage]
-        runge_kutta.evaluate(el, stages, stage, part, partners, sizes, around, dt, mean_speeds, p)
-    runge_kutta.finish(el, stages, dt, p)
+            single_step.go_to_stage(el, stages, stage, single_step.AHEAD[stage], dt, p)
+        part = single_step.FRACTION[stage]
+        single_step.evaluate_stage(el, stages, stage, part, partners, sizes, around, dt, mean_speeds, p)
+    single_step.combine_stages(el, stages, dt, p)
 
 
 @pytest.mark.parametrize("mean_speeds", [False, True], ids=["mean-velocity", "mean-speeds"])
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_runge_kutta_step_equals_twin(options, mean_speeds):
     """Spec 4.2 (variant), 6.3, with the environment of the start."""
-    p = single_step(options, "runge_kutta")
+    p = parameters_of(options, "runge_kutta")
     for seed in SEEDS:
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
@@ -297,7 +297,7 @@ def test_spring_bonds_act_in_the_sub_steps_only():
 
 def test_runge_kutta_pair_forces_are_equal_and_opposite():
     """Bug once: each element saw itself at its stage but its partner at the start, so momentum was made (5.2)."""
-    p = single_step(
+    p = parameters_of(
         {
             "contact": {"critical_damping": False},
             "stepping": {"only_interactions": True},

@@ -55,7 +55,7 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
 
     Where all is well, that takes three products of vectors, and four passes more for large bergs.
 
-    ``applied``: mean accelerations (m s-2) over the step, see `riftberg.stepping.schemes.Stepper`.
+    ``applied``: mean accelerations (m s-2) over the step, see `riftberg.stepping.stepper.Stepper`.
     """
     el, limit = run.elements, run.parameters.stepping.speed_limit
     u, v = el.motion.u, el.motion.v

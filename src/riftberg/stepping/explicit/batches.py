@@ -11,7 +11,7 @@ from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
 from riftberg.stepping.contact.candidates import Neighbourhood
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs
-from riftberg.stepping.explicit.springs import allocate_workspace
+from riftberg.stepping.explicit.substeps import allocate_workspace
 from riftberg.stepping.forces.media import Surroundings
 from riftberg.stepping.run_state import RunState
 
@@ -21,16 +21,16 @@ class Batch:
 
     def __init__(self, run: RunState, rows: Ints | None) -> None:
         self.rows = rows
-        # Rows that follow one another are looked at where they stand; others are copied out and back.
+        # Rows that follow one another are views into the state; others are copied out and back.
         self._block = None if rows is None or rows[-1] - rows[0] + 1 != rows.size else slice(rows[0], rows[-1] + 1)
         self._bond_rows: Ints = np.zeros(0, np.int64)
         self.near = Neighbourhood()
         self._inside = 0
-        self.take(run)
+        self.gather(run)
         self.work = allocate_workspace(self.elements, self.bonds)
 
-    def take(self, run: RunState) -> None:
-        """Take the state of a run."""
+    def gather(self, run: RunState) -> None:
+        """Copy its elements and bonds from the state of a run."""
         if self.rows is None:
             self.elements, self.bonds = run.elements, run.bonds
         else:
@@ -40,19 +40,19 @@ class Batch:
         """Return what acts on its elements."""
         if self.rows is None:
             return of_all
-        mine = self.rows if self._block is None else self._block
+        rows = self.rows if self._block is None else self._block
         return Surroundings(
-            **{name: values if name == "acts" else values[mine] for name, values in of_all._asdict().items()}
+            **{name: values if name == "acts" else values[rows] for name, values in of_all._asdict().items()}
         )
 
-    def give(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
-        """Give the state, and the forces that were applied, back to the run."""
+    def scatter(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
+        """Copy its elements and bonds, and the forces that were applied, back to the run."""
         if self.rows is not None:
             put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds, self._block)
             if self._block is None:
                 of_all.applied[self.rows] = around.applied
 
-    def add_meetings(self, first: Ints, second: Ints) -> None:
+    def add_candidates(self, first: Ints, second: Ints) -> None:
         """List the pairs of different bergs that may come into contact, behind those inside bergs."""
         pairs = self.work.pairs
         used = int(pairs.count[0])
@@ -60,8 +60,8 @@ class Batch:
         if self.rows is not None:
             place = np.full(int(max(self.rows.max(), first.max(initial=0), second.max(initial=0))) + 1, -1, np.int64)
             place[self.rows] = np.arange(self.rows.size)
-            mine = place[first] >= 0
-            first, second = place[first[mine]], place[second[mine]]
+            inside = place[first] >= 0
+            first, second = place[first[inside]], place[second[inside]]
         if first.size == 0:
             return
         # Bonds that break in the sub-steps are listed behind them.

@@ -28,8 +28,8 @@ from riftberg.stepping.contact.candidates import NEWBORN_CHILD, among, pairs_tha
 from riftberg.stepping.contact.groups import NOBODY, joined
 from riftberg.stepping.contact.islands import Blow, Meeting, blow_on_all, caught_up, meet
 from riftberg.stepping.contact.land import leaders, led, ways_back
-from riftberg.stepping.forces.interactions import pair_law
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.criteria import (
     AveragedStress,
@@ -115,12 +115,12 @@ class QuasiStaticStepper:
 
     @property
     def applied(self) -> Floats:
-        """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
+        """See `riftberg.stepping.stepper.Stepper.applied`: means of both ends of each step, by its length."""
         return self._applied
 
     @property
     def touched(self) -> tuple[Ints, Ints]:
-        """See `riftberg.stepping.schemes.Stepper.touched`."""
+        """See `riftberg.stepping.stepper.Stepper.touched`."""
         return self._touched
 
     def state_dict(self) -> dict[str, Any]:
