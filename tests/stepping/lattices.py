@@ -146,7 +146,7 @@ def touching_pairs(el, bonds, p):
         pairs.first[: waiting.size] = bonds.first[waiting]
         pairs.second[: waiting.size] = bonds.second[waiting]
         pairs.bond[: waiting.size] = -1
-        pairs.count[0] = waiting.size
+        pairs.used[0] = waiting.size
         return pairs
     found = find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, SAME_BERG, p.latlon, p.earth_radius, p.period)
     bonded, bond = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)

@@ -55,7 +55,7 @@ class Batch:
     def add_candidates(self, first: Ints, second: Ints) -> None:
         """List the pairs of different bergs that may come into contact, behind those inside bergs."""
         pairs = self.work.pairs
-        used = int(pairs.count[0])
+        used = int(pairs.used[0])
         self._inside = used
         if self.rows is not None:
             place = np.full(int(max(self.rows.max(), first.max(initial=0), second.max(initial=0))) + 1, -1, np.int64)
@@ -73,12 +73,12 @@ class Batch:
             pairs = bigger
         block = slice(used, used + first.size)
         pairs.first[block], pairs.second[block], pairs.bond[block] = first, second, OTHER_BERGS
-        pairs.count[0] = used + first.size
+        pairs.used[0] = used + first.size
 
     def touched(self) -> tuple[Ints, Ints]:
         """Return the rows (of the run) of the pairs of different bergs that have touched in the sub-steps."""
         pairs = self.work.pairs
-        count = int(pairs.count[0])
+        count = int(pairs.used[0])
         k = np.flatnonzero(pairs.bond[self._inside : count] == TOUCHED) + self._inside
         first, second = pairs.first[k], pairs.second[k]
         return (first, second) if self.rows is None else (self.rows[first], self.rows[second])

@@ -20,7 +20,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel, plain, stage
 from riftberg.parameters import KernelParameters
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import Body, Bonds, Elements, Floats, Ints, Kicks, Motion, Shown
 from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.breaking import (
     add_contacts,
@@ -76,7 +76,7 @@ class SubstepFlags(NamedTuple):
 class StepContext(NamedTuple):
     """What holds in all sub-steps of a long step."""
 
-    count: int  # Tiles of bonds in use
+    bond_tiles: int  # Tiles of bonds in use
     floor_acts: bool
     floor_varies: bool  # Whether the drag of the sea floor grows with the speed
     near_pole: bool  # Whether an element may come near the pole
@@ -91,7 +91,7 @@ def take_substeps_of_beams(
     """Take the sub-steps in one thread; returns the number of bonds broken."""
     tiles, pairs, fields, law = work.tiles, work.pairs, work.fields, pair_law(p)
     context = _begin(el, bonds, work, sizes, around, rank, plan, p)
-    in_use, count, broken = tiles.in_use[: context.count], tile.tile_count(el.place.lon.size), 0
+    in_use, count, broken = tiles.in_use[: context.bond_tiles], tile.tile_count(el.place.lon.size), 0
     for n in range(_first_substep(plan, p), plan.substeps):
         flags = _substep_flags(n, plan, context.period)
         # Contact before the bonds: one that breaks in this sub-step touches from the next one on.
@@ -112,11 +112,11 @@ def take_substeps_in_threads(
     """As `take_substeps_of_beams`, in ``plan.threads`` threads."""
     tiles, broken = work.tiles, 0
     context = StepContext(*_begin_alone(el, bonds, work, sizes, around, rank, plan, p))
-    shares = partition(tiles, context.count, el.size, plan.threads)
+    shares = partition(tiles, context.bond_tiles, el.size, plan.threads)
     with ThreadPoolExecutor(plan.threads) as team:
         for n in range(plain(_first_substep)(plan, p), plan.substeps):
             flags = plain(_substep_flags)(n, plan, context.period)
-            if work.pairs.count[0] > 0:
+            if work.pairs.used[0] > 0:
                 _add_contact_alone(el, bonds, work, plan.by_search, sizes, flags.dt, p)
             forces = [
                 team.submit(_apply_bonds_alone, bonds, tiles, x.in_use, x.scratch, work.fields.aground, flags, p)
@@ -164,7 +164,7 @@ def pack_elements(tiles: BondTiles, el: Elements, fields: SubstepFields) -> None
 
 
 @kernel
-def _pack_motion(tiles, shown, motion, kicks):
+def _pack_motion(tiles: BondTiles, shown: Shown, motion: Motion, kicks: Kicks) -> None:
     """Place, motion and accelerations; elements that do not move keep what pair forces saw of them before."""
     elem, ends = tiles.elem, tiles.ends
     pack(ends, tile.END_TILE, tile.X, shown.lon_pair)
@@ -183,7 +183,7 @@ def _pack_motion(tiles, shown, motion, kicks):
 
 
 @kernel
-def _pack_bodies(elem, body, fields):
+def _pack_bodies(elem: Floats, body: Body, fields: SubstepFields) -> None:
     """What elements are, in this long step, and what the floor does to them."""
     pack(elem, tile.ELEMENT_TILE, tile.ACTIVE, fields.active)
     pack(elem, tile.ELEMENT_TILE, tile.PER_MASS, fields.per_mass)
@@ -220,7 +220,7 @@ def _add_contact(
 ) -> None:  # fmt: skip
     """Accelerations by contact of elements whose bond has broken, or of bergs that meet; it looks at the state."""
     pairs, fields, tiles = work.pairs, work.fields, work.tiles
-    if pairs.count[0] > 0:
+    if pairs.used[0] > 0:
         _unpack_pair_state(tiles, el)
         fields.accel_x[:] = 0.0
         fields.accel_y[:] = 0.0
@@ -282,15 +282,9 @@ def _apply_bonds(
 
 @kernel
 def _kick_and_drift(
-    tiles: BondTiles,
-    begin: int,
-    end: int,
-    scratch: Floats,
-    n: int,
-    plan: StepPlan,
-    on: StepContext,
+    tiles: BondTiles, begin: int, end: int, scratch: Floats, n: int, plan: StepPlan, on: StepContext,
     p: KernelParameters,
-) -> None:
+) -> None:  # fmt: skip
     """Kick the elements of tiles ``begin`` to ``end`` in sub-step ``n``, and move them to the positions of the next one."""
     dt = plan.dt / plan.substeps
     for b in range(begin, end):
@@ -301,15 +295,9 @@ def _kick_and_drift(
 
 @kernel
 def _kick(
-    tiles: BondTiles,
-    b: int,
-    scratch: Floats,
-    dt: float,
-    first: bool,
-    floor_acts: bool,
-    floor_varies: bool,
+    tiles: BondTiles, b: int, scratch: Floats, dt: float, first: bool, floor_acts: bool, floor_varies: bool,
     implicit: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Complete a sub-step for the elements of tile ``b``; ``first`` is the evaluation before the first one."""
     elem = tiles.elem[b * tile.ELEMENT_TILE : (b + 1) * tile.ELEMENT_TILE]
     ends = tiles.ends[b * tile.END_TILE : (b + 1) * tile.END_TILE]
@@ -396,7 +384,7 @@ def _begin_alone(
 ) -> tuple[int, bool, bool, bool, float]:  # fmt: skip
     on = _begin(el, bonds, work, sizes, around, rank, plan, p)
     # Numbers, not the named tuple: see `riftberg.compiled.kernels`.
-    return on.count, on.floor_acts, on.floor_varies, on.near_pole, on.period
+    return on.bond_tiles, on.floor_acts, on.floor_varies, on.near_pole, on.period
 
 
 @kernel

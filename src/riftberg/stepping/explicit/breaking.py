@@ -13,14 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel, stage
+from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import normal_force
 from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
-from riftberg.state import Ints
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
-from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, pair_terms
+from riftberg.stepping.explicit.tiles import BondTiles
+from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
+from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.strengths import limits_left
 
 OTHER_BERGS, TOUCHED = -2, -3
@@ -28,19 +31,20 @@ OTHER_BERGS, TOUCHED = -2, -3
 
 
 class ContactPairs(NamedTuple):
-    """Pairs that may touch in the sub-steps; ``count[0]`` of the rows are in use."""
+    """Pairs that may touch in the sub-steps."""
 
     first: Ints
     second: Ints
     # Of pairs of one berg, the bond that joins both (they do not touch as long as it is intact) or -1. `OTHER_BERGS` for
     # elements of two bergs, and `TOUCHED` once they have touched in this long step
     bond: Ints
-    count: Ints
+    used: Ints  # How many rows are in use, in ``used[0]``
 
 
 def allocate_pairs(size: int) -> ContactPairs:
     """Return rows for ``size`` pairs."""
-    return ContactPairs(*(np.zeros(size, np.int64) for _ in range(3)), np.zeros(1, np.int64))
+    first, second, bond = np.zeros((3, size), np.int64)
+    return ContactPairs(first, second, bond, np.zeros(1, np.int64))
 
 
 @kernel
@@ -57,11 +61,11 @@ def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList,
                 if bonded.partner[q] == c:
                     pairs.bond[k] = bond_of[q]
             k += 1
-    pairs.count[0] = k
+    pairs.used[0] = k
 
 
 @kernel
-def grow_damage(bond, scratch, dt, p):
+def grow_damage(bond: Floats, scratch: Floats, dt: float, p: KernelParameters) -> None:
     """Let the damage of the intact bonds of a tile grow over ``dt`` (s), and lower their limits accordingly."""
     threshold = p.damage_threshold
     if count_loaded(bond, scratch, threshold) == 0:
@@ -82,7 +86,7 @@ def grow_damage(bond, scratch, dt, p):
 
 
 @kernel
-def count_loaded(bond, scratch, threshold):
+def count_loaded(bond: Floats, scratch: Floats, threshold: float) -> int:
     """Count the intact bonds of a tile whose stress is above this part of their strength.
 
     Bonds without stress and strength, and those whose stress is not a number, are not among them.
@@ -96,7 +100,10 @@ def count_loaded(bond, scratch, threshold):
 
 
 @stage
-def break_overloaded(bond_ids, bond, scratch, ends, rotation, bonds, aground, time):
+def break_overloaded(
+    bond_ids: Ints, bond: Floats, scratch: Floats, ends: Floats, rotation: Floats, bonds: Bonds, aground: Floats,
+    time: float,
+) -> int:  # fmt: skip
     """Break the bonds of a tile that are overloaded: mark them, and replace their force.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
@@ -122,7 +129,7 @@ def break_overloaded(bond_ids, bond, scratch, ends, rotation, bonds, aground, ti
 
 
 @kernel
-def _force_while_breaking(bond, scratch, ends, k):
+def _force_while_breaking(bond: Floats, scratch: Floats, ends: Floats, k: int) -> tuple[float, float]:
     """Normal force and damping (N) of a bond that fails in shear under compression; zero otherwise."""
     if scratch[tile.NORMAL_STRESS + k] >= 0.0:
         return 0.0, 0.0
@@ -134,7 +141,9 @@ def _force_while_breaking(bond, scratch, ends, k):
 
 
 @kernel
-def record_breaks(tiles, bonds, bond_count, pairs, time, keep_contact):
+def record_breaks(
+    tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
+) -> None:
     """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, in order of lane."""
     for r in range(tiles.bond_ids.size):
         b = tiles.bond_ids[r]
@@ -144,13 +153,13 @@ def record_breaks(tiles, bonds, bond_count, pairs, time, keep_contact):
         bond_count[i] -= 1
         bond_count[j] -= 1
         if keep_contact:
-            n = pairs.count[0]
+            n = pairs.used[0]
             pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
-            pairs.count[0] = n + 1
+            pairs.used[0] = n + 1
 
 
 @kernel
-def store_bonds(bond_ids, bonds, bond, scratch, rotation):
+def store_bonds(bond_ids: Ints, bonds: Bonds, bond: Floats, scratch: Floats, rotation: Floats) -> None:
     """Write stresses, slip and length of the bonds of a tile to the state; broken ones keep those at which they broke."""
     for k in range(tile.LANES):
         if bond[tile.INTACT + k] > 0.0:
@@ -158,7 +167,7 @@ def store_bonds(bond_ids, bonds, bond, scratch, rotation):
 
 
 @kernel
-def store_bond(bonds, b, bond, scratch, k, rotation):
+def store_bond(bonds: Bonds, b: int, bond: Floats, scratch: Floats, k: int, rotation: Floats) -> None:
     """Write stresses, slip and length of bond ``b`` in lane ``k`` to the state."""
     slip = bond[tile.SLIP + k]
     bonds.shear_x[b], bonds.shear_y[b] = -slip * scratch[tile.NY + k], slip * scratch[tile.NX + k]
@@ -169,7 +178,10 @@ def store_bond(bonds, b, bond, scratch, k, rotation):
 
 
 @stage
-def add_contacts(pairs, status, el, sizes, law, ax, ay, by_search, max_bonds, skip_full, dt):
+def add_contacts(
+    pairs: ContactPairs, status: Ints, el: Elements, sizes: Sizes, law: PairLaw, ax: Floats, ay: Floats,
+    by_search: bool, max_bonds: int, skip_full: bool, dt: float,
+) -> None:  # fmt: skip
     """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
     ``dt``: sub-step (s) by which damping is softened. With ``by_search`` an element with all its bonds touches no other of
@@ -179,7 +191,7 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, by_search, max_bonds, sk
     x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count
     u, v, u_shown, v_shown = el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair
     radius, mass, own_radius, own_mass = sizes.bond_radius, sizes.bond_mass, sizes.radius, sizes.mass
-    for k in range(pairs.count[0]):
+    for k in range(pairs.used[0]):
         i, j = first[k], second[k]
         if by_search and bond[k] >= 0 and status[bond[k]] == 0:
             continue
@@ -205,7 +217,11 @@ def add_contacts(pairs, status, el, sizes, law, ax, ay, by_search, max_bonds, sk
 
 
 @stage
-def add_contact(kind, i, j, rx, ry, radii, u, v, u_shown, v_shown, m1, m2, law, span, on_first, on_second, ax, ay):
+def add_contact(
+    kind: int, i: int, j: int, rx: float, ry: float, radii: float, u: Floats, v: Floats, u_shown: Floats,
+    v_shown: Floats, m1: float, m2: float, law: PairLaw, span: float, on_first: bool, on_second: bool, ax: Floats,
+    ay: Floats,
+) -> None:  # fmt: skip
     """Add the accelerations (m s-2) by spring and damper of elements i and j, which touch: on i, on j, or on both.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.

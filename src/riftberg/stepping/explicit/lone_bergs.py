@@ -183,7 +183,7 @@ def _take_substeps(
 
 
 @stage
-def _free_substeps(b, first, second, h, left, p):
+def _free_substeps(b: Floats, first: Ints, second: Ints, h: float, left: int, p: KernelParameters) -> int:
     """Number of sub-steps, at least one, until two bergs nearly touch; they all go straight."""
     soonest = h * left
     for k in range(first.size):
@@ -204,7 +204,7 @@ def _free_substeps(b, first, second, h, left, p):
 
 
 @stage
-def _drift(b, step, p):
+def _drift(b: Floats, step: float, p: KernelParameters) -> None:
     """Move the bergs by their mid-step velocity over ``step`` seconds (equations 6.4, 3a)."""
     along = step * (1.0 / (DEGREE * p.earth_radius if p.latlon else 1.0))
     to_degrees = 1.0 if p.latlon else 0.0
@@ -216,7 +216,9 @@ def _drift(b, step, p):
 
 
 @stage
-def _accelerate(b, first, second, touched, soft_step, law, max_bonds):
+def _accelerate(
+    b: Floats, first: Ints, second: Ints, touched: NDArray[np.bool_], soft_step: float, law: PairLaw, max_bonds: int
+) -> None:
     """Find the accelerations of this sub-step: contact where bergs touch, and loads."""
     b[NEW_AX] = 0.0
     b[NEW_AY] = 0.0
@@ -238,7 +240,7 @@ def _accelerate(b, first, second, touched, soft_step, law, max_bonds):
 
 
 @stage
-def _kick(b, h, step, p):
+def _kick(b: Floats, h: float, step: float, p: KernelParameters) -> None:
     """Update velocities, spins and angles after a sub-step of ``h`` seconds, or after many that took ``step`` together."""
     for e in range(b.shape[1]):
         if b[MOVES, e] == 0.0:

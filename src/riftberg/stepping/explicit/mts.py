@@ -236,14 +236,14 @@ class MultipleStepper(Stateless):
         """List the pairs inside bergs that may touch in this step."""
         el, bonds, pairs = batch.elements, batch.bonds, batch.work.pairs
         if not c.dem:
-            pairs.count[0] = 0
+            pairs.used[0] = 0
             return
         if self._contact_by_bonds:
             broken = np.flatnonzero(bonds.status == 1)
             pairs.first[: broken.size] = bonds.first[broken]
             pairs.second[: broken.size] = bonds.second[broken]
             pairs.bond[: broken.size] = -1
-            pairs.count[0] = broken.size
+            pairs.used[0] = broken.size
             return
         cells = None if self._cells is None else self._cells.within(1)
         candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c, cells)
@@ -333,8 +333,9 @@ def _step_of_beams(
 
 @borrower
 def _step_of_springs(
-    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace, inner: NeighbourLists,
-    inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace,
+    inner: NeighbourLists, inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """As `_step_of_beams`."""
     broken, iterations = 0, 1

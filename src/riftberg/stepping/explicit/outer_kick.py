@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.explicit.substeps import publish_all_velocities
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
@@ -93,7 +93,10 @@ def second_half_kick(
 
 
 @kernel
-def _solve_pass(el, dt, around, isolated, table, group, unconverged, norm, by_speed, kick, first, p):
+def _solve_pass(
+    el: Elements, dt: float, around: Surroundings, isolated: NDArray[np.bool_], table: ContactTable, group: Ints,
+    unconverged: NDArray[np.bool_], norm: Floats, by_speed: bool, kick: float, first: bool, p: KernelParameters,
+) -> None:  # fmt: skip
     """Solve for the outer accelerations of all moving elements, or in later passes of those in contact.
 
     The first pass marks the groups with elements in contact in ``unconverged``; later ones leave groups alone that have
@@ -127,7 +130,10 @@ def _solve_pass(el, dt, around, isolated, table, group, unconverged, norm, by_sp
 
 
 @stage
-def _check_convergence(el, group, unconverged, change, norm, norm_before, tolerance):
+def _check_convergence(
+    el: Elements, group: Ints, unconverged: NDArray[np.bool_], change: Floats, norm: Floats, norm_before: Floats,
+    tolerance: float,
+) -> None:  # fmt: skip
     """Mark the groups whose elements in contact have hardly changed their velocities since the pass before."""
     u_shown, v_shown, u, v = el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync
     static, in_contact, one_group = el.body.static, el.body.in_contact, group.size == 0
@@ -142,7 +148,9 @@ def _check_convergence(el, group, unconverged, change, norm, norm_before, tolera
 
 
 @kernel
-def mark_converged(unconverged, change, norm, norm_before, tolerance):
+def mark_converged(
+    unconverged: NDArray[np.bool_], change: Floats, norm: Floats, norm_before: Floats, tolerance: float
+) -> None:
     """Mark the groups whose velocities have changed by less than ``tolerance`` of themselves."""
     for g in range(unconverged.size):
         scale = math.sqrt(norm_before[g]) + math.sqrt(norm[g])
@@ -152,7 +160,7 @@ def mark_converged(unconverged, change, norm, norm_before, tolerance):
 
 
 @kernel
-def any_of(marks):
+def any_of(marks: NDArray[np.bool_]) -> bool:
     """Whether one of them is set; a loop, since NumPy's function takes seconds to compile."""
     found = False
     for mark in marks:

@@ -334,9 +334,9 @@ def go_to_stage(el: Elements, stages: Stages, stage: int, part: float, dt: float
 
 
 @kernel
-def _weighted(values, e):
+def _weighted(values: Floats, e: int) -> float:
     """Mean of four stages with weights 1, 2, 2, 1."""
-    return (values[0, e] + values[3, e] + 2.0 * (values[1, e] + values[2, e])) / 6.0
+    return float((values[0, e] + values[3, e] + 2.0 * (values[1, e] + values[2, e])) / 6.0)
 
 
 @borrower

@@ -6,11 +6,14 @@ at the new velocities, and repeat that until the velocities of each group of ber
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
-from riftberg.state import Bonds, Elements, Floats
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.explicit.breaking import add_contacts
 from riftberg.stepping.explicit.outer_kick import OuterWorkspace, any_of, mark_converged
 from riftberg.stepping.explicit.substeps import (
@@ -35,7 +38,7 @@ from riftberg.stepping.forces.implicit_velocity import (
     solve_velocity,
 )
 from riftberg.stepping.forces.media import Surroundings
-from riftberg.stepping.forces.pair_law import NeighbourLists, PairLaw, interaction_terms, pair_law, pair_view
+from riftberg.stepping.forces.pair_law import NeighbourLists, PairLaw, PairView, interaction_terms, pair_law, pair_view
 from riftberg.stepping.forces.sizes import Sizes
 
 
@@ -60,7 +63,7 @@ def take_substeps_of_springs(
             _drift(el, fields.active, dt, p.latlon, p.earth_radius, q1)
         if explicit or not moving:
             _accelerations(el, inner, p.constant_size, fields, sizes, law)
-            if pairs.count[0] > 0:
+            if pairs.used[0] > 0:
                 add_contacts(
                     pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, False, p.max_bonds, False, dt
                 )
@@ -137,7 +140,7 @@ def _drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1:
 @kernel
 def _accelerations(
     el: Elements, partners: NeighbourLists, bond_size: bool, fields: SubstepFields, sizes: Sizes, law: PairLaw
-):
+) -> None:
     """Accelerations (m s-2) by KID's bonds and contact inside the berg (equations 5.3 without DEM)."""
     place, shown, motion = el.place, el.shown, el.motion
     view = pair_view(el, sizes)
@@ -161,7 +164,7 @@ def _floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
 
 
 @stage
-def _start(el, fields, implicit_floor):
+def _start(el: Elements, fields: SubstepFields, implicit_floor: bool) -> None:
     """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
 
     What the sea floor does in that half kick is added to what it does in the sub-steps.
@@ -206,8 +209,8 @@ def _kick(el: Elements, fields: SubstepFields, dt: float, implicit_floor: bool) 
 
 @stage
 def _implicit_kick(
-    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes, law: PairLaw,
-    fields: SubstepFields, p: KernelParameters,
+    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
+    law: PairLaw, fields: SubstepFields, p: KernelParameters,
 ) -> int:  # fmt: skip
     """Kick the velocities implicitly, repeating until they settle if ``p.iterate``; returns the iterations, or -1.
 
@@ -233,7 +236,10 @@ def _implicit_kick(
 
 
 @kernel
-def _solve_all(el, dt, around, partners, unconverged, view, law, fields, p):
+def _solve_all(
+    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, unconverged: NDArray[np.bool_],
+    view: PairView, law: PairLaw, fields: SubstepFields, p: KernelParameters,
+) -> None:  # fmt: skip
     """Kick all moving elements of unconverged groups once, with the velocities of the others as they were."""
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     half = 0.5 * dt
@@ -255,7 +261,7 @@ def _solve_all(el, dt, around, partners, unconverged, view, law, fields, p):
 
 
 @kernel
-def _norms(el, group, change, norm, fields):
+def _norms(el: Elements, group: Ints, change: Floats, norm: Floats, fields: SubstepFields) -> None:
     """Squared change since the last iterate, and squared velocity, summed over the moving elements of each group."""
     shown, motion = el.shown, el.motion
     change[:] = 0.0
@@ -268,7 +274,7 @@ def _norms(el, group, change, norm, fields):
 
 
 @stage
-def _rewind(el, dt, group, unconverged, fields):
+def _rewind(el: Elements, dt: float, group: Ints, unconverged: NDArray[np.bool_], fields: SubstepFields) -> None:
     """Let pair forces see this iterate, and go back to the velocity before the kick (equations 6.4, 3b)."""
     shown, motion, kicks = el.shown, el.motion, el.kicks
     half = 0.5 * dt

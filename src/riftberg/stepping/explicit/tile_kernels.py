@@ -31,12 +31,14 @@ from riftberg.physics.bonds import (
     torque_of,
 )
 from riftberg.physics.geometry import SMALL_ANGLE, cos_near, fast_sin, move, same_axes, sin_small
+from riftberg.state import Floats
 from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.substeps import drifted, floor_rate_at, kicked, mid_step_velocity
+from riftberg.stepping.explicit.tiles import Indices
 
 
 @kernel
-def gather_second_ends(scratch, second, ends):
+def gather_second_ends(scratch: Floats, second: Indices, ends: Floats) -> None:
     """Copy what the law needs of the second ends into the scratch tile, one by one; all loads stand before all stores."""
     for k in range(tile.LANES):
         at = second[k]
@@ -47,7 +49,7 @@ def gather_second_ends(scratch, second, ends):
 
 
 @kernel
-def shift_second_ends(scratch, ends):
+def shift_second_ends(scratch: Floats, ends: Floats) -> None:
     """As `gather_second_ends` where each second end is the element after the first; ``ends`` holds the next tile too."""
     for k in range(tile.LANES - 1):
         scratch[tile.X + k], scratch[tile.Y + k] = ends[tile.X + 1 + k], ends[tile.Y + 1 + k]
@@ -63,7 +65,7 @@ def shift_second_ends(scratch, ends):
 
 
 @kernel
-def _wrap(scratch, ends, period):
+def _wrap(scratch: Floats, ends: Floats, period: float) -> None:
     """Bring second ends to the image nearest to the first in a periodic domain."""
     turns = 1.0 / period
     for k in range(tile.LANES):
@@ -71,7 +73,7 @@ def _wrap(scratch, ends, period):
 
 
 @kernel
-def find_sections(bond, scratch, ends, latlon, flat, earth_radius):
+def find_sections(bond: Floats, scratch: Floats, ends: Floats, latlon: bool, flat: bool, earth_radius: float) -> None:
     """Find direction, length, overlap, width and thickness of the bonds."""
     per_unit = DEGREE * earth_radius if latlon else 1.0
     to_radians = DEGREE if latlon else 0.0
@@ -97,7 +99,7 @@ def find_sections(bond, scratch, ends, latlon, flat, earth_radius):
 
 
 @kernel
-def _large_angles(bond, scratch, ends):
+def _large_angles(bond: Floats, scratch: Floats, ends: Floats) -> int:
     """Number of bonds whose angle is too large for the short sine; a whole number, so that the loop vectorises."""
     large = 0
     for k in range(tile.LANES):
@@ -107,7 +109,7 @@ def _large_angles(bond, scratch, ends):
 
 
 @kernel
-def sines(bond, scratch, ends, linear_bending):
+def sines(bond: Floats, scratch: Floats, ends: Floats, linear_bending: bool) -> None:
     """Find the sine of the angle between both ends, or the angle itself."""
     if linear_bending:
         for k in range(tile.LANES):
@@ -121,7 +123,9 @@ def sines(bond, scratch, ends, linear_bending):
 
 
 @kernel
-def forces(bond, scratch, ends, dt, poisson, objective, no_shear):
+def forces(
+    bond: Floats, scratch: Floats, ends: Floats, dt: float, poisson: float, objective: bool, no_shear: bool
+) -> None:
     """Advance shear displacements over ``dt`` (s); find forces on the first ends, torques on both, and stresses.
 
     The objective damper acts on the slip at the contact, so its force there has a moment about both centres. The largest tensile
@@ -159,8 +163,9 @@ def forces(bond, scratch, ends, dt, poisson, objective, no_shear):
 
 @kernel
 def apply_bond_law(
-    bond, scratch, ends, dt, poisson, objective, no_shear, linear_bending, flat, latlon, earth_radius, period
-):  # fmt: skip
+    bond: Floats, scratch: Floats, ends: Floats, dt: float, poisson: float, objective: bool, no_shear: bool,
+    linear_bending: bool, flat: bool, latlon: bool, earth_radius: float, period: float,
+) -> None:  # fmt: skip
     """Apply the beam law to a tile of bonds, whose second ends have been fetched, over a sub-step of ``dt`` seconds.
 
     Writes forces on the first ends, torques on both ends, stresses, lengths and the new shear displacements.
@@ -173,7 +178,7 @@ def apply_bond_law(
 
 
 @kernel
-def accumulate_first_ends(bond, scratch, sums):
+def accumulate_first_ends(bond: Floats, scratch: Floats, sums: Floats) -> None:
     """Add the loads of a tile of bonds to the sums of their first ends."""
     for k in range(tile.LANES):
         sums[tile.SUM_X + k] += bond[tile.FX + k]
@@ -182,7 +187,7 @@ def accumulate_first_ends(bond, scratch, sums):
 
 
 @kernel
-def drift_tile(elem, ends, rotation, dt: float, latlon: bool, radius: float, q1: bool) -> None:
+def drift_tile(elem: Floats, ends: Floats, rotation: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
     """Move elements by their mid-step velocity, as pair forces see them, and add up how far they turn (equations 6.4, 3a).
 
     ``q1``: see `mid_step_velocity`.
@@ -204,7 +209,7 @@ def drift_tile(elem, ends, rotation, dt: float, latlon: bool, radius: float, q1:
 
 
 @kernel
-def drift_tile_near_pole(elem, ends, rotation, dt: float, radius: float, q1: bool) -> None:
+def drift_tile_near_pole(elem: Floats, ends: Floats, rotation: Floats, dt: float, radius: float, q1: bool) -> None:
     """As `drift_tile`, on the tangent plane where latitude is above 89 degrees."""
     for k in range(tile.LANES):
         rotation[k] += ends[tile.SPIN + k] * dt
@@ -219,7 +224,7 @@ def drift_tile_near_pole(elem, ends, rotation, dt: float, radius: float, q1: boo
 
 
 @kernel
-def sum_over_bonds(scratch, sums, slots, bond) -> None:
+def sum_over_bonds(scratch: Floats, sums: Floats, slots: Indices, bond: Floats) -> None:
     """Sum forces (N) and torques (N m) over the bonds of a tile of elements into the scratch tile.
 
     First those that begin there, which ``sums`` holds and is cleared of, then those that end there, in the order of the
@@ -238,7 +243,7 @@ def sum_over_bonds(scratch, sums, slots, bond) -> None:
 
 
 @kernel
-def floor_rates(elem, dt: float) -> None:
+def floor_rates(elem: Floats, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     for k in range(tile.LANES):
         u, v = elem[tile.VELOCITY_X + k], elem[tile.VELOCITY_Y + k]
@@ -247,7 +252,7 @@ def floor_rates(elem, dt: float) -> None:
 
 
 @kernel
-def accumulate_floor_impulse(elem) -> None:
+def accumulate_floor_impulse(elem: Floats) -> None:
     """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
     for k in range(tile.LANES):
         rate = elem[tile.ACTIVE + k] * elem[tile.FLOOR_RATE + k]
@@ -256,7 +261,7 @@ def accumulate_floor_impulse(elem) -> None:
 
 
 @kernel
-def start_tile(elem, ends, scratch, dt: float, implicit_floor: bool) -> None:
+def start_tile(elem: Floats, ends: Floats, scratch: Floats, dt: float, implicit_floor: bool) -> None:
     """Take the accelerations just found as those before the first sub-step of ``dt`` seconds.
 
     So it has its first half kick; what the sea floor does in that half kick is added to what it does in the sub-steps. Spin is
@@ -280,7 +285,7 @@ def start_tile(elem, ends, scratch, dt: float, implicit_floor: bool) -> None:
 
 
 @kernel
-def kick_tile(elem, ends, scratch, dt: float, implicit_floor: bool) -> None:
+def kick_tile(elem: Floats, ends: Floats, scratch: Floats, dt: float, implicit_floor: bool) -> None:
     """Update velocities, spins and angles of elements whose forces are summed in the scratch tile (equations 5.3; 6.4, 3b, 3c).
 
     `kicked` has the formulae. Spins leap by the whole sub-step, so they belong to its middle.

@@ -160,7 +160,7 @@ def allocate_tiles(bonds: Bonds, element_count: int) -> BondTiles:
 
 
 @kernel
-def _assign_lanes(tiles, bonds):
+def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
     """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end."""
     bond_ids, second, counter, status = tiles.bond_ids, tiles.second_end, tiles.counter, bonds.status
     width = tile_count(counter.size) * LANES
@@ -178,7 +178,7 @@ def _assign_lanes(tiles, bonds):
 
 
 @kernel
-def _list_tiles(tiles):
+def _list_tiles(tiles: BondTiles) -> int:
     """List the tiles with bonds; returns their number."""
     bond_ids, second, bond, in_use = tiles.bond_ids, tiles.second_end, tiles.bond, tiles.in_use
     width = tile_count(tiles.counter.size) * LANES
@@ -199,7 +199,7 @@ def _list_tiles(tiles):
 
 
 @kernel
-def _fill_slots(tiles, second):
+def _fill_slots(tiles: BondTiles, second: Ints) -> None:
     """List the bonds that end at each element, in order of lane; unused slots point at the tile of zeros."""
     slots, counter, bond_ids = tiles.slots, tiles.counter, tiles.bond_ids
     counter[:] = 0
@@ -212,7 +212,7 @@ def _fill_slots(tiles, second):
 
 
 @kernel
-def _copy_bond(bond, at, b, bonds, p):
+def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters) -> None:
     """What the state holds of bond ``b``."""
     strength, damage = bonds.strength[b], bonds.damage[b]
     bond[at + INTACT] = 1.0
@@ -222,7 +222,9 @@ def _copy_bond(bond, at, b, bonds, p):
 
 
 @kernel
-def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
+def _thickness_rule(
+    r1: float, r2: float, t1: float, t2: float, first_is_earlier: bool, quirk: bool
+) -> tuple[float, float]:
     """Thickness (m) from which the section starts, and the difference that is added to it (equations 5.4; quirk Q11)."""
     # Without a smaller radius the reference starts from the element processed second.
     second_is_small = r2 < r1 or (r1 == r2 and first_is_earlier)
@@ -231,7 +233,10 @@ def _thickness_rule(r1, r2, t1, t2, first_is_earlier, quirk):
 
 
 @kernel
-def _fill_constants(bond, at, i, j, b, elements, rest_length, sizes, rank, p):
+def _fill_constants(
+    bond: Floats, at: int, i: int, j: int, b: int, elements: Elements, rest_length: Floats, sizes: Sizes, rank: Ints,
+    p: KernelParameters,
+) -> None:  # fmt: skip
     """Constants of the law for bond ``b`` from element i to j (equations 5.4; quirks Q10, Q11)."""
     r1, r2, thickness = sizes.bond_radius[i], sizes.bond_radius[j], elements.body.thickness
     rest = r1 + r2
@@ -254,7 +259,9 @@ def _fill_constants(bond, at, i, j, b, elements, rest_length, sizes, rank, p):
 
 
 @kernel
-def _fill_place(bond, at, i, j, sx, sy, elements, p):
+def _fill_place(
+    bond: Floats, at: int, i: int, j: int, sx: float, sy: float, elements: Elements, p: KernelParameters
+) -> None:
     """Latitude of the bond with its cosine and sine, and the shear displacement along its present tangent."""
     x, y = elements.shown.lon_pair, elements.shown.lat_pair
     mean = 0.5 * (y[i] + y[j])
@@ -295,7 +302,7 @@ def may_cross_seam(x: Floats, period: float) -> bool:
 
 
 @kernel
-def pack(tiles, size, quantity, source):
+def pack(tiles: Floats, size: int, quantity: int, source: Floats) -> None:
     """Copy the values of all elements to one quantity of their tiles, which are ``size`` numbers long."""
     for b in range(tile_count(source.size)):
         values = source[b * LANES : min((b + 1) * LANES, source.size)]
@@ -305,7 +312,7 @@ def pack(tiles, size, quantity, source):
 
 
 @kernel
-def unpack(target, tiles, size, quantity):
+def unpack(target: Floats, tiles: Floats, size: int, quantity: int) -> None:
     """Copy back what `pack` has copied."""
     for b in range(tile_count(target.size)):
         values = target[b * LANES : min((b + 1) * LANES, target.size)]

@@ -26,7 +26,15 @@ from riftberg.compiled.kernels import kernel, stage
 from riftberg.physics.momentum import mean_speed, solve_two_by_two
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.forces.media import LINEAR, MEDIA, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, record_applied
-from riftberg.stepping.forces.pair_law import NeighbourLists, Terms, contact_terms, interaction_terms
+from riftberg.stepping.forces.pair_law import (
+    ContactTable,
+    NeighbourLists,
+    PairLaw,
+    PairView,
+    Terms,
+    contact_terms,
+    interaction_terms,
+)
 
 WITH_SURROUNDINGS, INTERACTIONS_ONLY = 0, 1
 """Whether media and Coriolis force act beside the partners."""
@@ -73,14 +81,17 @@ class Solution(NamedTuple):
 
 
 @kernel
-def _stage_speed(u1, v1, us, vs, uk, vk):
+def _stage_speed(u1: float, v1: float, us: float, vs: float, uk: float, vk: float) -> float:
     """Speed of the mean of iterate and stage velocity relative to a medium (Runge-Kutta without predictor-corrector)."""
     du, dv = 0.5 * (u1 + us) - uk, 0.5 * (v1 + vs) - vk
-    return (du * du + dv * dv) ** 0.5
+    return float((du * du + dv * dv) ** 0.5)
 
 
 @kernel
-def drags(e, u_star, v_star, media, rates, acts, mean_speeds, u1, v1, u0, v0, us, vs):
+def drags(
+    e: int, u_star: float, v_star: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], mean_speeds: bool,
+    u1: float, v1: float, u0: float, v0: float, us: float, vs: float,
+) -> tuple[float, float, float]:  # fmt: skip
     """Sum the drags of the media that act: deceleration at (u_star, v_star), m s-2, and rate, s-1; store each rate."""
     drag_x = drag_y = total = 0.0
     for m in range(len(MEDIA)):
@@ -98,7 +109,7 @@ def drags(e, u_star, v_star, media, rates, acts, mean_speeds, u1, v1, u0, v0, us
 
 
 @kernel
-def pushes(e, media, acts):
+def pushes(e: int, media: Floats, acts: NDArray[np.bool_]) -> tuple[float, float]:
     """Sum of the pushes of the media that act on element ``e``, m s-2."""
     push_x = push_y = 0.0
     for m in range(len(MEDIA)):
@@ -138,9 +149,11 @@ def solve_once(
 
 @stage
 def solve_velocity(
-    e, x, y, u_star, v_star, u0, v0, us, vs, media, rates, acts, coriolis, applied, scheme, mode, dt, mass, isolated,
-    partners, plain, bond_size, view, law,
-):  # fmt: skip
+    e: int, x: float, y: float, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, media: Floats,
+    rates: Floats, acts: NDArray[np.bool_], coriolis: Floats, applied: Floats, scheme: SolveScheme, mode: int,
+    dt: float, mass: float, isolated: bool, partners: NeighbourLists, plain: bool, bond_size: bool, view: PairView,
+    law: PairLaw,
+) -> Solution:  # fmt: skip
     """Solve for the acceleration of element ``e`` over ``dt`` seconds.
 
     ``x``, ``y``: position, degrees or m; ``u_star``, ``v_star``: velocity with the explicit half kick, ``u0``, ``v0`` that at the
@@ -173,8 +186,10 @@ def solve_velocity(
 
 @stage
 def solve_in_contact(
-    e, u, v, media, rates, acts, coriolis, applied, scheme, mode, dt, mass, table, u_shown, v_shown, by_speed
-):  # fmt: skip
+    e: int, u: float, v: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], coriolis: Floats,
+    applied: Floats, scheme: SolveScheme, mode: int, dt: float, mass: float, table: ContactTable, u_shown: Floats,
+    v_shown: Floats, by_speed: bool,
+) -> Solution:  # fmt: skip
     """Solve as `solve_velocity` for an outer half kick, with contacts whose geometry has been found (`ContactTable`).
 
     ``u``, ``v``: velocity of the element, m s-1.
@@ -194,9 +209,10 @@ def solve_in_contact(
 
 @stage
 def _second_solve(
-    e, t, ax, ay, u_star, v_star, u0, v0, us, vs, cu, cv, media_x, media_y, push_x, push_y, f, media, rates, acts, applied,
-    scheme, mode, dt, mass,
-):  # fmt: skip
+    e: int, t: Terms, ax: float, ay: float, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float,
+    cu: float, cv: float, media_x: float, media_y: float, push_x: float, push_y: float, f: float, media: Floats,
+    rates: Floats, acts: NDArray[np.bool_], applied: Floats, scheme: SolveScheme, mode: int, dt: float, mass: float,
+) -> Solution:  # fmt: skip
     """Solve with what acts at the velocity that the first solution gives, and split the acceleration."""
     u1, v1 = u_star + dt * ax, v_star + dt * ay
     du, dv = (u1, v1) if scheme.centred else (u0, v0)
@@ -234,7 +250,7 @@ def apply_at_velocities(el: Elements, around: Surroundings) -> None:
 @kernel
 def is_isolated(e: int, bonded: Ints, same: Ints, other: Ints) -> bool:
     """Whether an element has no partner of any kind; the arrays are the ``start`` of the lists of `NeighbourLists`."""
-    return bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e]
+    return bool(bonded[e + 1] == bonded[e] and same[e + 1] == same[e] and other[e + 1] == other[e])
 
 
 @kernel

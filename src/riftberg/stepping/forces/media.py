@@ -271,8 +271,8 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
 
 @kernel
 def record_applied(
-    e: int, u: float, v: float, turning_u: float, turning_v: float, media: Floats, rates: Floats, acts: NDArray[np.bool_],
-    f: float, applied: Floats,
+    e: int, u: float, v: float, turning_u: float, turning_v: float, media: Floats, rates: Floats,
+    acts: NDArray[np.bool_], f: float, applied: Floats,
 ) -> None:  # fmt: skip
     """Record the accelerations by which element ``e`` came to its new velocity (u, v), m s-1.
 

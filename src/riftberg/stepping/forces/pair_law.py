@@ -129,8 +129,8 @@ def pair_geometry(
 
 @kernel
 def pair_terms(
-    kind: int, rx: float, ry: float, sum_radii: float, mass_ratio: float, du0: float, dv0: float, du1: float, dv1: float,
-    law: PairLaw,
+    kind: int, rx: float, ry: float, sum_radii: float, mass_ratio: float, du0: float, dv0: float, du1: float,
+    dv1: float, law: PairLaw,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
     """Spring acceleration (ix, iy; m s-2) and damping tensor (p11, p12, p22; s-1) of one pair; zeros if it does not act.
 
@@ -145,7 +145,10 @@ def pair_terms(
 
 
 @kernel
-def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, rest, own_size, view, law):
+def _sum_over(
+    e: int, x: float, y: float, u0: float, v0: float, u1: float, v1: float, kind: int, pairs: PairList, rest: Floats,
+    own_size: bool, view: PairView, law: PairLaw,
+) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
     """Sum the terms of one kind of pair; also P u of the partners.
 
     Arrays are taken out of the named tuples before the loop, because numba counts references at each access.
@@ -178,7 +181,10 @@ def _sum_over(e, x, y, u0, v0, u1, v1, kind, pairs, rest, own_size, view, law):
 
 
 @kernel
-def interaction_terms(e, x, y, u0, v0, u1, v1, partners, plain, bond_size, view, law):
+def interaction_terms(
+    e: int, x: float, y: float, u0: float, v0: float, u1: float, v1: float, partners: NeighbourLists, plain: bool,
+    bond_size: bool, view: PairView, law: PairLaw,
+) -> Terms:  # fmt: skip
     """Sum over all partners of element ``e`` at (x, y): I, P and P u of the partners (equations 5.1).
 
     ``x``, ``y``: its position, degrees or m; ``u0``, ``v0``, ``u1``, ``v1``: its velocity at the start of the step and
@@ -263,7 +269,10 @@ def fill_contact_table(el: Elements, pairs: PairList, sizes: Sizes, law: PairLaw
 
 
 @kernel
-def contact_terms(e, u0, v0, u1, v1, table, u_shown, v_shown, by_speed):
+def contact_terms(
+    e: int, u0: float, v0: float, u1: float, v1: float, table: ContactTable, u_shown: Floats, v_shown: Floats,
+    by_speed: bool,
+) -> Terms:  # fmt: skip
     """Sum over all partners of element ``e`` in the table: I, P and P u of the partners (equations 5.1).
 
     ``u0``, ``v0``, ``u1``, ``v1``: its velocity at the start of the step and at the current iterate, m s-1;
