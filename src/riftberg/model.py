@@ -26,8 +26,8 @@ from riftberg.life.process import LifeProcess, lives
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
+from riftberg.state.numbering import by_identifier, changed_rows
 from riftberg.state.population import Population, Saved
-from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,
@@ -38,6 +38,7 @@ from riftberg.stepping.explicit.stability import (
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
+from riftberg.stepping.new_elements import complete_state, sample_new_elements
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.speed_limit import check_speed, refuse_fast_start, refuse_forcing
@@ -347,7 +348,7 @@ class BareModel(RunState):
         """Return to the state before a step that failed, so that it can be saved."""
         self.remembered, self.contacts = remembered, contacts
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
-        self.fragments.mothers.clear()
+        self.fragments.calved_from.clear()
         self.population.restore(population)
         self._look()
 
@@ -378,7 +379,7 @@ class BareModel(RunState):
     def _follow_rows(self, ids: Ints) -> None:
         """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
         newborn = ~np.isin(self.elements.body.id, ids)
-        surround_newborn(self, newborn, self._visited)
+        sample_new_elements(self, newborn, self._visited)
         complete_state(self)
         if not self._visited:
             return
@@ -560,7 +561,7 @@ def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
 def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:
     """Fill in the constant interaction size: if one side is 0, both become the means of all elements (Q37).
 
-    Several bergs have their own means (`riftberg.stepping.births`), unless they are coupled as in the reference.
+    Several bergs have their own means (`riftberg.stepping.new_elements`), unless they are coupled as in the reference.
     """
     b = p.bonds
     if not b.constant_size or (b.constant_length > 0.0 and b.constant_width > 0.0):

@@ -11,7 +11,7 @@ from riftberg.stepping.explicit.mts import MultipleStepper
 from riftberg.stepping.explicit.single_step import RungeKuttaStepper, VerletStepper
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.stepper import Stateless, Stepper, apply_land_constraint, publish_positions
+from riftberg.stepping.stepper import Stateless, Stepper, apply_land_constraint, publish_positions, sample_between_steps
 
 
 def make_stepper(run: RunState) -> Stepper:
@@ -48,10 +48,8 @@ class FrozenStepper(Stateless):
         """Leave everything where it is."""
 
     def sample_forcing(self, run: RunState) -> None:
-        """Sample where the elements stand."""
-        p = run.parameters
-        lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
-        run.forcing.sample(run.elements, run.time - lag)
+        """See `riftberg.stepping.stepper.Stepper.sample_forcing`."""
+        sample_between_steps(run, run.elements)
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Return the velocity as it stands."""

@@ -17,7 +17,7 @@ from riftberg.state import Elements, Floats
 from riftberg.stepping.forces.media import CORIOLIS, FORCES
 from riftberg.stepping.run_state import RunState
 
-FLUNG: Final = 1000.0
+DEBRIS_SPEED: Final = 1000.0
 """Speed (m s-1) that debris may have in runs with the reference's contact; its own output has 100 m s-1."""
 
 ONE_THREAD: Final = 10_000
@@ -40,7 +40,7 @@ def refuse_fast_start(el: Elements, p: Parameters) -> None:
         raise InputError(f"fixed_velocity of {math.hypot(*fixed):g} m/s", where="stepping", remedy=remedy)
     speed = np.hypot(el.u, el.v)
     if p.compatibility.flung_debris and el.size and np.median(speed) <= limit:  # some may be debris, not most
-        limit = max(limit, FLUNG)
+        limit = max(limit, DEBRIS_SPEED)
     if (fast := speed > limit).any():
         k = int(np.argmax(fast))
         raise InputError(
@@ -70,7 +70,7 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
         nowhere = ~np.isfinite(el.lon + el.lat + speed)
         fast = nowhere | ((speed > limit) & (el.static < 0.5))
         if fast.any() and run.parameters.compatibility.flung_debris:
-            fast &= nowhere | (speed > max(limit, FLUNG)) | ~_flung(run, before, applied)
+            fast &= nowhere | (speed > max(limit, DEBRIS_SPEED)) | ~_by_neighbours(run, before, applied)
         if fast.any():
             raise _error(run, before, applied, int(np.argmax(fast)))
 
@@ -87,7 +87,7 @@ def refuse_forcing(run: RunState, before: Elements, error: Exception) -> None:
         raise RunError(f"the run failed {moment}. The reason is the forcing: {at_fault}. Correct it there") from error
 
 
-def _flung(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
+def _by_neighbours(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
     """Whether elements owe their speed to their neighbours, now or earlier, more than to any force from outside."""
     partners = np.hypot(*_by_partners(run, before, applied).T)
     earlier = np.hypot(before.u, before.v) > run.parameters.stepping.speed_limit

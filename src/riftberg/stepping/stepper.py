@@ -53,8 +53,15 @@ class Stateless:
         """Restore nothing."""
 
 
+def sample_between_steps(run: RunState, elements: Elements) -> None:
+    """Sample the forcing at the positions and the time between two steps, or with the lag of Q5 that of the step just taken."""
+    p = run.parameters
+    lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
+    run.forcing.sample(elements, run.time - lag)
+
+
 def publish_positions(el: Elements) -> None:
-    """Let moving elements see each other where they are, also those that a user, or a process after a step, has moved."""
+    """Let pair forces see moving elements where they are, also those that a user, or a process after a step, has moved."""
     moving = el.static < 0.5
     np.copyto(el.lon_pair, el.lon, where=moving)
     np.copyto(el.lat_pair, el.lat, where=moving)

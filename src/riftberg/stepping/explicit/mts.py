@@ -31,7 +31,13 @@ from riftberg.stepping.forces.pair_law import NeighbourLists, pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import break_after_step
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.stepper import Stateless, apply_land_constraint, publish_positions, update_fragments
+from riftberg.stepping.stepper import (
+    Stateless,
+    apply_land_constraint,
+    publish_positions,
+    sample_between_steps,
+    update_fragments,
+)
 
 
 class MultipleStepper(Stateless):
@@ -139,10 +145,8 @@ class MultipleStepper(Stateless):
             )
 
     def sample_forcing(self, run: RunState) -> None:
-        """Sample at the new positions: the fields of the next step, or with the lag of Q5 of the step just taken."""
-        p = run.parameters
-        lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
-        run.forcing.sample(run.elements, run.time - lag)
+        """See `riftberg.stepping.stepper.Stepper.sample_forcing`."""
+        sample_between_steps(run, run.elements)
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Complete the outer half kick that the next step begins with, on a copy of the elements."""

@@ -11,7 +11,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Ints
 from riftberg.stepping.fragments.tree import FragmentTree
 
-APART: Final = 6.0 * 3600.0
+SEPARATION_TIME: Final = 6.0 * 3600.0
 """Time (s) after which bergs that touch again have met anew."""
 
 _HALF: Final = 32
@@ -20,7 +20,7 @@ _OTHER: Final = (1 << _HALF) - 1
 
 
 @dataclass(frozen=True)
-class Meeting:
+class ContactEvent:
     """One meeting of two bergs or fragments."""
 
     first: int  # Their numbers
@@ -37,23 +37,25 @@ class Meeting:
 class ContactLog:
     """All meetings of a run.
 
-    A piece and what it broke off touch from its birth on; that is no meeting before they have been `APART`.
+    A piece and what it broke off touch from its birth on; that is no meeting before they have been `SEPARATION_TIME`.
     """
 
-    def __init__(self, rows: list[Meeting] | None = None, quiet: dict[tuple[int, int], float] | None = None) -> None:
-        self._rows: list[Meeting] = list(rows or [])
-        quiet = quiet or {}
+    def __init__(
+        self, rows: list[ContactEvent] | None = None, suppressed: dict[tuple[int, int], float] | None = None
+    ) -> None:
+        self._rows: list[ContactEvent] = list(rows or [])
+        suppressed = suppressed or {}
         # When each contact, a meeting or not, last was: meetings first. Hundreds of pieces touch in each step, most of them
         # those of the step before, so these are gone through as arrays.
-        self._last = np.array([row.end for row in self._rows] + list(quiet.values()), np.float64)
+        self._last = np.array([row.end for row in self._rows] + list(suppressed.values()), np.float64)
         self._count = self._last.size
         self._of_row = list(range(len(self._rows)))
         self._latest = {(row.first, row.second): k for k, row in enumerate(self._rows)}
-        self._quiet = {key: len(self._rows) + k for k, key in enumerate(quiet)}
+        self._quiet = {key: len(self._rows) + k for k, key in enumerate(suppressed)}
         self._touching: tuple[Ints, Ints] = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     @property
-    def rows(self) -> list[Meeting]:
+    def rows(self) -> list[ContactEvent]:
         """All meetings, in order of time."""
         for k, (row, end) in enumerate(zip(self._rows, self._last[self._of_row].tolist(), strict=True)):
             if row.end != end:
@@ -61,7 +63,7 @@ class ContactLog:
         return self._rows
 
     @property
-    def quiet(self) -> dict[tuple[int, int], float]:
+    def suppressed(self) -> dict[tuple[int, int], float]:
         """When pairs last touched that are no meeting."""
         return {key: float(self._last[k]) for key, k in self._quiet.items()}
 
@@ -110,17 +112,17 @@ class ContactLog:
         if before.size == 0:
             return np.full(both.size, -1)
         at = np.minimum(np.searchsorted(before, both), before.size - 1)
-        goes_on = (before[at] == both) & (began - self._last[contact[at]] < APART)
+        goes_on = (before[at] == both) & (began - self._last[contact[at]] < SEPARATION_TIME)
         self._last[contact[at[goes_on]]] = ended
         return np.where(goes_on, contact[at], -1)
 
     def _goes_on(self, key: tuple[int, int], began: float, tree: FragmentTree) -> int:
         """Return the contact of a pair that touched not long ago, or is none that counts; -1 for a new meeting."""
         k = self._latest.get(key, -1)
-        if k >= 0 and began - self._last[k] < APART:
+        if k >= 0 and began - self._last[k] < SEPARATION_TIME:
             return k
         k = self._quiet.get(key, -1)
-        if k >= 0 and began - self._last[k] < APART:
+        if k >= 0 and began - self._last[k] < SEPARATION_TIME:
             return k
         if not self._by_birth(key, began, tree):
             return -1
@@ -139,7 +141,7 @@ class ContactLog:
         """Whether a pair touches because one of it has just broken off: from the other, or from what touched that."""
         for own, other in (key, key[::-1]):
             row = tree.rows[own - 1] if 0 < own <= len(tree.rows) else None
-            if row is None or row.parent <= 0 or began - row.birth_time >= APART:
+            if row is None or row.parent <= 0 or began - row.birth_time >= SEPARATION_TIME:
                 continue
             family = (min(row.parent, other), max(row.parent, other))
             sibling = tree.rows[other - 1].parent if 0 < other <= len(tree.rows) else 0
@@ -150,18 +152,18 @@ class ContactLog:
     def _near_in_time(self, key: tuple[int, int], began: float) -> bool:
         """Whether a pair touched not long ago."""
         contacts = (self._latest.get(key, -1), self._quiet.get(key, -1))
-        return any(k >= 0 and began - self._last[k] < APART for k in contacts)
+        return any(k >= 0 and began - self._last[k] < SEPARATION_TIME for k in contacts)
 
 
 def _meeting(
     el: Elements, key: tuple[int, int], i: int, j: int, began: float, ended: float, p: KernelParameters
-) -> Meeting:
+) -> ContactEvent:
     """Return the meeting of two bergs at the elements in rows i and j."""
     place, motion = el.place, el.motion
     speed = float(np.hypot(motion.u[i] - motion.u[j], motion.v[i] - motion.v[j]))
     east = place.lon[i] - place.lon[j]
     if p.period > 0.0:  # half way between both, also across the seam
         east -= p.period * np.round(east / p.period)
-    return Meeting(
+    return ContactEvent(
         *key, began, ended, float(place.lon[i] - 0.5 * east), float(0.5 * (place.lat[i] + place.lat[j])), speed
     )

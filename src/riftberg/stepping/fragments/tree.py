@@ -46,7 +46,7 @@ class FragmentTree:
     def __init__(self, rows: list[Fragment] | None = None, bergs: Sequence[tuple[str, int]] = ()) -> None:
         self.rows: list[Fragment] = list(rows or [])
         self.bergs = tuple(bergs)
-        self.mothers: dict[int, int] = {}
+        self.calved_from: dict[int, int] = {}
 
     def __repr__(self) -> str:
         return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
@@ -84,11 +84,11 @@ class FragmentTree:
             name = names.free(self._berg_name(parent, int(rows[0]), known == 0))
             row = Fragment(
                 len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
-                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.mothers.get(int(elements.id[rows[0]]), 0),
+                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.calved_from.get(int(elements.id[rows[0]]), 0),
             )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)
-        self.mothers.clear()
+        self.calved_from.clear()
         elements.berg[:] = number[part]
         return count
 
