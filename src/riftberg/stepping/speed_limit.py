@@ -1,6 +1,6 @@
 """A speed that no ice reaches ends a run, in every scheme, and so does a position that is no number.
 
-What such a run says next is worth nothing, so that the reason is given here: the element, its speed, what pushes it, and
+What such a run would give next is worth nothing, so the reason is given here: the element, its speed, what pushes it, and
 the forcing where that is at fault.
 """
 
@@ -20,8 +20,8 @@ from riftberg.stepping.run_state import RunState
 DEBRIS_SPEED: Final = 1000.0
 """Speed (m s-1) that debris may have in runs with the reference's contact; its own output has 100 m s-1."""
 
-ONE_THREAD: Final = 10_000
-"""Numbers in a vector above which the product of two may be split among threads."""
+MAX_DOT: Final = 10_000
+"""Length of vectors above which NumPy may split their product among threads."""
 
 _PUSH: Final = {
     "water": "the drag of the water", "slope": "the slope of the sea surface", "air": "the drag of the wind",
@@ -76,8 +76,8 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
 
 
 def _product(a: Floats, b: Floats) -> float:
-    """Product of two vectors; long ones would be shared among threads, which wait for each other on a busy machine."""
-    return float(a.dot(b) if a.size < ONE_THREAD else np.einsum("i,i", a, b))
+    """Product of two vectors; long ones would be split among threads, which wait for each other on a busy machine."""
+    return float(a.dot(b) if a.size < MAX_DOT else np.einsum("i,i", a, b))
 
 
 def refuse_forcing(run: RunState, before: Elements, error: Exception) -> None:

@@ -68,15 +68,15 @@ class FragmentTree:
         count = int(part.max()) + 1
         mass: Floats = np.bincount(part, weights=elements.mass, minlength=count).astype(np.float64)
         number = self._inherited(part, mass, elements.berg)
-        newborn = np.flatnonzero(number == 0)
+        unnumbered = np.flatnonzero(number == 0)
         cuts = _Cuts(part, elements, bonds)
         touching = aground(elements.body.thickness, elements.environment.depth, p)
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))
         known = len(self.rows)
-        names = _Names(self.rows) if newborn.size else None
-        for k in newborn:
+        names = _Names(self.rows) if unnumbered.size else None
+        for k in unnumbered:
             rows = order[ends[k - 1] if k else 0 : ends[k]]
             parent = int(elements.body.berg[rows[0]])
             parent = parent if 0 < parent <= known else 0
@@ -99,7 +99,7 @@ class FragmentTree:
         return number
 
     def _berg_name(self, parent: int, row: int, at_start: bool) -> str:
-        """Return the name of the berg that a newborn comes from; empty for one without."""
+        """Return the name of the berg that a new fragment comes from; empty for one without."""
         if parent > 0:
             return self.rows[self.origin(parent) - 1].name
         if at_start and self.bergs:
@@ -157,8 +157,8 @@ class _Cuts:
 def _of_grounded_cracks(el: Elements, bonds: Bonds, broken: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether each of the broken bonds of a fragment broke in a crack of which a bond had an end aground.
 
-    A crack is what breaks in one fragment at one moment. In equilibrium the blow of the sea floor on one element runs
-    through at once, and the bonds that then free a piece are seldom those at the element that touched.
+    A crack is what breaks in one fragment at one moment. In equilibrium the load of the sea floor on one element is
+    felt everywhere at once, and the bonds that then free a piece are seldom those at the element that touched.
     """
     marks = np.zeros(bonds.status.size, np.bool_)
     if broken.any():
