@@ -66,8 +66,8 @@ def extra(field: Any, name: str) -> str:
 
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
-    from riftberg.config.usual_ranges import USUAL
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+    from riftberg.config.usual_ranges import USUAL
 
     default = Parameters()
     text = [
@@ -106,8 +106,8 @@ def parameters_page() -> str:
 
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
-    from riftberg.bergs.keys import FieldOfBergs
     from riftberg.experiments.formula_schema import formula_parts
+    from riftberg.bergs.keys import FieldOfBergs
     from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Shelf, Strength
     from riftberg.experiments.yaml_file import sections
 

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from riftberg.version import __version__  # noqa: E402
 
 project, author, release = "Riftberg", "The Riftberg developers", __version__
-copyright = author
+copyright = author  # noqa: A001
 
 root_doc = "docs/index"
 include_patterns = [
