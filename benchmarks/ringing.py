@@ -20,7 +20,7 @@ from story import put, table
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.state import Floats
-from riftberg.stepping.explicit.ringing import with_steady_step
+from riftberg.stepping.explicit.stability import with_nonresonant_step
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"
 BERGS = (("60 km", "12 km", 5e6), ("60 km", "30 km", 5e6), ("30 km", "12 km", 5e6), ("30 km", "30 km", 5e6),
@@ -41,7 +41,7 @@ def ice_of(berg: tuple[str, str, float]) -> Iceberg:
 def chosen(berg: tuple[str, str, float]) -> float:
     """Long step (s) that the berg gets where none is named."""
     ice, asked = ice_of(berg), Parameters(stepping={"scheme": "mts"}, bonds={"youngs_modulus": berg[2]})
-    return with_steady_step(ice.elements, ice.bonds, asked).stepping.time_step
+    return with_nonresonant_step(ice.elements, ice.bonds, asked).stepping.time_step
 
 
 def model_of(berg: tuple[str, str, float], scheme: str, step: float) -> Model:

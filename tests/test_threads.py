@@ -15,8 +15,8 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.stepping.explicit import mts as multiple
-from riftberg.stepping.explicit.bond_rows import allocate_rows, load_rows
-from riftberg.stepping.explicit.threads import parts_of
+from riftberg.stepping.explicit.beams import partition
+from riftberg.stepping.explicit.tiles import allocate_tiles, pack_bonds
 from riftberg.stepping.forces.sizes import interaction_sizes
 
 PROGRAM = """
@@ -97,9 +97,9 @@ def test_threads_within_a_lattice_change_nothing(threads: int, monkeypatch: pyte
 def test_each_block_of_bonds_is_the_work_of_one_thread() -> None:
     model = shattering(1)
     el, bonds, p = model.elements, model.bonds, model.parameters.kernel_values()
-    rows = allocate_rows(bonds, el.size)
-    count = load_rows(rows, el, bonds, interaction_sizes(el, p), np.arange(el.size), p)
+    rows = allocate_tiles(bonds, el.size)
+    count = pack_bonds(rows, el, bonds, interaction_sizes(el, p), np.arange(el.size), p)
     for threads in (1, 2, 5, 40):
-        parts = parts_of(rows, count, el.size, threads)
-        assert sorted(np.concatenate([part.used for part in parts])) == list(rows.used[:count])
+        parts = partition(rows, count, el.size, threads)
+        assert sorted(np.concatenate([part.in_use for part in parts])) == list(rows.in_use[:count])
         assert [part.begin for part in parts[1:]] == [part.end for part in parts[:-1]]

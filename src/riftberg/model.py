@@ -26,16 +26,23 @@ from riftberg.life.process import LifeProcess, lives
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
+from riftberg.state.numbering import by_identifier, changed_rows
 from riftberg.state.population import Population, Saved
-from riftberg.stepping.births import by_identifier, changed_rows, complete_state, surround_newborn
-from riftberg.stepping.explicit.ringing import ringing, with_steady_step
-from riftberg.stepping.explicit.substep_choice import assign_substeps, check_long_step, coarse_sizes
+from riftberg.stepping.explicit.stability import (
+    assign_substeps,
+    check_long_step,
+    resonance_warning,
+    size_bins,
+    with_nonresonant_step,
+)
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
+from riftberg.stepping.new_elements import complete_state, sample_new_elements
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.schemes import Stepper, make_stepper
+from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
+from riftberg.stepping.stepper import Stepper
 from riftberg.system.input_files import shortened, value_shown
 from riftberg.system.interrupts import Hold, held
 from riftberg.system.limits import check_work
@@ -122,7 +129,7 @@ class BareModel(RunState):
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
-        stepped = with_steady_step(elements, bonds, sized)
+        stepped = with_nonresonant_step(elements, bonds, sized)
         self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs)
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
@@ -171,20 +178,20 @@ class BareModel(RunState):
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault.
-            self._stepper.surround(self)
+            self._stepper.sample_forcing(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
         state = dict(self.__dict__)
         stepper = state.pop("_stepper")
-        return {**state, "_memory": stepper.memory(), "_applied": stepper.applied}
+        return {**state, "_stepper_state": stepper.state_dict(), "_applied": stepper.applied}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take up a state with a stepper of its own, which goes on bit for bit."""
-        memory, applied = state.pop("_memory"), state.pop("_applied")
+        stepper_state, applied = state.pop("_stepper_state"), state.pop("_applied")
         self.__dict__.update(state)
         self._stepper = make_stepper(self)
-        self._stepper.recall(memory)
+        self._stepper.load_state_dict(stepper_state)
         if self._stepper.applied.shape == applied.shape:
             self._stepper.applied[...] = applied
 
@@ -342,7 +349,7 @@ class BareModel(RunState):
         """Return to the state before a step that failed, so that it can be saved."""
         self.remembered, self.contacts = remembered, contacts
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
-        self.fragments.mothers.clear()
+        self.fragments.calved_from.clear()
         self.population.restore(population)
         self._look()
 
@@ -351,7 +358,7 @@ class BareModel(RunState):
         body, population = self.elements.body, self.population
         self._seen_rows, self._seen_bonds = (population.version, population.next_bond), self.bonds.id.copy()
         self._seen_ids, self._seen_bytes = body.id.copy(), _bytes_of(_sizes_of(self.elements))
-        self._seen_coarse = coarse_sizes(self.elements) if coarse is None else coarse
+        self._seen_coarse = size_bins(self.elements) if coarse is None else coarse
 
     def _follow_changes(self) -> None:
         """Do what follows from births, deaths and changes of mass or size since the last look."""
@@ -360,7 +367,7 @@ class BareModel(RunState):
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
         if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
             return
-        coarse = coarse_sizes(self.elements)
+        coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
         if self.population.version != version:
@@ -373,7 +380,7 @@ class BareModel(RunState):
     def _follow_rows(self, ids: Ints) -> None:
         """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
         newborn = ~np.isin(self.elements.body.id, ids)
-        surround_newborn(self, newborn, self._visited)
+        sample_new_elements(self, newborn, self._visited)
         complete_state(self)
         if not self._visited:
             return
@@ -498,7 +505,7 @@ class BareModel(RunState):
     @property
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
-        text = ringing(self.elements, self.bonds, self.parameters)
+        text = resonance_warning(self.elements, self.bonds, self.parameters)
         return (*((text,) if text else ()), *self.unusual.values())
 
     @property
@@ -555,7 +562,7 @@ def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
 def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:
     """Fill in the constant interaction size: if one side is 0, both become the means of all elements (Q37).
 
-    Several bergs have their own means (`riftberg.stepping.births`), unless they are coupled as in the reference.
+    Several bergs have their own means (`riftberg.stepping.new_elements`), unless they are coupled as in the reference.
     """
     b = p.bonds
     if not b.constant_size or (b.constant_length > 0.0 and b.constant_width > 0.0):

@@ -77,6 +77,7 @@ class KernelParameters(NamedTuple):
     """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
 
     multiple_steps: bool
+    rigid_bodies: bool
     rho_ice: float
     ocean_scale: float
     sides_by_bonds: bool
@@ -315,6 +316,7 @@ class Parameters(Group):
         fast_contact = p.stepping.scheme == "quasi_static" or (multiple and p.contact.on_substeps and explicit)
         return KernelParameters(
             multiple_steps=multiple,
+            rigid_bodies=p.stepping.scheme == "quasi_static",
             rho_ice=p.ice.density,
             ocean_scale=p.drag.ocean_scale,
             sides_by_bonds=p.drag.sides_by_bonds,

@@ -8,12 +8,12 @@ from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
 from riftberg.stepping.contact.candidates import without
-from riftberg.stepping.explicit.bond_rows import allocate_rows
-from riftberg.stepping.explicit.breaking import allocate_pairs
-from riftberg.stepping.explicit.mts import StepPlan, StepReport, take_long_step
-from riftberg.stepping.explicit.springs import Room, allocate_scratch, pairs_from_list
-from riftberg.stepping.forces.interactions import Partners
+from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list
+from riftberg.stepping.explicit.mts import StepReport, take_long_step
+from riftberg.stepping.explicit.substeps import StepPlan, Workspace, allocate_fields
+from riftberg.stepping.explicit.tiles import allocate_tiles
 from riftberg.stepping.forces.media import allocate_surroundings
+from riftberg.stepping.forces.pair_law import NeighbourLists
 from riftberg.stepping.forces.sizes import interaction_sizes
 
 RADIUS = 1500.0
@@ -123,7 +123,7 @@ def partners_of(el, bonds, p, *, multiple):
     none = no_pairs(el.mass.size)
 
     def partners(*lists):
-        return Partners(*lists, np.zeros(0), np.zeros(0, np.int64))
+        return NeighbourLists(*lists, np.zeros(0), np.zeros(0, np.int64))
 
     def near(rule):
         return find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, rule, p.latlon, p.earth_radius, p.period)
@@ -146,7 +146,7 @@ def touching_pairs(el, bonds, p):
         pairs.first[: waiting.size] = bonds.first[waiting]
         pairs.second[: waiting.size] = bonds.second[waiting]
         pairs.bond[: waiting.size] = -1
-        pairs.count[0] = waiting.size
+        pairs.used[0] = waiting.size
         return pairs
     found = find_pairs(el.lon_pair, el.lat_pair, el.berg, FAR, SAME_BERG, p.latlon, p.earth_radius, p.period)
     bonded, bond = adjacency(bonds.first, bonds.second, bonds.status, el.mass.size)
@@ -155,7 +155,18 @@ def touching_pairs(el, bonds, p):
 
 
 def long_step(
-    el, bonds, p, dt, substeps, *, starting=False, skip_slow=False, may_break=False, wears=False, rank=None, around=None
+    el,
+    bonds,
+    p,
+    dt,
+    substeps,
+    *,
+    starting=False,
+    skip_outer=False,
+    may_break=False,
+    grow_damage=False,
+    rank=None,
+    around=None,
 ):
     """Take one long step by the kernels of `riftberg.stepping.explicit.mts`; changes the state in place."""
     n = el.mass.size
@@ -164,27 +175,29 @@ def long_step(
         substeps=substeps,
         time=0.0,
         starting=starting,
-        skip_slow=skip_slow,
-        search=not p.broken_as_contact,
+        skip_outer=skip_outer,
+        by_search=not p.broken_as_contact,
         break_inline=may_break,
         break_after=False,
-        wears=wears,
+        grow_damage=grow_damage,
     )
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
     around = allocate_surroundings(n) if around is None else around
-    room = Room(allocate_rows(bonds, n), pairs, allocate_scratch(n))
+    work = Workspace(allocate_tiles(bonds, n), pairs, allocate_fields(n))
     colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
-    earlier = np.arange(n) if rank is None else rank
+    rank = np.arange(n) if rank is None else rank
 
     def part(**which):
         return take_long_step(
-            el, bonds, room, colliding, inside, sizes, around, earlier, plan._replace(**which), p
+            el, bonds, work, colliding, inside, sizes, around, rank, plan._replace(**which), p
         )  # fmt: skip
 
-    slow = part(moves=False)
-    if slow.passes < 0:
-        return slow
-    fast = part(kicks=False)
+    outer = part(apply_inner=False)
+    if outer.iterations < 0:
+        return outer
+    inner = part(apply_outer=False)
     explicit = p.explicit_substeps or p.dem
-    return StepReport(slow.broken + fast.broken, slow.passes if explicit and fast.passes > 0 else fast.passes)
+    return StepReport(
+        outer.broken + inner.broken, outer.iterations if explicit and inner.iterations > 0 else inner.iterations
+    )

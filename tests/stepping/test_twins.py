@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riftberg.state import copy_state
-from riftberg.stepping.explicit import runge_kutta, verlet
+from riftberg.stepping.explicit import single_step
 from riftberg.stepping.forces.media import allocate_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, long_step, parameters, partners_of
@@ -62,7 +62,7 @@ def merged(base, options):
     return {g: {**base.get(g, {}), **options.get(g, {})} for g in {*base, *options}}
 
 
-def single_step(options, scheme):
+def parameters_of(options, scheme):
     """Parameters of a single-step scheme: spring bonds of KID unless told otherwise."""
     base = {"bonds": {"law": "spring", "spring": 1e-5}, "stepping": {"scheme": scheme}}
     return parameters(**merged(base, options))
@@ -71,35 +71,35 @@ def single_step(options, scheme):
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_verlet_step_equals_twin(options):
     """Spec 4.2, 5.1, 5.2, 6.2."""
-    p = single_step(options, "verlet")
+    p = parameters_of(options, "verlet")
     for seed in SEEDS:
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
         want = twin.verlet_step(unpack(el), unpack(bonds), p, 60.0)
         sizes, around = interaction_sizes(el, p), allocate_surroundings(el.mass.size)
-        verlet.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, around, 60.0, p)
-        verlet.update_positions(el, 60.0, p)
+        single_step.update_velocities(el, partners_of(el, bonds, p, multiple=False), sizes, around, 60.0, p)
+        single_step.update_positions(el, 60.0, p)
         compare(el, want, ("lon", "lat", "u", "v", "ax", "ay", "bx", "by", "u_sync", "v_sync"))
 
 
 def run_stages(el, partners, sizes, dt, mean_speeds, p):
     """One Runge-Kutta step in the environment of its start."""
-    stages = runge_kutta.allocate_stages(el.mass.size)
+    stages = single_step.allocate_stages(el.mass.size)
     around = allocate_surroundings(el.mass.size)
-    runge_kutta.begin(el, stages)
+    single_step.begin_stages(el, stages)
     for stage in range(4):
         if stage > 0:
-            runge_kutta.go_to_stage(el, stages, stage, runge_kutta.AHEAD[stage], dt, p)
-        part = runge_kutta.FRACTION[stage]
-        runge_kutta.evaluate(el, stages, stage, part, partners, sizes, around, dt, mean_speeds, p)
-    runge_kutta.finish(el, stages, dt, p)
+            single_step.go_to_stage(el, stages, stage, single_step.AHEAD[stage], dt, p)
+        part = single_step.FRACTION[stage]
+        single_step.evaluate_stage(el, stages, stage, part, partners, sizes, around, dt, mean_speeds, p)
+    single_step.combine_stages(el, stages, dt, p)
 
 
 @pytest.mark.parametrize("mean_speeds", [False, True], ids=["mean-velocity", "mean-speeds"])
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_runge_kutta_step_equals_twin(options, mean_speeds):
     """Spec 4.2 (variant), 6.3, with the environment of the start."""
-    p = single_step(options, "runge_kutta")
+    p = parameters_of(options, "runge_kutta")
     for seed in SEEDS:
         el, bonds = lattice(seed, p)
         el.static[3] = float(seed % 2)
@@ -143,9 +143,9 @@ def test_long_step_with_dem_bonds_equals_twin(options, substeps):
         el, bonds = lattice(seed, p)
         el.static[2] = float(seed % 2)
         el.load_y[4], el.free_y[0] = -1e9, 0.0
-        want, want_bonds, _, passes = twin.multiple_step(unpack(el), unpack(bonds), p, 20.0 * substeps, substeps)
+        want, want_bonds, _, iterations = twin.multiple_step(unpack(el), unpack(bonds), p, 20.0 * substeps, substeps)
         report = long_step(el, bonds, p, 20.0 * substeps, substeps)
-        assert report.passes == passes
+        assert report.iterations == iterations
         compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
         compare(bonds, want_bonds, BOND, rtol=1e-11)
 
@@ -174,12 +174,12 @@ def test_skipped_and_contact_free_steps_equal_twin(touching):
     for seed in SEEDS:
         el, bonds = lattice(seed, p, touching=touching)
         other, other_bonds = copy_state(el, bonds)
-        want, _, _, passes = twin.multiple_step(unpack(el), unpack(bonds), p, 40.0, 2)
-        assert (passes > 1) == touching
-        assert long_step(el, bonds, p, 40.0, 2).passes == passes
+        want, _, _, iterations = twin.multiple_step(unpack(el), unpack(bonds), p, 40.0, 2)
+        assert (iterations > 1) == touching
+        assert long_step(el, bonds, p, 40.0, 2).iterations == iterations
         compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
-        want, _, _, _ = twin.multiple_step(unpack(other), unpack(other_bonds), p, 40.0, 2, skip_slow=True)
-        long_step(other, other_bonds, p, 40.0, 2, skip_slow=True)
+        want, _, _, _ = twin.multiple_step(unpack(other), unpack(other_bonds), p, 40.0, 2, skip_outer=True)
+        long_step(other, other_bonds, p, 40.0, 2, skip_outer=True)
         compare(other, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
 
 
@@ -191,11 +191,11 @@ def test_flags_left_from_earlier_steps_enter_the_norm():
         el, bonds = lattice(3, p)
         el.in_contact[:4] = flagged
         el.u[:4] += 10.0
-        want, _, _, passes = twin.multiple_step(unpack(el), unpack(bonds), p, 1800.0, 90, skip_slow=False)
+        want, _, _, iterations = twin.multiple_step(unpack(el), unpack(bonds), p, 1800.0, 90, skip_outer=False)
         report = long_step(el, bonds, p, 1800.0, 90)
-        assert report.passes == passes
+        assert report.iterations == iterations
         np.testing.assert_array_equal(el.in_contact, column(want, "in_contact"))
-        counts.add(passes)
+        counts.add(iterations)
     assert len(counts) == 2
 
 
@@ -297,7 +297,7 @@ def test_spring_bonds_act_in_the_sub_steps_only():
 
 def test_runge_kutta_pair_forces_are_equal_and_opposite():
     """Bug once: each element saw itself at its stage but its partner at the start, so momentum was made (5.2)."""
-    p = single_step(
+    p = parameters_of(
         {
             "contact": {"critical_damping": False},
             "stepping": {"only_interactions": True},

@@ -81,10 +81,10 @@ def closing_half_kick(elements, bonds, p, dt):
     if not p.sticky_collision_flags:
         for k in active:
             elements[k].in_contact = 0.0
-    passes, last_norm, collided = 0, 0.0, False
+    iterations, last_norm, collided = 0, 0.0, False
     while True:
-        passes += 1
-        rows = active if passes == 1 else [k for k in active if elements[k].in_contact]
+        iterations += 1
+        rows = active if iterations == 1 else [k for k in active if elements[k].in_contact]
         results = {k: slow_acceleration(k, elements, bonds, p, dt) for k in rows}
         for k, result in results.items():
             e = elements[k]
@@ -98,18 +98,18 @@ def closing_half_kick(elements, bonds, p, dt):
                 collided = True
                 e.in_contact = 1.0
         if not p.iterate:
-            return elements, passes
+            return elements, iterations
         before = {k: vector(elements[k], "u_pair") for k in rows}
         for k in active:
             assign(elements[k], "u_pair", vector(elements[k], "u_sync"))
         if not collided:
-            return elements, passes
+            return elements, iterations
         norm = sum(np.sum(vector(elements[k], "u_sync") ** 2) for k in rows)
-        if passes > 1:
+        if iterations > 1:
             change = sum(np.sum((vector(elements[k], "u_sync") - before[k]) ** 2) for k in rows)
             size = np.sqrt(last_norm) + np.sqrt(norm)
             if size == 0 or 2 * np.sqrt(change) / size < p.tolerance:
-                return elements, passes
+                return elements, iterations
         last_norm = norm
 
 
@@ -127,7 +127,7 @@ def opening_half_kick(elements, p, dt):
     return elements
 
 
-def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_break=False, wears=False, time=0.0):
+def multiple_step(elements, bonds, p, dt, substeps, *, skip_outer=False, may_break=False, grow_damage=False, time=0.0):
     """One long step of equations 6.4 without the cell update at its end.
 
     Parameters
@@ -141,9 +141,9 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_brea
     -------
     elements, bonds, broken, passes
     """
-    passes, broken = 0, 0
-    if not skip_slow:
-        elements, passes = closing_half_kick(elements, bonds, p, dt)
+    iterations, broken = 0, 0
+    if not skip_outer:
+        elements, iterations = closing_half_kick(elements, bonds, p, dt)
         elements = opening_half_kick(elements, p, dt)
     set_convergence(elements, bonds, p)
     for b in bonds:
@@ -156,7 +156,7 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_brea
                 p,
                 dt / substeps,
                 may_break=may_break,
-                wears=wears,
+                grow_damage=grow_damage,
                 time=time + (n + 1) * dt / substeps,
             )
             broken += more
@@ -166,4 +166,4 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_slow=False, may_brea
     for e in elements:
         if moves(e):
             show(e)
-    return elements, bonds, broken, passes
+    return elements, bonds, broken, iterations

@@ -96,7 +96,7 @@ def set_convergence(elements, bonds, p):
         b.convergence = np.sin(mean) if p.latlon and not p.flat_relative_velocity else 0.0
 
 
-def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=False):
+def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, grow_damage=False):
     """All unbroken bonds: update ``bonds`` and return forces and torques (elastic and damping together) per element."""
     force = np.zeros((len(elements), 2))
     torque = np.zeros(len(elements))
@@ -118,7 +118,7 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=Fa
         b.bond_length = float(result.length)
         b.relative_rotation += result.turn
         strengths = (b.strength * p.normal_strength, b.strength * p.shear_strength)
-        if wears:
+        if grow_damage:
             b.damage = damage.grow(b.damage, b.normal_stress, b.shear_stress, *strengths, p, dt)
         limits = (*strengths, 1 - b.damage)
         broken = may_break and fracture.breaks(b.normal_stress, b.shear_stress, *limits)
@@ -134,7 +134,7 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, wears=Fa
     return force, torque, fresh
 
 
-def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, wears=False):
+def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, grow_damage=False):
     """Equations 5.3 with DEM: accelerations (list of arrays) and spin rates; ``elements`` and ``bonds`` are changed.
 
     Contact pairs are the bonds that were broken before this evaluation, or those that a search finds.
@@ -144,7 +144,7 @@ def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, wear
     candidates = [searched(k, elements, bonds, p) for k in range(len(elements))]
     aground = [grounding.fraction(e.depth, draft(e, p), p.ground_ramp) > 0 for e in elements]
     force, torque, fresh = evaluate_bonds(
-        elements, bonds, p, dt, may_break=may_break, time=time, aground=aground, wears=wears
+        elements, bonds, p, dt, may_break=may_break, time=time, aground=aground, grow_damage=grow_damage
     )
     accelerations = []
     for k, e in enumerate(elements):
@@ -194,7 +194,7 @@ def floor_rates(e, p):
     return slide, turn
 
 
-def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, wears=False):
+def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, grow_damage=False):
     """3a to 3d for all elements: returns new elements, new bonds and the number of bonds broken.
 
     Parameters
@@ -211,7 +211,9 @@ def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, wears
     elements, bonds = copies(elements), copies(bonds)
     drift(elements, p, dt)
     if p.dem:
-        accelerations, broken = dem_accelerations(elements, bonds, p, dt, may_break=may_break, time=time, wears=wears)
+        accelerations, broken = dem_accelerations(
+            elements, bonds, p, dt, may_break=may_break, time=time, grow_damage=grow_damage
+        )
     else:
         accelerations, broken = spring_accelerations(elements, bonds, p), 0
     for e, acceleration in zip(elements, accelerations, strict=True):
@@ -250,9 +252,9 @@ def implicit_substep(elements, bonds, p, dt):
     elements = copies(elements)
     drift(elements, p, dt)
     active = [k for k, e in enumerate(elements) if moves(e)]
-    last_norm, passes = 0.0, 0
+    last_norm, iterations = 0.0, 0
     while True:
-        passes += 1
+        iterations += 1
         for k in active:
             e = elements[k]
             result = implicit_acceleration(k, elements, bonds, p, dt)
@@ -264,7 +266,7 @@ def implicit_substep(elements, bonds, p, dt):
         change = sum(np.sum((vector(elements[k], "u") - vector(elements[k], "u_pair")) ** 2) for k in active)
         size = np.sqrt(last_norm) + np.sqrt(norm)
         settled = size == 0 or 2 * np.sqrt(change) / size < p.tolerance
-        if not p.iterate or (passes > 1 and settled):
+        if not p.iterate or (iterations > 1 and settled):
             break
         last_norm = norm
         for k in active:
@@ -280,4 +282,4 @@ def implicit_substep(elements, bonds, p, dt):
         if p.iterate:
             assign(e, "a", vector(e, "a_fast"))
             assign(e, "b", vector(e, "b_fast"))
-    return elements, passes
+    return elements, iterations

@@ -13,7 +13,7 @@ from riftberg.errors import InputError
 from riftberg.kid.life_groups import life_groups
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
 from riftberg.parameters import BondLaw, Compatibility, Parameters, Scheme
-from riftberg.stepping.speed_limit import FLUNG
+from riftberg.stepping.speed_limit import DEBRIS_SPEED
 from riftberg.system.limits import extreme_allowed
 
 LONGEST_STEP: Final = 864_000.0
@@ -240,7 +240,7 @@ def _stepping(group: NamelistGroup, dt: float) -> dict[str, Any]:
         "frozen": group.flag("Static_icebergs"),
         "fixed_velocity": fixed if group.flag("override_iceberg_velocities") else None,
         "interactions": group.flag("interactive_icebergs_on"),
-        **({"speed_limit": FLUNG} if extreme_allowed() else {}),
+        **({"speed_limit": DEBRIS_SPEED} if extreme_allowed() else {}),
     }
 
 

@@ -24,7 +24,7 @@ from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
-from riftberg.stepping.births import by_identifier
+from riftberg.state.numbering import by_identifier
 
 KM2: Final = 1e6
 """Square metres in the unit of the area thresholds."""

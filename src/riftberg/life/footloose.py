@@ -360,7 +360,7 @@ class _Calving:
             ids = np.array([names(int(self.el.cell_i[parent]), int(self.el.cell_j[parent]))], np.int64)
         number = int(self.el.body.berg[parent])
         for born in self.model.append(child, ids=ids).tolist():
-            self.model.fragments.mothers[born] = number
+            self.model.fragments.calved_from[born] = number
 
 
 @kernel

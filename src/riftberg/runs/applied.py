@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riftberg.state import Floats, Variable
-from riftberg.stepping.births import by_identifier
+from riftberg.state.numbering import by_identifier
 from riftberg.stepping.forces.media import FORCES
 
 if TYPE_CHECKING:

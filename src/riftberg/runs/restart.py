@@ -25,7 +25,7 @@ from riftberg.runs.checks import check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Life, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
-from riftberg.stepping.fragments.contact_log import ContactLog, Meeting
+from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import check_file, reading
@@ -88,9 +88,9 @@ class RestartState:
 
     def contact_log(self) -> ContactLog:
         """Return the meetings of bergs so far."""
-        rows = [Meeting(**row) for row in self.contacts.get("rows", [])]
-        quiet = {(int(a), int(b)): float(time) for a, b, time in self.contacts.get("quiet", [])}
-        return ContactLog(rows, quiet)
+        rows = [ContactEvent(**row) for row in self.contacts.get("rows", [])]
+        suppressed = {(int(a), int(b)): float(time) for a, b, time in self.contacts.get("quiet", [])}
+        return ContactLog(rows, suppressed)
 
 
 def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
@@ -183,8 +183,8 @@ def _write_meetings(file: netCDF4.Dataset, model: BareModel) -> None:
     file.setncattr("bergs_json", json.dumps([list(berg) for berg in getattr(tree, "bergs", ())]))
     if log is not None:
         rows = [dataclasses.asdict(row) for row in log.rows]
-        quiet = [[*pair, time] for pair, time in log.quiet.items()]
-        file.setncattr("contacts_json", json.dumps({"rows": rows, "quiet": quiet}, default=_plain))
+        suppressed = [[*pair, time] for pair, time in log.suppressed.items()]
+        file.setncattr("contacts_json", json.dumps({"rows": rows, "quiet": suppressed}, default=_plain))
 
 
 def _plain(value: Any) -> Any:

@@ -1,8 +1,9 @@
-"""Numbers of bergs and cells made dense, 0, 1, ...: what sums by number need."""
+"""Numbers of bergs and cells made dense, 0, 1, ..., for sums by number; and rows found by identifier."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.state.variables import Floats, Ints
@@ -41,3 +42,39 @@ def _add_columns(place: Ints, amounts: Floats, sums: Floats) -> None:
     for k in range(amounts.shape[0]):
         for n in range(place.size):
             sums[k, place[n]] += amounts[k, n]
+
+
+def changed_rows(
+    ids: Ints, values: tuple[Floats, ...], ids_before: Ints, before: tuple[Floats, ...]
+) -> NDArray[np.bool_]:
+    """Return which elements have other values than before; the newly born count as changed."""
+    if ids_before.size == 0:
+        return np.ones(ids.size, bool)
+    changed: NDArray[np.bool_]
+    if np.array_equal(ids, ids_before):  # as in most steps: then there is nothing to sort
+        changed = np.zeros(ids.size, bool)
+        for now, then in zip(values, before, strict=True):
+            changed |= now != then
+        return changed
+    row, known = rows_of(ids_before, ids)
+    changed = ~known
+    for now, then in zip(values, before, strict=True):
+        changed |= now != then[row]
+    return changed
+
+
+def by_identifier(ids: Ints, values: Floats, wanted: Ints) -> Floats:
+    """Return rows of values in the order of other identifiers; zeros for those that have none."""
+    taken = np.zeros((wanted.size, *values.shape[1:]))
+    row, known = rows_of(ids, wanted)
+    taken[known] = values[row[known]]
+    return taken
+
+
+def rows_of(ids: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+    """Return the row of each wanted identifier, any one where it is not there, and whether it is there."""
+    if ids.size == 0:
+        return np.zeros(wanted.size, np.int64), np.zeros(wanted.size, np.bool_)
+    order = np.argsort(ids, kind="stable")
+    row = order[np.minimum(np.searchsorted(ids[order], wanted), ids.size - 1)]
+    return row, ids[row] == wanted

@@ -25,7 +25,7 @@ class RunState:
     start: datetime  # Date of time zero (UTC)
     time: float = 0.0  # Seconds since the start
     step_number: int = 0  # Long steps taken
-    contacts: ContactLog = field(default_factory=ContactLog)  # Meetings of bergs
+    contacts: ContactLog = field(default_factory=ContactLog)  # Contacts between bergs
 
     @property
     def elements(self) -> Elements:

@@ -1,6 +1,6 @@
 """A speed that no ice reaches ends a run, in every scheme, and so does a position that is no number.
 
-What such a run says next is worth nothing, so that the reason is given here: the element, its speed, what pushes it, and
+What such a run would give next is worth nothing, so the reason is given here: the element, its speed, what pushes it, and
 the forcing where that is at fault.
 """
 
@@ -17,11 +17,11 @@ from riftberg.state import Elements, Environment, Floats
 from riftberg.stepping.forces.media import CORIOLIS, FORCES
 from riftberg.stepping.run_state import RunState
 
-FLUNG: Final = 1000.0
+DEBRIS_SPEED: Final = 1000.0
 """Speed (m s-1) that debris may have in runs with the reference's contact; its own output has 100 m s-1."""
 
-ONE_THREAD: Final = 10_000
-"""Numbers in a vector above which the product of two may be split among threads."""
+MAX_DOT: Final = 10_000
+"""Length of vectors above which NumPy may split their product among threads."""
 
 _PUSH: Final = {
     "water": "the drag of the water", "slope": "the slope of the sea surface", "air": "the drag of the wind",
@@ -40,7 +40,7 @@ def refuse_fast_start(el: Elements, p: Parameters) -> None:
         raise InputError(f"fixed_velocity of {math.hypot(*fixed):g} m/s", where="stepping", remedy=remedy)
     speed = np.hypot(el.u, el.v)
     if p.compatibility.flung_debris and el.size and np.median(speed) <= limit:  # some may be debris, not most
-        limit = max(limit, FLUNG)
+        limit = max(limit, DEBRIS_SPEED)
     if (fast := speed > limit).any():
         k = int(np.argmax(fast))
         raise InputError(
@@ -55,7 +55,7 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
 
     Where all is well, that takes three products of vectors, and four passes more for large bergs.
 
-    ``applied``: mean accelerations (m s-2) over the step, see `riftberg.stepping.schemes.Stepper`.
+    ``applied``: mean accelerations (m s-2) over the step, see `riftberg.stepping.stepper.Stepper`.
     """
     el, limit = run.elements, run.parameters.stepping.speed_limit
     u, v = el.motion.u, el.motion.v
@@ -70,14 +70,14 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
         nowhere = ~np.isfinite(el.lon + el.lat + speed)
         fast = nowhere | ((speed > limit) & (el.static < 0.5))
         if fast.any() and run.parameters.compatibility.flung_debris:
-            fast &= nowhere | (speed > max(limit, FLUNG)) | ~_flung(run, before, applied)
+            fast &= nowhere | (speed > max(limit, DEBRIS_SPEED)) | ~_by_neighbours(run, before, applied)
         if fast.any():
             raise _error(run, before, applied, int(np.argmax(fast)))
 
 
 def _product(a: Floats, b: Floats) -> float:
-    """Product of two vectors; long ones would be shared among threads, which wait for each other on a busy machine."""
-    return float(a.dot(b) if a.size < ONE_THREAD else np.einsum("i,i", a, b))
+    """Product of two vectors; long ones would be split among threads, which wait for each other on a busy machine."""
+    return float(a.dot(b) if a.size < MAX_DOT else np.einsum("i,i", a, b))
 
 
 def check_forcing(run: RunState) -> None:
@@ -94,7 +94,7 @@ def refuse_forcing(run: RunState, before: Elements, error: Exception | None = No
         raise RunError(f"{moment} cannot be taken. The reason is the forcing: {at_fault}. Correct it there") from error
 
 
-def _flung(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
+def _by_neighbours(run: RunState, before: Elements, applied: Floats) -> np.ndarray:
     """Whether elements owe their speed to their neighbours, now or earlier, more than to any force from outside."""
     partners = np.hypot(*_by_partners(run, before, applied).T)
     earlier = np.hypot(before.u, before.v) > run.parameters.stepping.speed_limit

@@ -27,13 +27,10 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import spin_drag
 from riftberg.physics.geometry import separation
-from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints, Shown
 from riftberg.state import Motion as ElementMotion  # what was called Motion here is `BodyMotion` now
 from riftberg.state.neighbours import PairList
-from riftberg.stepping.forces.interactions import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.forces.media import (
     CORIOLIS,
     LINEAR,
@@ -42,13 +39,19 @@ from riftberg.stepping.forces.media import (
     PUSH_Y,
     QUADRATIC,
     SEA_FLOOR,
-    Seen,
+    SPIN,
+    SPIN_LINEAR,
+    SPIN_QUADRATIC,
+    WATER,
+    ForcedElements,
+    Medium,
     Surroundings,
     U,
     V,
     find_surroundings,
     grounded_part,
 )
+from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
 
 Booleans = NDArray[np.bool_]
@@ -105,13 +108,15 @@ def allocate_loading(el: Elements, p: KernelParameters) -> Loading:
     count, body = el.size, el.body
     inertia, floor, floor_spin, aground, spinning, water_spin = np.zeros((6, count))
     return Loading(
-        np.empty((count, len(MEDIA), PUSH_Y + 1)), np.empty(count), body.mass, inertia, floor, floor_spin, aground, spinning,
-        water_spin, body.load_x, body.load_y, not p.only_interactions, p.ground_on_substeps or not p.only_interactions,
+        np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, floor, floor_spin, aground,
+        spinning, water_spin, body.load_x, body.load_y, not p.only_interactions, p.ground_on_substeps or not p.only_interactions,
     )  # fmt: skip
 
 
 @kernel
-def fill_loading(el: Seen, sizes: Sizes, p: KernelParameters, acts: Booleans, nothing: Floats, load: Loading) -> None:
+def fill_loading(
+    el: ForcedElements, sizes: Sizes, p: KernelParameters, acts: Booleans, nothing: Floats, load: Loading
+) -> None:
     """Take the coefficients of all forces from the environment that the elements carry.
 
     ``acts``:  (shape (media,)); ``nothing``: in place of what a solve would keep: nothing is solved for or applied here
@@ -119,20 +124,18 @@ def fill_loading(el: Seen, sizes: Sizes, p: KernelParameters, acts: Booleans, no
     """
     media, mass, inertia, floor, floor_spin = load.media, load.mass, load.inertia, load.floor, load.floor_spin
     find_surroundings(el, sizes, Surroundings(media, load.coriolis, acts, nothing[0], nothing), p)
-    thickness, depth, vorticity = el.body.thickness, el.environment.depth, el.environment.vorticity
-    radius, bond_mass, aground = sizes.bond_radius, sizes.bond_mass, load.aground
+    thickness, depth, radius, aground = el.body.thickness, el.environment.depth, sizes.bond_radius, load.aground
     for e in range(mass.size):
         inertia[e] = 0.5 * mass[e] * radius[e] ** 2
         aground[e] = grounded_part(thickness[e], depth[e], p)
-        load.water_spin[e] = 0.5 * vorticity[e]
+        load.water_spin[e] = media[e, WATER, SPIN]
         if load.touches:
             # The linear drag of the sea floor is the one stiff force: it is met implicitly, apart from the others.
             floor[e] = media[e, SEA_FLOOR, LINEAR]
         media[e, SEA_FLOOR, LINEAR] = 0.0
-        if p.ground_torque:
-            floor_spin[e] = grounding_spin_rate(p.ground_coefficient, radius[e], bond_mass[e], aground[e])
-        if p.rotational_drag and not p.only_interactions:
-            load.spinning[e] = spin_drag(inertia[e], radius[e], p.ocean_scale)
+        floor_spin[e] = media[e, SEA_FLOOR, SPIN_LINEAR]
+        if load.surrounded:
+            load.spinning[e] = media[e, WATER, SPIN_QUADRATIC]
 
 
 def touching_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> Touching:

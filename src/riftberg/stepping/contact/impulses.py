@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
 from riftberg.stepping.bodies.rigid_bodies import solve_three
-from riftberg.stepping.forces.interactions import COLLISION, PairLaw, pair_terms, stiffness_and_reach
+from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_terms, stiffness_and_reach
 
 CONTACT_PHASE: Final = 1.0
 """Largest sub-step times frequency of the springs of contact, rad."""

@@ -30,8 +30,8 @@ from riftberg.stepping.contact.impulses import (
     lever,
     lever_speed,
 )
-from riftberg.stepping.forces.interactions import PairLaw
 from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR
+from riftberg.stepping.forces.pair_law import PairLaw
 
 FRESH: Final = 1.0 / 32.0
 """Part of the step after which forces of the media are found anew at the velocities of the moment; between, they are linear."""

@@ -16,8 +16,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.bodies.rigid_bodies import BodyMotion, Loading, add_forces, add_totals_and_slopes
 from riftberg.stepping.contact.island_step import cross_islands
-from riftberg.stepping.forces.interactions import pair_law
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 

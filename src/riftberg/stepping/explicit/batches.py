@@ -11,7 +11,7 @@ from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
 from riftberg.stepping.contact.candidates import Neighbourhood
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs
-from riftberg.stepping.explicit.springs import allocate_room
+from riftberg.stepping.explicit.substeps import allocate_workspace
 from riftberg.stepping.forces.media import Surroundings
 from riftberg.stepping.run_state import RunState
 
@@ -21,16 +21,16 @@ class Batch:
 
     def __init__(self, run: RunState, rows: Ints | None) -> None:
         self.rows = rows
-        # Rows that follow one another are looked at where they stand; others are copied out and back.
+        # Rows that follow one another are views into the state; others are copied out and back.
         self._block = None if rows is None or rows[-1] - rows[0] + 1 != rows.size else slice(rows[0], rows[-1] + 1)
         self._bond_rows: Ints = np.zeros(0, np.int64)
         self.near = Neighbourhood()
         self._inside = 0
-        self.take(run)
-        self.room = allocate_room(self.elements, self.bonds)
+        self.gather(run)
+        self.work = allocate_workspace(self.elements, self.bonds)
 
-    def take(self, run: RunState) -> None:
-        """Take the state of a run."""
+    def gather(self, run: RunState) -> None:
+        """Copy its elements and bonds from the state of a run."""
         if self.rows is None:
             self.elements, self.bonds = run.elements, run.bonds
         else:
@@ -40,28 +40,28 @@ class Batch:
         """Return what acts on its elements."""
         if self.rows is None:
             return of_all
-        mine = self.rows if self._block is None else self._block
+        rows = self.rows if self._block is None else self._block
         return Surroundings(
-            **{name: values if name == "acts" else values[mine] for name, values in of_all._asdict().items()}
+            **{name: values if name == "acts" else values[rows] for name, values in of_all._asdict().items()}
         )
 
-    def give(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
-        """Give the state, and the forces that were applied, back to the run."""
+    def scatter(self, run: RunState, around: Surroundings, of_all: Surroundings) -> None:
+        """Copy its elements and bonds, and the forces that were applied, back to the run."""
         if self.rows is not None:
             put_back(run.elements, run.bonds, self.rows, self._bond_rows, self.elements, self.bonds, self._block)
             if self._block is None:
                 of_all.applied[self.rows] = around.applied
 
-    def add_meetings(self, first: Ints, second: Ints) -> None:
+    def add_candidates(self, first: Ints, second: Ints) -> None:
         """List the pairs of different bergs that may come into contact, behind those inside bergs."""
-        pairs = self.room.pairs
-        used = int(pairs.count[0])
+        pairs = self.work.pairs
+        used = int(pairs.used[0])
         self._inside = used
         if self.rows is not None:
             place = np.full(int(max(self.rows.max(), first.max(initial=0), second.max(initial=0))) + 1, -1, np.int64)
             place[self.rows] = np.arange(self.rows.size)
-            mine = place[first] >= 0
-            first, second = place[first[mine]], place[second[mine]]
+            inside = place[first] >= 0
+            first, second = place[first[inside]], place[second[inside]]
         if first.size == 0:
             return
         # Bonds that break in the sub-steps are listed behind them.
@@ -69,16 +69,16 @@ class Batch:
             bigger = allocate_pairs(2 * (used + first.size + self.bonds.first.size))
             for old, new in zip(pairs[:3], bigger[:3], strict=True):
                 new[:used] = old[:used]
-            self.room = self.room._replace(pairs=bigger)
+            self.work = self.work._replace(pairs=bigger)
             pairs = bigger
         block = slice(used, used + first.size)
         pairs.first[block], pairs.second[block], pairs.bond[block] = first, second, OTHER_BERGS
-        pairs.count[0] = used + first.size
+        pairs.used[0] = used + first.size
 
     def touched(self) -> tuple[Ints, Ints]:
         """Return the rows (of the run) of the pairs of different bergs that have touched in the sub-steps."""
-        pairs = self.room.pairs
-        count = int(pairs.count[0])
+        pairs = self.work.pairs
+        count = int(pairs.used[0])
         k = np.flatnonzero(pairs.bond[self._inside : count] == TOUCHED) + self._inside
         first, second = pairs.first[k], pairs.second[k]
         return (first, second) if self.rows is None else (self.rows[first], self.rows[second])

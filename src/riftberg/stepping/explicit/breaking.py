@@ -1,4 +1,10 @@
-"""Breaking of bonds inside a sub-step, and what a broken bond does until its ends part (equations 7.2, 5.5)."""
+"""Damage and breaking of bonds inside a sub-step, and the contact of broken bonds and of bergs (equations 7.2, 5.5).
+
+Damage grows in the sub-steps, where stresses are found and tested, and before the test: stresses in a lattice ring with
+periods of minutes, and a long step that looked only at its end would see one phase of that. The limits in the tiles hold
+what is left of the strengths, so the test itself does not change. Where no bond is above the threshold, which is most of
+the time with a threshold of some tenths, nothing but one vectorised loop is run.
+"""
 
 from __future__ import annotations
 
@@ -7,160 +13,229 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel, stage
+from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import normal_force
+from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
 from riftberg.physics.fracture import exceeds
 from riftberg.physics.geometry import same_axes, separation
-from riftberg.state import Ints
-from riftberg.stepping.explicit import bond_blocks as row
-from riftberg.stepping.forces.interactions import COLLISION, SAME_BERG_CONTACT, pair_terms
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import PairList
+from riftberg.stepping.explicit import tiles as tile
+from riftberg.stepping.explicit.tiles import BondTiles
+from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
+from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.fracture.strengths import limits_left
 
 OTHER_BERGS, TOUCHED = -2, -3
 """What stands for a bond in pairs of elements of two bergs."""
 
 
 class ContactPairs(NamedTuple):
-    """Pairs of one berg that may touch in the sub-steps: ends of broken bonds, or candidates of a search.
-
-    ``count[0]`` of the rows are in use. ``bond`` is the number of the bond between both (as long as it is unbroken they
-    do not touch), or -1; `OTHER_BERGS` for elements of two bergs, and `TOUCHED` once they have touched in this long step.
-    """
+    """Pairs that may touch in the sub-steps."""
 
     first: Ints
     second: Ints
+    # Of pairs of one berg, the bond that joins both (they do not touch as long as it is intact) or -1. `OTHER_BERGS` for
+    # elements of two bergs, and `TOUCHED` once they have touched in this long step
     bond: Ints
-    count: Ints
+    used: Ints  # How many rows are in use, in ``used[0]``
 
 
 def allocate_pairs(size: int) -> ContactPairs:
-    """Return room for ``size`` pairs."""
-    return ContactPairs(*(np.zeros(size, np.int64) for _ in range(3)), np.zeros(1, np.int64))
+    """Return rows for ``size`` pairs."""
+    first, second, bond = np.zeros((3, size), np.int64)
+    return ContactPairs(first, second, bond, np.zeros(1, np.int64))
+
+
+@kernel
+def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList, bond_of: Ints) -> None:
+    """Fill ``pairs`` with the candidates of a search, each once, with the bond that still joins them or -1."""
+    k = 0
+    for e in range(candidates.start.size - 1):
+        for n in range(candidates.start[e], candidates.start[e + 1]):
+            c = candidates.partner[n]
+            if c <= e:
+                continue
+            pairs.first[k], pairs.second[k], pairs.bond[k] = e, c, -1
+            for q in range(bonded.start[e], bonded.start[e + 1]):
+                if bonded.partner[q] == c:
+                    pairs.bond[k] = bond_of[q]
+            k += 1
+    pairs.used[0] = k
+
+
+@kernel
+def grow_damage(bond: Floats, scratch: Floats, dt: float, p: KernelParameters) -> None:
+    """Let the damage of the intact bonds of a tile grow over ``dt`` (s), and lower their limits accordingly."""
+    threshold = p.damage_threshold
+    if count_loaded(bond, scratch, threshold) == 0:
+        return
+    for k in range(tile.LANES):
+        tension, shear = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
+        normal, sliding = bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k]
+        over = tension > threshold * normal or shear > threshold * sliding
+        if bond[tile.INTACT + k] == 0.0 or not over:
+            continue
+        ratio = stress_ratio(tension, shear, normal, sliding)
+        rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
+        damage = grown_damage(bond[tile.DAMAGE + k], rate, dt)
+        bond[tile.DAMAGE + k] = damage
+        bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k] = limits_left(
+            p.normal_strength, p.shear_strength, bond[tile.STRENGTH + k], damage
+        )
+
+
+@kernel
+def count_loaded(bond: Floats, scratch: Floats, threshold: float) -> int:
+    """Count the intact bonds of a tile whose stress is above this part of their strength.
+
+    Bonds without stress and strength, and those whose stress is not a number, are not among them.
+    """
+    count = 0  # a whole number, so that the loop vectorises
+    for k in range(tile.LANES):
+        torn = scratch[tile.NORMAL_STRESS + k] > threshold * bond[tile.NORMAL_LIMIT + k]
+        sheared = scratch[tile.SHEAR_STRESS + k] > threshold * bond[tile.SHEAR_LIMIT + k]
+        count += 1 if (torn | sheared) & (bond[tile.INTACT + k] > 0.0) else 0
+    return count
 
 
 @stage
-def break_overloaded(bond, block, sheet, ends, turned, bonds, aground, time):
-    """Break the bonds of a block that are overloaded: mark them, and replace their force.
+def break_overloaded(
+    bond_ids: Ints, bond: Floats, scratch: Floats, ends: Floats, rotation: Floats, bonds: Bonds, aground: Floats,
+    time: float,
+) -> int:  # fmt: skip
+    """Break the bonds of a tile that are overloaded: mark them, and replace their force.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
     """
     broken = 0
-    for k in range(row.LANES):
-        over = exceeds(
-            sheet[row.NORMAL_STRESS + k],
-            sheet[row.SHEAR_STRESS + k],
-            block[row.NORMAL_LIMIT + k],
-            block[row.SHEAR_LIMIT + k],
-            1.0,
-        )
-        if block[row.ALIVE + k] == 0.0 or not over:
+    for k in range(tile.LANES):
+        tension, shear = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
+        over = exceeds(tension, shear, bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k], 1.0)
+        if bond[tile.INTACT + k] == 0.0 or not over:
             continue
-        b = bond[k]
+        b = bond_ids[k]
         i, j = bonds.first[b], bonds.second[b]
-        note(bonds, b, block, sheet, k, turned)
+        store_bond(bonds, b, bond, scratch, k, rotation)
         bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
-        block[row.ALIVE + k] = 0.0
-        block[row.FX + k], block[row.FY + k] = _force_while_breaking(block, sheet, ends, k)
-        sheet[row.TORQUE1 + k] = block[row.TORQUE2 + k] = 0.0
+        bond[tile.INTACT + k] = 0.0
+        bond[tile.FX + k], bond[tile.FY + k] = _force_while_breaking(bond, scratch, ends, k)
+        scratch[tile.TORQUE1 + k] = bond[tile.TORQUE2 + k] = 0.0
         broken += 1
     return broken
 
 
 @kernel
-def record_breaks(rows, bonds, bond_count, pairs, time, keep_contact):
-    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, in order of row."""
-    for r in range(rows.bond.size):
-        b = rows.bond[r]
+def _force_while_breaking(bond: Floats, scratch: Floats, ends: Floats, k: int) -> tuple[float, float]:
+    """Normal force and damping (N) of a bond that fails in shear under compression; zero otherwise."""
+    if scratch[tile.NORMAL_STRESS + k] >= 0.0:
+        return 0.0, 0.0
+    damping, half = bond[tile.DAMPING + k], scratch[tile.HALF + k]
+    u1, v1, u2, v2 = ends[tile.U + k], ends[tile.V + k], scratch[tile.U + k], scratch[tile.V + k]
+    du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), scratch[tile.TURN + k])
+    push = normal_force(bond[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], half)
+    return push * scratch[tile.NX + k] - damping * du, push * scratch[tile.NY + k] - damping * dv
+
+
+@kernel
+def record_breaks(
+    tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
+) -> None:
+    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, in order of lane."""
+    for r in range(tiles.bond_ids.size):
+        b = tiles.bond_ids[r]
         if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
             continue
         i, j = bonds.first[b], bonds.second[b]
         bond_count[i] -= 1
         bond_count[j] -= 1
         if keep_contact:
-            n = pairs.count[0]
+            n = pairs.used[0]
             pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
-            pairs.count[0] = n + 1
+            pairs.used[0] = n + 1
 
 
 @kernel
-def note(bonds, b, block, sheet, k, turned):
-    """Write to the state what bond ``b`` in lane ``k`` bears now."""
-    slip = block[row.SLIP + k]
-    bonds.shear_x[b], bonds.shear_y[b] = -slip * sheet[row.NY + k], slip * sheet[row.NX + k]
-    bonds.normal_stress[b], bonds.shear_stress[b] = sheet[row.NORMAL_STRESS + k], sheet[row.SHEAR_STRESS + k]
-    bonds.bond_length[b], bonds.peak_stress[b] = sheet[row.LENGTH + k], block[row.PEAK_STRESS + k]
-    bonds.relative_rotation[b] += turned[bonds.first[b]] - turned[bonds.second[b]]
-    bonds.damage[b] = block[row.DAMAGE + k]
+def store_bonds(bond_ids: Ints, bonds: Bonds, bond: Floats, scratch: Floats, rotation: Floats) -> None:
+    """Write stresses, slip and length of the bonds of a tile to the state; broken ones keep those at which they broke."""
+    for k in range(tile.LANES):
+        if bond[tile.INTACT + k] > 0.0:
+            store_bond(bonds, bond_ids[k], bond, scratch, k, rotation)
 
 
 @kernel
-def note_all(bond, bonds, block, sheet, turned):
-    """Write to the state what the bonds of a block bear; of those that broke in this long step it keeps what held then."""
-    for k in range(row.LANES):
-        if block[row.ALIVE + k] > 0.0:
-            note(bonds, bond[k], block, sheet, k, turned)
-
-
-@kernel
-def _force_while_breaking(block, sheet, ends, k):
-    """Normal force and damping (N) of a bond that fails in shear under compression; zero otherwise."""
-    if sheet[row.NORMAL_STRESS + k] >= 0.0:
-        return 0.0, 0.0
-    damping = block[row.DAMPING + k]
-    u1, v1, u2, v2 = ends[row.U + k], ends[row.V + k], sheet[row.U + k], sheet[row.V + k]
-    du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), sheet[row.TURN + k])
-    push = normal_force(block[row.MODULUS + k], sheet[row.WIDTH + k], sheet[row.THICKNESS + k], sheet[row.HALF + k])
-    return push * sheet[row.NX + k] - damping * du, push * sheet[row.NY + k] - damping * dv
+def store_bond(bonds: Bonds, b: int, bond: Floats, scratch: Floats, k: int, rotation: Floats) -> None:
+    """Write stresses, slip and length of bond ``b`` in lane ``k`` to the state."""
+    slip = bond[tile.SLIP + k]
+    bonds.shear_x[b], bonds.shear_y[b] = -slip * scratch[tile.NY + k], slip * scratch[tile.NX + k]
+    bonds.normal_stress[b], bonds.shear_stress[b] = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
+    bonds.bond_length[b], bonds.peak_stress[b] = scratch[tile.LENGTH + k], bond[tile.PEAK_STRESS + k]
+    bonds.relative_rotation[b] += rotation[bonds.first[b]] - rotation[bonds.second[b]]
+    bonds.damage[b] = bond[tile.DAMAGE + k]
 
 
 @stage
-def add_contacts(pairs, status, el, sizes, law, ax, ay, search, max_bonds, skip_full, dt):
+def add_contacts(
+    pairs: ContactPairs, status: Ints, el: Elements, sizes: Sizes, law: PairLaw, ax: Floats, ay: Floats,
+    by_search: bool, max_bonds: int, skip_full: bool, dt: float,
+) -> None:  # fmt: skip
     """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
-    ``dt``: sub-step (s) by which damping is softened.
+    ``dt``: sub-step (s) by which damping is softened. With ``by_search`` an element with all its bonds touches no other of
+    its berg; ``skip_full`` says that this holds for the one that is pushed too.
     """
     first, second, bond = pairs.first, pairs.second, pairs.bond
     x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count
     u, v, u_shown, v_shown = el.motion.u, el.motion.v, el.shown.u_pair, el.shown.v_pair
     radius, mass, own_radius, own_mass = sizes.bond_radius, sizes.bond_mass, sizes.radius, sizes.mass
-    for k in range(pairs.count[0]):
+    for k in range(pairs.used[0]):
         i, j = first[k], second[k]
-        if search and bond[k] >= 0 and status[bond[k]] == 0:
+        if by_search and bond[k] >= 0 and status[bond[k]] == 0:
             continue
         rx, ry = separation(x[i], y[i], x[j], y[j], law.latlon, law.earth_radius, law.period)
-        apart = bond[k] <= OTHER_BERGS
-        radii = own_radius[i] + own_radius[j] if apart else radius[i] + radius[j]
-        reach = max(radii, law.contact_distance) if apart else radii
+        two_bergs = bond[k] <= OTHER_BERGS
+        radii = own_radius[i] + own_radius[j] if two_bergs else radius[i] + radius[j]
+        reach = max(radii, law.contact_distance) if two_bergs else radii
         if rx * rx + ry * ry >= reach * reach:
             continue
-        if apart:
+        on_first = on_second = True
+        if two_bergs:
             bond[k] = TOUCHED
-        for end in range(2):
-            e, c = (i, j) if end == 0 else (j, i)
-            looks = not (skip_full and bond_count[e] == max_bonds) and bond_count[c] < max_bonds
-            if search and not looks and not apart:
-                continue
-            s = 1.0 if end == 0 else -1.0
-            m1, m2 = (own_mass[e], own_mass[c]) if apart else (mass[e], mass[c])
-            ix, iy = contact_acceleration(
-                COLLISION if apart else SAME_BERG_CONTACT, e, c, s * rx, s * ry, radii, u, v, u_shown, v_shown, m1, m2,
-                law, dt * max_bonds,
-            )  # fmt: skip
-            ax[e] += ix
-            ay[e] += iy
+            kind, m1, m2 = COLLISION, own_mass[i], own_mass[j]
+        else:
+            kind, m1, m2 = SAME_BERG_CONTACT, mass[i], mass[j]
+            if by_search:
+                full_first, full_second = bond_count[i] == max_bonds, bond_count[j] == max_bonds
+                on_first = not (skip_full and full_first) and bond_count[j] < max_bonds
+                on_second = not (skip_full and full_second) and bond_count[i] < max_bonds
+        add_contact(
+            kind, i, j, rx, ry, radii, u, v, u_shown, v_shown, m1, m2, law, dt * max_bonds, on_first, on_second, ax, ay
+        )
 
 
 @stage
-def contact_acceleration(kind, e, c, rx, ry, radii, u, v, u_shown, v_shown, m1, m2, law, span):
-    """Acceleration (m s-2) of element e by its contact with c of the same berg, or of another: spring and damper.
+def add_contact(
+    kind: int, i: int, j: int, rx: float, ry: float, radii: float, u: Floats, v: Floats, u_shown: Floats,
+    v_shown: Floats, m1: float, m2: float, law: PairLaw, span: float, on_first: bool, on_second: bool, ax: Floats,
+    ay: Floats,
+) -> None:  # fmt: skip
+    """Add the accelerations (m s-2) by spring and damper of elements i and j, which touch: on i, on j, or on both.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
-    du, dv = u_shown[c] - u[e], v_shown[c] - v[e]
-    ix, iy, p11, p12, p22 = pair_terms(kind, rx, ry, radii, min(m1, m2) / m1, du, dv, du, dv, law)
-    wu, wv = u_shown[c] - u_shown[e], v_shown[c] - v_shown[e]
-    soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m1 / min(m1, m2)))
-    return ix + soft * (p11 * wu + p12 * wv), iy + soft * (p12 * wu + p22 * wv)
+    for end in range(2):  # one loop and not two calls, each of which would be compiled for itself
+        if not (on_first if end == 0 else on_second):
+            continue
+        e, c, sign, m_e, m_c = (i, j, 1.0, m1, m2) if end == 0 else (j, i, -1.0, m2, m1)
+        du, dv = u_shown[c] - u[e], v_shown[c] - v[e]
+        least = min(m_e, m_c)
+        ix, iy, p11, p12, p22 = pair_terms(kind, sign * rx, sign * ry, radii, least / m_e, du, dv, du, dv, law)
+        wu, wv = u_shown[c] - u_shown[e], v_shown[c] - v_shown[e]
+        soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m_e / least))
+        ax[e] += ix + soft * (p11 * wu + p12 * wv)
+        ay[e] += iy + soft * (p12 * wu + p22 * wv)

@@ -1,8 +1,9 @@
 """Bergs of one element each that meet: sub-steps of their contacts alone (equations 6.4, part 3).
 
 Such bergs need no bond law. Those that may meet each other in a long step, directly or by way of others, make an island,
-and each island takes as many sub-steps as the stiffest of its contacts asks. While nothing touches and no force acts in the
-sub-steps, its bergs go straight, and many sub-steps are taken at once.
+and each island takes as many sub-steps as the stiffest of its contacts needs: in a field of thousands of bergs most islands
+are pairs that never touch. While nothing touches and no force acts in the sub-steps, its bergs go straight, and many sub-steps
+are taken at once.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
-from riftberg.physics.geometry import fast_cos_latitude, separation
-from riftberg.physics.grounding import grounding_spin_rate
+from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
 from riftberg.stepping.contact.groups import substeps_of_contact
-from riftberg.stepping.explicit.breaking import contact_acceleration
-from riftberg.stepping.forces.interactions import COLLISION, PairLaw, pair_law
-from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
+from riftberg.stepping.explicit.breaking import add_contact
+from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, drifted, floor_rate_at, kicked, mid_step_velocity
+from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, SPIN_LINEAR, Surroundings
+from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_law
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.run_state import RunState
@@ -32,177 +33,122 @@ from riftberg.stepping.run_state import RunState
 EARLY: Final = 0.02
 """Part of the distance between two bergs that is left to sub-steps: their paths are not quite straight in degrees."""
 
-(
-    X, Y, EAST, NORTH, SEEN_EAST, SEEN_NORTH, AX, AY, BX, BY, MOVES, RADIUS, MASS, LINEAR_RATE, QUADRATIC_RATE, TURNING,
-    PUSH_EAST, PUSH_NORTH, SPIN, TURNED, STOPPED_EAST, STOPPED_NORTH, NEW_AX, NEW_AY,
-) = range(24)  # fmt: skip
-"""Rows of the table of an island, one column for each berg: place, velocity, what others see, fast accelerations (explicit
-and implicit), 1 where it moves, radius, mass, drag of the sea floor (linear, quadratic, rotational), loads, spin and angle
-turned, sums of the decelerations by the sea floor, and the accelerations of this sub-step."""
+# Rows of the table of an island, one column for each berg. Place (units of the grid) and velocity (m s-1), the velocity that pair
+# forces see, inner accelerations before this sub-step, explicit and implicit, and in it (m s-2)
+X, Y, U, V, U_PAIR, V_PAIR, AX, AY, BX, BY, NEW_AX, NEW_AY = range(12)
+# 1 where it moves, radius (m), mass (kg); drag of the sea floor: linear (s-1), quadratic (m-1), on the spin (s-1)
+MOVES, RADIUS, MASS, FLOOR_LINEAR, FLOOR_QUADRATIC, FLOOR_SPIN = range(12, 18)
+# Acceleration by steady loads (m s-2), spin (s-1) and angle (rad), sum of the accelerations by the sea floor (m s-2)
+LOAD_X, LOAD_Y, SPIN, ANGLE, FLOOR_IMPULSE_X, FLOOR_IMPULSE_Y = range(18, 24)
+ROWS: Final = 24
 
 
 class Islands(NamedTuple):
-    """Bergs of one element that may meet, island by island.
+    """Bergs of one element that may meet, island by island."""
 
-    ``rows`` are their elements, those of island k from ``start[k]`` to ``start[k + 1]``; ``first`` and ``second`` are
-    places in ``rows`` of the pairs that may meet, those of island k from ``pair_start[k]``. ``substeps`` are those of
-    each island.
-    """
-
-    rows: Ints
+    rows: Ints  # Their elements: those of island k from ``start[k]`` to before ``start[k + 1]``
     start: Ints
-    first: Ints
+    first: Ints  # Pairs that may meet, as places in ``rows``: those of island k from ``pair_start[k]``
     second: Ints
     pair_start: Ints
-    substeps: Ints
+    substeps: Ints  # Of each island
 
 
-def find_islands(
-    run: RunState, sizes: Sizes, first: Ints, second: Ints, polar_latitude: float
-) -> tuple[Islands | None, NDArray[np.bool_]]:
+def find_islands(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> tuple[Islands | None, NDArray[np.bool_]]:
     """Find the islands among the pairs that may come into contact, and which of the pairs are in none.
 
-    ``polar_latitude``: bergs north of it (degrees) are left to the general sub-steps.
+    Left to the general sub-steps is what has a berg of several elements in it, or comes near the pole.
     """
     el = run.elements
-    others = np.ones(first.size, np.bool_)
     if first.size == 0 or run.parameters.compatibility.bergs_coupled:
+        return None, np.ones(first.size, np.bool_)
+    numbers, berg = numbered(el.body.berg)
+    group = connected_parts(numbers.size, berg[first], berg[second], np.zeros(first.size, np.int64))[berg]
+    unfit = np.bincount(berg)[berg] > 1
+    if run.constants.latlon:
+        unfit |= el.place.lat > POLAR_LATITUDE
+    general = np.zeros(numbers.size, np.bool_)
+    general[group[unfit]] = True
+    others = general[group[first]]
+    if others.all():
         return None, others
-    _, berg = numbered(el.body.berg)
-    polar = polar_latitude if run.constants.latlon else np.inf
-    others, some, *found = _find_islands(berg, int(berg.max()) + 1, el.place.lat, polar, first, second)
-    if some.size == 0:
-        return None, others
-    islands = Islands(*found, np.zeros(0, np.int64))
-    most = np.maximum.reduceat(substeps_of_contact(run, sizes, first[some], second[some]), islands.pair_start[:-1])
-    return islands._replace(substeps=np.maximum(most, el.body.substeps[islands.rows[islands.start[:-1]]])), others
+    # By island, and within one in the order of the rows: what happens elsewhere has no say in the order of sums.
+    pairs = np.flatnonzero(~others)
+    pairs = pairs[np.argsort(group[first[pairs]], kind="stable")]
+    meets = np.zeros(el.size, np.bool_)
+    meets[first[pairs]] = meets[second[pairs]] = True
+    rows = np.flatnonzero(meets)
+    rows = rows[np.argsort(group[rows], kind="stable")]
+    start = np.flatnonzero(np.diff(group[rows], prepend=-1))
+    pair_start = np.searchsorted(group[first[pairs]], group[rows[start]])
+    place = np.empty(el.size, np.int64)
+    place[rows] = np.arange(rows.size)
+    needed = np.maximum.reduceat(substeps_of_contact(run, sizes, first[pairs], second[pairs]), pair_start)
+    substeps = np.maximum(needed, el.body.substeps[rows[start]])
+    islands = Islands(
+        rows, np.append(start, rows.size), place[first[pairs]], place[second[pairs]], np.append(pair_start, pairs.size),
+        substeps,
+    )  # fmt: skip
+    return islands, others
 
 
-@kernel
-def _find_islands(
-    berg: Ints, count: int, lat: Floats, polar: float, first: Ints, second: Ints
-) -> tuple[NDArray[np.bool_], Ints, Ints, Ints, Ints, Ints, Ints]:
-    """Return which pairs are in no island, those that are, island by island, and the first five fields of `Islands`.
-
-    ``berg`` are numbers below ``count``, of each element. By island, and within one in the order of the rows: what
-    happens elsewhere has no say.
-    """
-    group = connected_parts(count, berg[first], berg[second], np.zeros(first.size, np.int64))
-    size, general = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    for e in range(berg.size):
-        size[berg[e]] += 1
-        if size[berg[e]] > 1 or lat[e] > polar:
-            general[group[berg[e]]] = True
-    others, meets = np.zeros(first.size, np.bool_), np.zeros(berg.size, np.bool_)
-    pairs, rows = np.zeros(count + 1, np.int64), np.zeros(count + 1, np.int64)
-    for k in range(first.size):
-        g = group[berg[first[k]]]
-        others[k] = general[g]
-        if not others[k]:
-            pairs[g + 1] += 1
-            meets[first[k]] = meets[second[k]] = True
-    for e in range(berg.size):
-        if meets[e]:
-            rows[group[berg[e]] + 1] += 1
-    islands = 0
-    for g in range(count):
-        if rows[g + 1] > 0:
-            islands += 1
-    start, pair_start = np.zeros(islands + 1, np.int64), np.zeros(islands + 1, np.int64)
-    islands = 0
-    for g in range(count):
-        islands += 1 if rows[g + 1] > 0 else 0
-        rows[g + 1] += rows[g]
-        pairs[g + 1] += pairs[g]
-        start[islands], pair_start[islands] = rows[g + 1], pairs[g + 1]
-    # From here on `rows` and `pairs` tell where the next one of each group goes.
-    row, place = np.empty(rows[count], np.int64), np.empty(berg.size, np.int64)
-    for e in range(berg.size):
-        if meets[e]:
-            g = group[berg[e]]
-            row[rows[g]], place[e] = e, rows[g]
-            rows[g] += 1
-    some = np.empty(pairs[count], np.int64)
-    one, other = np.empty(pairs[count], np.int64), np.empty(pairs[count], np.int64)
-    for k in range(first.size):
-        if not others[k]:
-            g = group[berg[first[k]]]
-            some[pairs[g]], one[pairs[g]], other[pairs[g]] = k, place[first[k]], place[second[k]]
-            pairs[g] += 1
-    return others, some, row, start, one, other, pair_start
-
-
-def collide(
+def take_substeps_of_islands(
     el: Elements, islands: Islands, sizes: Sizes, around: Surroundings, dt: float, starting: bool, p: KernelParameters
 ) -> tuple[Ints, Ints]:
-    """Take the sub-steps of the islands; returns the rows of the pairs that have touched.
-
-    ``dt``: long step, s.
-    """
+    """Take the sub-steps of the islands in a long step of ``dt`` seconds; returns the rows of the pairs that have touched."""
     body = el.body
-    touched = _collide(
-        *islands, el.place, el.shown, el.motion, el.kicks, body.static, body.thickness, el.environment.depth, body.load_x,
-        body.load_y, sizes.radius, sizes.mass, sizes.bond_radius, sizes.bond_mass, around.media, around.applied, dt,
-        starting and p.bonds_on, p,
+    touched = _take_all(
+        *islands, el.place, el.shown, el.motion, el.kicks, body.static, body.load_x, body.load_y, sizes.radius, sizes.mass,
+        sizes.bond_mass, around.media, around.applied, dt, starting and p.bonds_on, p,
     )  # fmt: skip
     return islands.rows[islands.first[touched]], islands.rows[islands.second[touched]]
 
 
 @kernel
-def _collide(
+def _take_all(
     rows: Ints, start: Ints, first: Ints, second: Ints, pair_start: Ints, substeps: Ints, place: Place, shown: Shown,
-    motion: Motion, kicks: Kicks, static: Floats, thickness: Floats, depth: Floats, load_x: Floats, load_y: Floats,
-    radius: Floats, mass: Floats, bond_radius: Floats, bond_mass: Floats, media: Floats, applied: Floats, dt: float,
-    starting: bool, p: KernelParameters,
+    motion: Motion, kicks: Kicks, static: Floats, load_x: Floats, load_y: Floats, radius: Floats, mass: Floats,
+    bond_mass: Floats, media: Floats, applied: Floats, dt: float, starting: bool, p: KernelParameters,
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """Return which pairs have touched; see `collide`."""
+    """Gather each island into a table, take its sub-steps, scatter it; returns which pairs have touched."""
     touched = np.zeros(first.size, np.bool_)
     law = pair_law(p)
     for k in range(start.size - 1):
         begin = start[k]
-        b = np.zeros((NEW_AY + 1, start[k + 1] - begin))
+        b = np.zeros((ROWS, start[k + 1] - begin))
         for e in range(b.shape[1]):
             q = rows[begin + e]
-            _take(b, e, q, place, shown, motion, kicks)
+            b[X, e], b[Y, e], b[U, e], b[V, e] = place.lon[q], place.lat[q], motion.u[q], motion.v[q]
+            b[U_PAIR, e], b[V_PAIR, e] = shown.u_pair[q], shown.v_pair[q]
+            b[AX, e], b[AY, e], b[BX, e], b[BY, e] = (
+                kicks.ax_fast[q],
+                kicks.ay_fast[q],
+                kicks.bx_fast[q],
+                kicks.by_fast[q],
+            )
+            b[SPIN, e], b[ANGLE, e] = motion.spin[q], motion.rotation[q]
             b[MOVES, e], b[RADIUS, e], b[MASS, e] = 1.0 if static[q] < 0.5 else 0.0, radius[q], mass[q]
             if p.ground_on_substeps:
-                b[LINEAR_RATE, e], b[QUADRATIC_RATE, e] = media[q, SEA_FLOOR, LINEAR], media[q, SEA_FLOOR, QUADRATIC]
+                b[FLOOR_LINEAR, e], b[FLOOR_QUADRATIC, e] = media[q, SEA_FLOOR, LINEAR], media[q, SEA_FLOOR, QUADRATIC]
             if p.dem:
                 per_mass = 1.0 / bond_mass[q]
-                b[PUSH_EAST, e], b[PUSH_NORTH, e] = load_x[q] * per_mass, load_y[q] * per_mass
-            if p.dem and p.ground_torque:
-                fraction = grounded_part(thickness[q], depth[q], p)
-                b[TURNING, e] = grounding_spin_rate(p.ground_coefficient, bond_radius[q], bond_mass[q], fraction)
+                b[LOAD_X, e], b[LOAD_Y, e] = load_x[q] * per_mass, load_y[q] * per_mass
+                b[FLOOR_SPIN, e] = media[q, SEA_FLOOR, SPIN_LINEAR]
         some = slice(pair_start[k], pair_start[k + 1])
         _take_substeps(b, first[some] - begin, second[some] - begin, touched[some], dt, substeps[k], starting, law, p)
         for e in range(b.shape[1]):
             q = rows[begin + e]
-            _give(b, e, q, place, shown, motion, kicks, p.iterate)
+            place.lon[q], place.lat[q], motion.u[q], motion.v[q] = b[X, e], b[Y, e], b[U, e], b[V, e]
+            shown.lon_pair[q], shown.lat_pair[q] = b[X, e], b[Y, e]
+            shown.u_pair[q], shown.v_pair[q] = b[U_PAIR, e], b[V_PAIR, e]
+            kicks.ax_fast[q], kicks.ay_fast[q] = b[AX, e], b[AY, e]
+            if p.iterate:
+                kicks.ax[q], kicks.ay[q] = b[AX, e], b[AY, e]
+            motion.spin[q], motion.rotation[q] = b[SPIN, e], b[ANGLE, e]
             if p.ground_on_substeps:
-                applied[q, SEA_FLOOR, 0] = b[STOPPED_EAST, e] / substeps[k]
-                applied[q, SEA_FLOOR, 1] = b[STOPPED_NORTH, e] / substeps[k]
+                applied[q, SEA_FLOOR, 0] = b[FLOOR_IMPULSE_X, e] / substeps[k]
+                applied[q, SEA_FLOOR, 1] = b[FLOOR_IMPULSE_Y, e] / substeps[k]
     return touched
-
-
-@stage
-def _take(b, e, q, place, shown, motion, kicks):
-    """Take place and motion of the element in row ``q`` into the table."""
-    b[X, e], b[Y, e], b[EAST, e], b[NORTH, e] = place.lon[q], place.lat[q], motion.u[q], motion.v[q]
-    b[SEEN_EAST, e], b[SEEN_NORTH, e] = shown.u_pair[q], shown.v_pair[q]
-    b[AX, e], b[AY, e], b[BX, e], b[BY, e] = kicks.ax_fast[q], kicks.ay_fast[q], kicks.bx_fast[q], kicks.by_fast[q]
-    b[SPIN, e], b[TURNED, e] = motion.spin[q], motion.rotation[q]
-
-
-@stage
-def _give(b, e, q, place, shown, motion, kicks, remember):
-    """Write place and motion from the table into row ``q``."""
-    place.lon[q], place.lat[q], motion.u[q], motion.v[q] = b[X, e], b[Y, e], b[EAST, e], b[NORTH, e]
-    shown.lon_pair[q], shown.lat_pair[q] = b[X, e], b[Y, e]
-    shown.u_pair[q], shown.v_pair[q] = b[SEEN_EAST, e], b[SEEN_NORTH, e]
-    kicks.ax_fast[q], kicks.ay_fast[q] = b[AX, e], b[AY, e]
-    if remember:
-        kicks.ax[q], kicks.ay[q] = b[AX, e], b[AY, e]
-    motion.spin[q], motion.rotation[q] = b[SPIN, e], b[TURNED, e]
 
 
 @kernel
@@ -213,17 +159,18 @@ def _take_substeps(
     """Take the sub-steps of one island, many at once while its bergs go free."""
     h = dt / substeps
     forced = False
-    for k in (BX, BY, LINEAR_RATE, QUADRATIC_RATE, TURNING, PUSH_EAST, PUSH_NORTH):
+    for k in (BX, BY, FLOOR_LINEAR, FLOOR_QUADRATIC, FLOOR_SPIN, LOAD_X, LOAD_Y):
         forced = forced or b[k].any()
     if starting:
+        # One evaluation without moving, so that the first sub-step has its first half kick.
         _accelerate(b, first, second, touched, 0.0, law, p.max_bonds)
         for e in range(b.shape[1]):
-            rate = 0.0 if p.ground_implicit else b[LINEAR_RATE, e]
-            b[AX, e] = b[MOVES, e] * (b[NEW_AX, e] - rate * b[EAST, e])
-            b[AY, e] = b[MOVES, e] * (b[NEW_AY, e] - rate * b[NORTH, e])
-            b[STOPPED_EAST, e] -= 0.5 * b[MOVES, e] * rate * b[EAST, e]
-            b[STOPPED_NORTH, e] -= 0.5 * b[MOVES, e] * rate * b[NORTH, e]
-            b[TURNED, e] += b[MOVES, e] * h * b[SPIN, e] if p.dem else 0.0
+            moves, rate = b[MOVES, e], 0.0 if p.ground_implicit else b[FLOOR_LINEAR, e]
+            b[AX, e] = moves * (b[NEW_AX, e] - rate * b[U, e])
+            b[AY, e] = moves * (b[NEW_AY, e] - rate * b[V, e])
+            b[FLOOR_IMPULSE_X, e] -= 0.5 * moves * rate * b[U, e]
+            b[FLOOR_IMPULSE_Y, e] -= 0.5 * moves * rate * b[V, e]
+            b[ANGLE, e] += moves * h * b[SPIN, e] if p.dem else 0.0
     left = substeps
     while left > 0:
         taken = 1
@@ -236,18 +183,19 @@ def _take_substeps(
 
 
 @stage
-def _free_substeps(b, first, second, h, left, p):
+def _free_substeps(b: Floats, first: Ints, second: Ints, h: float, left: int, p: KernelParameters) -> int:
     """Number of sub-steps, at least one, until two bergs nearly touch; they all go straight."""
     soonest = h * left
     for k in range(first.size):
         i, j = first[k], second[k]
         rx, ry = separation(b[X, i], b[Y, i], b[X, j], b[Y, j], p.latlon, p.earth_radius, p.period)
-        du = b[MOVES, i] * b[EAST, i] - b[MOVES, j] * b[EAST, j]
-        dv = b[MOVES, i] * b[NORTH, i] - b[MOVES, j] * b[NORTH, j]
+        du = b[MOVES, i] * b[U, i] - b[MOVES, j] * b[U, j]
+        dv = b[MOVES, i] * b[V, i] - b[MOVES, j] * b[V, j]
         reach = max(b[RADIUS, i] + b[RADIUS, j], p.contact_distance)
         distance, closing, squared = math.sqrt(rx * rx + ry * ry), rx * du + ry * dv, du * du + dv * dv
         if distance <= reach:
             return 1
+        # The smaller root of |r + v t| = near, where both are that near at all.
         near = reach + EARLY * (distance - reach)
         inside = closing * closing - squared * (distance * distance - near * near)
         if closing < 0.0 and inside > 0.0:
@@ -256,24 +204,24 @@ def _free_substeps(b, first, second, h, left, p):
 
 
 @stage
-def _drift(b, step, p):
-    """Move the bergs by their mid-step velocity, as `riftberg.stepping.explicit.springs.drift`."""
+def _drift(b: Floats, step: float, p: KernelParameters) -> None:
+    """Move the bergs by their mid-step velocity over ``step`` seconds (equations 6.4, 3a)."""
     along = step * (1.0 / (DEGREE * p.earth_radius if p.latlon else 1.0))
     to_degrees = 1.0 if p.latlon else 0.0
     for e in range(b.shape[1]):
         if b[MOVES, e] > 0.0:
-            b[SEEN_EAST, e] = b[EAST, e] + 0.5 * step * (b[AX, e] + b[BX, e])
-            b[SEEN_NORTH, e] = b[NORTH, e] + 0.5 * step * (b[AY, e] + b[BY, e])
-            b[X, e] += along * (b[SEEN_EAST, e] / fast_cos_latitude(to_degrees * b[Y, e]))
-            b[Y, e] += along * b[SEEN_NORTH, e]
+            wu, wv, _ = mid_step_velocity(b[U, e], b[V, e], b[AX, e], b[AY, e], b[BX, e], b[BY, e], 0.5 * step, False)
+            b[X, e], b[Y, e] = drifted(b[X, e], b[Y, e], wu, wv, along, to_degrees)
+            b[U_PAIR, e], b[V_PAIR, e] = wu, wv
 
 
 @stage
-def _accelerate(b, first, second, touched, soft_step, law, max_bonds):
-    """Find the accelerations of this sub-step: loads, and contact where bergs touch."""
+def _accelerate(
+    b: Floats, first: Ints, second: Ints, touched: NDArray[np.bool_], soft_step: float, law: PairLaw, max_bonds: int
+) -> None:
+    """Find the accelerations of this sub-step: contact where bergs touch, and loads."""
     b[NEW_AX] = 0.0
     b[NEW_AY] = 0.0
-    u, v, u_seen, v_seen = b[EAST], b[NORTH], b[SEEN_EAST], b[SEEN_NORTH]
     for k in range(first.size):
         i, j = first[k], second[k]
         rx, ry = separation(b[X, i], b[Y, i], b[X, j], b[Y, j], law.latlon, law.earth_radius, law.period)
@@ -282,35 +230,38 @@ def _accelerate(b, first, second, touched, soft_step, law, max_bonds):
         if rx * rx + ry * ry >= reach * reach:
             continue
         touched[k] = True
-        for end in range(2):
-            e, c, s = (i, j, 1.0) if end == 0 else (j, i, -1.0)
-            ix, iy = contact_acceleration(
-                COLLISION, e, c, s * rx, s * ry, radii, u, v, u_seen, v_seen, b[MASS, e], b[MASS, c], law,
-                soft_step * max_bonds,
-            )  # fmt: skip
-            b[NEW_AX, e] += ix
-            b[NEW_AY, e] += iy
+        add_contact(
+            COLLISION, i, j, rx, ry, radii, b[U], b[V], b[U_PAIR], b[V_PAIR], b[MASS, i], b[MASS, j], law,
+            soft_step * max_bonds, True, True, b[NEW_AX], b[NEW_AY],
+        )  # fmt: skip
     for e in range(b.shape[1]):
-        b[NEW_AX, e] += b[PUSH_EAST, e]
-        b[NEW_AY, e] += b[PUSH_NORTH, e]
+        b[NEW_AX, e] += b[LOAD_X, e]
+        b[NEW_AY, e] += b[LOAD_Y, e]
 
 
 @stage
-def _kick(b, h, step, p):
-    """Update velocities, spins and angles, as `kick_block` of `riftberg.stepping.explicit.element_blocks` does."""
+def _kick(b: Floats, h: float, step: float, p: KernelParameters) -> None:
+    """Update velocities, spins and angles after a sub-step of ``h`` seconds, or after many that took ``step`` together."""
     for e in range(b.shape[1]):
         if b[MOVES, e] == 0.0:
             continue
-        u, v = b[EAST, e], b[NORTH, e]
-        rate = b[LINEAR_RATE, e] + b[QUADRATIC_RATE, e] * math.sqrt(u * u + v * v)
-        explicit, slow = (0.0, 1.0 / (1.0 + rate * h)) if p.ground_implicit else (rate, 1.0)
-        ax, ay = b[NEW_AX, e] - explicit * u, b[NEW_AY, e] - explicit * v
-        b[EAST, e] = (u + 0.5 * h * b[AX, e] + 0.5 * h * ax) * slow
-        b[NORTH, e] = (v + 0.5 * h * b[AY, e] + 0.5 * h * ay) * slow
-        b[AX, e], b[AY, e] = ax, ay
-        b[SEEN_EAST, e], b[SEEN_NORTH, e] = b[EAST, e], b[NORTH, e]
-        b[STOPPED_EAST, e] -= rate * (b[EAST, e] if p.ground_implicit else u)
-        b[STOPPED_NORTH, e] -= rate * (b[NORTH, e] if p.ground_implicit else v)
+        u, v = b[U, e], b[V, e]
+        rate = floor_rate_at(b[FLOOR_LINEAR, e], b[FLOOR_QUADRATIC, e], u, v)
+        b[U, e], b[V, e], b[AX, e], b[AY, e] = kicked(
+            u,
+            v,
+            b[AX, e],
+            b[AY, e],
+            b[NEW_AX, e],
+            b[NEW_AY, e],
+            rate,
+            1.0 / (1.0 + rate * h),
+            0.5 * h,
+            p.ground_implicit,
+        )
+        b[U_PAIR, e], b[V_PAIR, e] = b[U, e], b[V, e]
+        b[FLOOR_IMPULSE_X, e] -= rate * (b[U, e] if p.ground_implicit else u)
+        b[FLOOR_IMPULSE_Y, e] -= rate * (b[V, e] if p.ground_implicit else v)
         if p.dem:
-            b[SPIN, e] *= 1.0 / (1.0 + b[TURNING, e] * h)
-            b[TURNED, e] += step * b[SPIN, e]
+            b[SPIN, e] *= 1.0 / (1.0 + b[FLOOR_SPIN, e] * h)
+            b[ANGLE, e] += step * b[SPIN, e]

@@ -1,198 +1,369 @@
-"""Multiple-time-step velocity Verlet: slow half kick, sub-steps of the bonds, slow half kick (equations 6.4)."""
+"""Multiple-time-step velocity Verlet: outer half kick, sub-steps of the bonds, outer half kick (equations 6.4)."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from riftberg.compiled.kernels import borrower, stage
+from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
-from riftberg.state import Bonds, Elements, Ints
-from riftberg.stepping.explicit.beams import take_substeps_of_beams
-from riftberg.stepping.explicit.implicit_substep import implicit_kick
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import SAME_BERG, no_pairs
+from riftberg.state.order import listed
+from riftberg.stepping.contact.candidates import Neighbourhood, contact_cells, rest_lengths, with_partners
+from riftberg.stepping.contact.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
+from riftberg.stepping.explicit.batches import Batch
+from riftberg.stepping.explicit.beams import WORTH_THREADS, take_substeps_in_threads, take_substeps_of_beams
+from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list
+from riftberg.stepping.explicit.lone_bergs import find_islands, take_substeps_of_islands
 from riftberg.stepping.explicit.outer_kick import (
-    SlowRoom,
-    allocate_slow_room,
-    begin_substeps,
-    closing_half_kick,
-    end_substeps,
-    opening_half_kick,
+    OuterWorkspace,
+    allocate_outer_workspace,
+    first_half_kick,
+    second_half_kick,
 )
-from riftberg.stepping.explicit.springs import (
-    Room,
-    add_collisions,
-    drift,
-    drift_near_pole,
-    floor_rates,
-    kick,
-    reaches_pole,
-    remember_fast,
-    show_all,
-    show_velocities,
-    spring_accelerations,
-    sum_stopped,
-)
-from riftberg.stepping.explicit.step_plan import StepPlan
-from riftberg.stepping.explicit.threads import WORTH_THREADS, take_substeps_in_threads
-from riftberg.stepping.forces.interactions import Partners, pair_law
-from riftberg.stepping.forces.media import Surroundings, find_surroundings
-from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.explicit.springs import take_substeps_of_springs
+from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, StepPlan, Workspace, allocate_workspace
+from riftberg.stepping.forces.media import Surroundings, allocate_surroundings, find_surroundings
+from riftberg.stepping.forces.pair_law import NeighbourLists, pair_law
+from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import break_after_step
+from riftberg.stepping.run_state import RunState
+from riftberg.stepping.stepper import (
+    Stateless,
+    apply_land_constraint,
+    publish_positions,
+    sample_between_steps,
+    update_fragments,
+)
+
+
+class MultipleStepper(Stateless):
+    """Multiple time steps (equations 6.4).
+
+    The outer kicks are those of all bergs together. The sub-steps concern each group of bergs that may meet in the step
+    and are taken by batches of groups that have the same number of them. Bergs collide in the sub-steps, or with
+    ``contact.on_substeps`` off in the outer kicks.
+    """
+
+    def __init__(self, run: RunState) -> None:
+        c = run.constants
+        self._near = Neighbourhood()
+        self._cells = contact_cells(run.parameters, run.forcing.grid)
+        self._around = allocate_surroundings(run.elements.size)
+        self._touched = NOBODY
+        self._batches: list[Batch] = []
+        self._batch_key: tuple[int, bytes] | None = None
+        self._needs_rank = c.shared_shear_lever or c.bond_thickness_of_second
+        self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
+
+    def step(self, run: RunState) -> None:
+        """Advance by one long step."""
+        el, bonds, c, dt = run.elements, run.bonds, run.constants, run.parameters.stepping.time_step
+        publish_positions(el)
+        sizes = interaction_sizes(el, c)
+        # Two quirks make the bonds of the reference depend on which end it processes first.
+        rank = _processing_rank(run) if self._needs_rank and not _uniform(run) else np.arange(el.size)
+        outer = self._collisions(run, sizes)
+
+        # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
+        candidates = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
+        islands, general = find_islands(run, sizes, *candidates)
+        candidates = candidates[0][general], candidates[1][general]
+        subcycled = np.zeros(el.size)
+        if islands is not None:
+            subcycled[islands.rows] = 1.0
+        substeps = substeps_of_meeting(run, sizes, *candidates)
+        batches = self._split_into_batches(run, substeps)
+        for batch in batches:
+            self._gather_pairs(batch, dt, c)
+            batch.add_candidates(*candidates)
+            batch.work.fields.subcycled[:] = batch.of_all(subcycled)
+        inner = [self._inner_partners(batch, batch.of_all(outer.group), run) for batch in batches]
+        plan = self._plan(run)
+        if self._around.coriolis.size != el.size:
+            self._around = allocate_surroundings(el.size)
+
+        # Outer kicks and sub-steps: in one call where all bergs take the same number of sub-steps.
+        if batches[0].rows is None:
+            plan = plan._replace(substeps=int(substeps[0]))
+            report = take_long_step(el, bonds, batches[0].work, outer, inner[0], sizes, self._around, rank, plan, c)
+            self._check_converged(report, run)
+            broken = report.broken
+        else:
+            broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
+        in_islands = NOBODY
+        if islands is not None:
+            in_islands = take_substeps_of_islands(el, islands, sizes, self._around, dt, plan.starting, c)
+        if plan.starting:
+            # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
+            in_kicks = np.append(self._around.acts, True)
+            self._around.applied[:, in_kicks] *= 0.5
+        self._touched = joined(
+            [touching_rows(el, outer.collision, sizes, c), in_islands, *(batch.touched() for batch in batches)]
+        )
+
+        # Positions have moved: land, cells, then the forcing of the next step, then fragments.
+        apply_land_constraint(run)
+        run.time += dt
+        self.sample_forcing(run)
+        if broken > 0:
+            update_fragments(run)
+
+    def _step_in_batches(
+        self, run: RunState, batches: list[Batch], outer: NeighbourLists, inner: list[NeighbourLists], sizes: Sizes,
+        rank: Ints, substeps: Ints, plan: StepPlan,
+    ) -> int:  # fmt: skip
+        """Apply the outer kicks to all, and take the sub-steps of each batch for itself; returns the number of bonds broken."""
+        c = run.constants
+        work = batches[0].work  # the outer forces need none
+        outer_only = plan._replace(apply_inner=False)
+        report = take_long_step(run.elements, run.bonds, work, outer, outer, sizes, self._around, rank, outer_only, c)
+        self._check_converged(report, run)
+        broken = report.broken
+        for batch, partners in zip(batches, inner, strict=True):
+            batch.gather(run)  # anew, since the kicks have changed the state
+            some, around = batch.elements, batch.surroundings(self._around)
+            inner_only = plan._replace(substeps=int(batch.of_all(substeps)[0]), apply_outer=False)
+            report = take_long_step(
+                some, batch.bonds, batch.work, partners, partners, interaction_sizes(some, c), around, batch.of_all(rank),
+                inner_only, c,
+            )  # fmt: skip
+            batch.scatter(run, around, self._around)
+            self._check_converged(report, run)
+            broken += report.broken
+        return broken
+
+    @staticmethod
+    def _check_converged(report: StepReport, run: RunState) -> None:
+        if report.iterations < 0:
+            raise RunError(
+                f"the contact iteration did not settle within {run.constants.max_iterations} passes at "
+                f"{run.date:%Y-%m-%d %H:%M}; raise contact.tolerance or shorten stepping.time_step"
+            )
+
+    def sample_forcing(self, run: RunState) -> None:
+        """See `riftberg.stepping.stepper.Stepper.sample_forcing`."""
+        sample_between_steps(run, run.elements)
+
+    def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
+        """Complete the outer half kick that the next step begins with, on a copy of the elements."""
+        c = run.constants
+        el = run.elements.copy()
+        sizes = interaction_sizes(el, c)
+        outer, around = self._collisions(run, sizes), allocate_surroundings(el.size)
+        # The kernel of the step, so that none is compiled for this alone; no sub-steps are taken that would need a workspace.
+        work = self._batches[0].work if self._batches else allocate_workspace(el, run.bonds)
+        plan = self._plan(run)._replace(starting=False, skip_outer=False, apply_inner=False, sync_only=True)
+        report = take_long_step(el, run.bonds, work, outer, outer, sizes, around, np.arange(el.size), plan, c)
+        return (el.u_sync, el.v_sync) if report.iterations >= 0 else (run.elements.u_sync, run.elements.v_sync)
+
+    @property
+    def applied(self) -> Floats:
+        """See `riftberg.stepping.stepper.Stepper.applied`."""
+        return self._around.applied
+
+    @property
+    def touched(self) -> tuple[Ints, Ints]:
+        """See `riftberg.stepping.stepper.Stepper.touched`."""
+        return self._touched
+
+    def _collisions(self, run: RunState, sizes: Sizes) -> NeighbourLists:
+        """Return the partners of the outer kicks: elements of other bergs."""
+        near, c = self._near, run.constants
+        none = no_pairs(run.elements.size)
+        if c.contact_on_substeps:
+            return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
+        near_by = near.collisions(run.elements, sizes, c, self._cells)
+        one_group = run.parameters.compatibility.bergs_coupled
+        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
+        return NeighbourLists(none, none, near_by, np.zeros(0), group)
+
+    def _split_into_batches(self, run: RunState, substeps: Ints) -> list[Batch]:
+        """Split the elements by number of sub-steps, and those near the pole from the others."""
+        key = substeps
+        if run.constants.latlon and run.elements.lat.max(initial=0.0) > POLAR_LATITUDE:
+            # Number of sub-steps and nearness in one whole number: even away from the pole, odd near it. A batch near the pole
+            # drifts on the tangent plane, element by element; the others shall not lose their vector instructions for it.
+            key = 2 * key + _has_berg_north_of(run.elements, POLAR_LATITUDE)
+        together = bool((key == key[0]).all()) or run.parameters.compatibility.bergs_coupled
+        # As long as no row comes or goes and the keys stay, so do the batches, with their workspaces and their lists.
+        batch_key = run.population.version, b"" if together else key.tobytes()
+        if self._batch_key == batch_key:
+            for batch in self._batches:
+                batch.gather(run)
+            return self._batches
+        self._batch_key = batch_key
+        self._batches = (
+            [Batch(run, None)] if together else [Batch(run, np.flatnonzero(key == k)) for k in np.unique(key)]
+        )
+        return self._batches
+
+    def _plan(self, run: RunState) -> StepPlan:
+        p, first = run.parameters, run.step_number == 0
+        quirks = p.compatibility
+        unbreakable = first and p.fracture.not_in_first_step
+        inline = p.fracture.on_substeps and (not unbreakable or quirks.inline_break_in_first_step)
+        after = not p.fracture.on_substeps and not unbreakable
+        return StepPlan(
+            dt=p.stepping.time_step,
+            substeps=1,
+            time=run.time,
+            starting=first and not quirks.zero_start,
+            skip_outer=first and p.stepping.skip_first_long_force,
+            by_search=not self._contact_by_bonds,
+            break_inline=p.fracture.enabled and inline,
+            break_after=p.fracture.enabled and after,
+            # A start that must not break bonds must not damage them either.
+            grow_damage=p.damage.enabled and (inline or after),
+            threads=p.stepping.threads,
+        )
+
+    def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> NeighbourLists:
+        """With spring bonds, bonded pairs and contacts inside the berg, which the sub-steps use."""
+        el, near, c = batch.elements, batch.near, run.constants
+        none = no_pairs(el.size)
+        # Groups of a batch may leave out numbers; that costs nothing.
+        if c.dem or not c.bonds_on:
+            return NeighbourLists(none, none, none, np.zeros(0), group)
+        bonded, bond = near.bonded(el, batch.bonds)
+        reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.stepping.time_step)
+        cells = None if self._cells is None else self._cells.within(1 if c.explicit_substeps else 2)
+        touching = near.same_berg(el, batch.bonds, reach, c, cells)
+        if c.explicit_substeps:
+            touching = with_partners(touching, el.bond_count < c.max_bonds)
+        return NeighbourLists(bonded, touching, none, rest_lengths(batch.bonds, bond, c), group)
+
+    def _gather_pairs(self, batch: Batch, dt: float, c: KernelParameters) -> None:
+        """List the pairs inside bergs that may touch in this step."""
+        el, bonds, pairs = batch.elements, batch.bonds, batch.work.pairs
+        if not c.dem:
+            pairs.used[0] = 0
+            return
+        if self._contact_by_bonds:
+            broken = np.flatnonzero(bonds.status == 1)
+            pairs.first[: broken.size] = bonds.first[broken]
+            pairs.second[: broken.size] = bonds.second[broken]
+            pairs.bond[: broken.size] = -1
+            pairs.used[0] = broken.size
+            return
+        cells = None if self._cells is None else self._cells.within(1)
+        candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c, cells)
+        if candidates.partner.size > pairs.first.size:
+            pairs = allocate_pairs(2 * candidates.partner.size)
+            batch.work = batch.work._replace(pairs=pairs)
+        bonded, bond = batch.near.bonded(el, bonds)
+        pairs_from_list(pairs, candidates, bonded, bond)
+
+
+def _processing_rank(run: RunState) -> Ints:
+    """Rank of the elements in the reference's order of processing."""
+    rank = np.empty(run.elements.size, np.int64)
+    rank[listed(run.elements)] = np.arange(rank.size)
+    return rank
+
+
+def _uniform(run: RunState) -> bool:
+    """Whether all elements have one size and thickness, so that the order of processing cannot matter."""
+    el = run.elements
+    return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
+
+
+def _has_berg_north_of(el: Elements, latitude: float) -> Ints:
+    """1 for the elements of bergs that reach beyond a latitude, else 0."""
+    return np.isin(el.berg, el.berg[el.lat > latitude]).astype(np.int64)
+
+
+def _inner_reach(el: Elements, sizes: Sizes, dt: float) -> float:
+    """Distance (m) within which elements of one berg may come into contact during a long step.
+
+    Twice the contact distance, or as far as the present relative speeds would carry them in two long steps.
+    """
+    touching = 2.0 * float(sizes.bond_radius.max())
+    spread = float(np.ptp(el.u) + np.ptp(el.v)) * dt
+    return touching + max(touching, 2.0 * spread)
 
 
 class StepReport(NamedTuple):
-    """Bonds broken in the long step and passes of the contact iteration (-1: it did not settle)."""
+    """What a long step reports."""
 
-    broken: int
-    passes: int
-
-
-@stage
-def _start_fast(el, scratch, implicit_ground):
-    """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
-
-    What the sea floor does in that half kick is kept with what it does in the sub-steps.
-    """
-    motion, kicks = el.motion, el.kicks
-    for e in range(motion.u.size):
-        rate = 0.0 if implicit_ground else scratch.active[e] * scratch.ground_rate[e]
-        kicks.ax_fast[e] = scratch.active[e] * scratch.accel_x[e] - rate * motion.u[e]
-        kicks.ay_fast[e] = scratch.active[e] * scratch.accel_y[e] - rate * motion.v[e]
-        scratch.stopped_x[e] -= 0.5 * rate * motion.u[e]
-        scratch.stopped_y[e] -= 0.5 * rate * motion.v[e]
-
-
-@stage
-def _drift_and_show(el, scratch, dt, near_pole, p):
-    """Positions of the sub-step, on the tangent plane if an element may be near the pole."""
-    q1 = p.swapped_implicit_velocity and not p.explicit_substeps
-    if near_pole:
-        drift_near_pole(el, scratch.active, dt, p.earth_radius, q1)
-    else:
-        drift(el, scratch.active, dt, p.latlon, p.earth_radius, q1)
-
-
-@stage
-def _kick(el, scratch, dt, floor_acts, implicit_ground):
-    """Update the velocities and show them, and keep what the sea floor did to them where it acts."""
-    if floor_acts and not implicit_ground:
-        sum_stopped(el, scratch)
-    kick(el, scratch, dt, implicit_ground)
-    if floor_acts and implicit_ground:
-        sum_stopped(el, scratch)
-    show_velocities(el, scratch.active)
-
-
-@stage
-def _kick_slowly(
-    el: Elements, bonds: Bonds, partners: Partners, room: SlowRoom, sizes: Sizes, around: Surroundings, plan: StepPlan,
-    p: KernelParameters,
-) -> tuple[int, int]:  # fmt: skip
-    """Apply the slow forces; returns what `StepReport` holds."""
-    find_surroundings(el, sizes, around, p)
-    if plan.skip_slow:
-        return 0, 1
-    passes = closing_half_kick(el, plan.dt, around, partners, room, sizes, pair_law(p), plan.starting, p)
-    if passes < 0 or plan.closes:
-        return 0, passes
-    broken = 0
-    if plan.break_after:
-        broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
-    opening_half_kick(el, plan.dt, sizes, p)
-    return broken, passes
+    broken: int  # Bonds broken in it
+    iterations: int  # Iterations of the contact (-1: it did not converge)
 
 
 def take_long_step(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, fast: Partners, sizes: Sizes, around: Surroundings,
-    earlier: Ints, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, inner: NeighbourLists, sizes: Sizes,
+    around: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> StepReport:  # fmt: skip
-    """Apply the slow forces and take the sub-steps of a long step; cells, environment and conglomerates are the caller's.
+    """Apply the outer forces and take the sub-steps of a long step; cells, environment and fragments are the caller's.
 
-    One call for both, for to hand the state to compiled code takes some 40 us; and one kernel, for what is compiled by
-    itself and again within another takes twice as long. Where bergs take different numbers of sub-steps, the slow forces
-    are applied to all at once (``plan.moves`` false), and each batch moves for itself (``plan.kicks`` false).
+    One call for both, since handing the state to compiled code takes some 40 us; and one kernel, since what is compiled by
+    itself and again within another takes twice as long. Where bergs take different numbers of sub-steps, the outer forces
+    are applied to all at once (``plan.apply_inner`` false), and each batch moves for itself (``plan.apply_outer`` false).
     """
-    slow_room = allocate_slow_room(el.size, slow)
-    if p.dem and plan.moves and plan.threads > 1 and el.size >= WORTH_THREADS:
-        slowly = plan._replace(moves=False)
-        broken, passes = _step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, slowly, p)
-        if passes >= 0:
-            broken += take_substeps_in_threads(el, bonds, room, sizes, around, earlier, plan, p)
-        return StepReport(broken, passes)
-    if p.dem:
-        return StepReport(*_step_of_beams(el, bonds, room, slow, slow_room, sizes, around, earlier, plan, p))
-    fast_room = allocate_slow_room(el.size, fast)
-    return StepReport(*_step_of_springs(el, bonds, room, slow, slow_room, fast, fast_room, sizes, around, plan, p))
-
-
-@stage
-def _take_substeps_of_springs(
-    el: Elements, bonds: Bonds, room: Room, fast: Partners, fast_room: SlowRoom, sizes: Sizes, around: Surroundings,
-    plan: StepPlan, p: KernelParameters,
-) -> int:  # fmt: skip
-    """Take the sub-steps, with bonds as springs; returns the passes of the iteration, as `StepReport` does."""
-    pairs, scratch, law = room.pairs, room.scratch, pair_law(p)
-    floor_acts, floor_varies = begin_substeps(el, around, scratch, sizes, plan.dt / plan.substeps, p)
-    near_pole = p.latlon and reaches_pole(el.place.lat)
-    passes = 1
-    explicit = p.explicit_substeps
-    # With a proper start, one evaluation without moving stands before the first sub-step.
-    for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
-        moving = n >= 0
-        dt = plan.dt / plan.substeps if moving else 0.0
-        if moving:
-            _drift_and_show(el, scratch, dt, near_pole, p)
-        if explicit or not moving:
-            spring_accelerations(el, fast, p.constant_size, scratch, sizes, law)
-            add_collisions(pairs, bonds, el, sizes, law, scratch, p.max_bonds, dt)
-        if floor_varies:
-            floor_rates(el, scratch, dt)
-        if not moving:
-            _start_fast(el, scratch, p.ground_implicit)
-            continue
-        if explicit:
-            _kick(el, scratch, dt, floor_acts, p.ground_implicit)
-        else:
-            passes = implicit_kick(el, dt, around, fast, fast_room, sizes, law, scratch, p)
-            if passes < 0:
-                return passes
-            show_velocities(el, scratch.active)
-        if p.iterate and not explicit:
-            remember_fast(el)
-    if p.iterate:
-        remember_fast(el)
-    if floor_acts:
-        end_substeps(around, scratch, plan.substeps)
-    show_all(el, el.motion.u, el.motion.v)
-    return passes
+    outer_work = allocate_outer_workspace(el.size, outer)
+    if not p.dem:
+        inner_work = allocate_outer_workspace(el.size, inner)
+        report = _step_of_springs(el, bonds, work, outer, outer_work, inner, inner_work, sizes, around, plan, p)
+        return StepReport(*report)
+    if plan.apply_inner and plan.threads > 1 and el.size >= WORTH_THREADS:
+        outer_only = plan._replace(apply_inner=False)
+        broken, iterations = _step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, outer_only, p)
+        if iterations >= 0:
+            broken += take_substeps_in_threads(el, bonds, work, sizes, around, rank, plan, p)
+        return StepReport(broken, iterations)
+    return StepReport(*_step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, plan, p))
 
 
 @borrower
 def _step_of_beams(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, sizes: Sizes, around: Surroundings,
-    earlier: Ints, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace, sizes: Sizes,
+    around: Surroundings, rank: Ints, plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """Return what `StepReport` holds; see `riftberg.compiled.kernels` why no named tuple.
+    """Return the numbers of `StepReport`.
 
     Beams and springs have a kernel each: together they take half as long again to compile, and a run needs one of them.
     """
-    broken, passes = 0, 1
-    if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
-    if plan.moves and passes >= 0:
-        broken += take_substeps_of_beams(el, bonds, room, sizes, around, earlier, plan, p)
-        passes = 1
-    return broken, passes
+    broken, iterations = 0, 1
+    if plan.apply_outer:
+        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+    if plan.apply_inner and iterations >= 0:
+        broken += take_substeps_of_beams(el, bonds, work, sizes, around, rank, plan, p)
+        iterations = 1
+    return broken, iterations
 
 
 @borrower
 def _step_of_springs(
-    el: Elements, bonds: Bonds, room: Room, slow: Partners, slow_room: SlowRoom, fast: Partners, fast_room: SlowRoom,
-    sizes: Sizes, around: Surroundings, plan: StepPlan, p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace,
+    inner: NeighbourLists, inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan,
+    p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
     """As `_step_of_beams`."""
-    broken, passes = 0, 1
-    if plan.kicks:
-        broken, passes = _kick_slowly(el, bonds, slow, slow_room, sizes, around, plan, p)
-    if plan.moves and passes >= 0:
-        passes = _take_substeps_of_springs(el, bonds, room, fast, fast_room, sizes, around, plan, p)
-    return broken, passes
+    broken, iterations = 0, 1
+    if plan.apply_outer:
+        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+    if plan.apply_inner and iterations >= 0:
+        iterations = take_substeps_of_springs(el, bonds, work, inner, inner_work, sizes, around, plan, p)
+    return broken, iterations
+
+
+@stage
+def _outer_kick(
+    el: Elements, bonds: Bonds, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes, around: Surroundings,
+    plan: StepPlan, p: KernelParameters,
+) -> tuple[int, int]:  # fmt: skip
+    """Complete the step before, break bonds after it, and begin this one; returns the numbers of `StepReport`."""
+    find_surroundings(el, sizes, around, p)
+    if plan.skip_outer:
+        return 0, 1
+    iterations = second_half_kick(el, plan.dt, around, partners, work, sizes, pair_law(p), plan.starting, p)
+    if iterations < 0 or plan.sync_only:
+        return 0, iterations
+    broken = 0
+    if plan.break_after:
+        broken = break_after_step(el, bonds, p.normal_strength, p.shear_strength, plan.time)
+    first_half_kick(el, plan.dt, around.media, p)
+    return broken, iterations

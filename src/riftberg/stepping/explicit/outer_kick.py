@@ -1,4 +1,8 @@
-"""Slow forces of the multiple-time-step scheme: two half kicks per long step (equations 6.4, parts 1 and 2)."""
+"""Outer forces of the multiple-time-step scheme: two half kicks per long step (equations 6.4, parts 1 and 2).
+
+As in r-RESPA, drag, slope and Coriolis force act in half kicks at both ends of the long step, bonds in the sub-steps between.
+The second half kick of one step and the first of the next follow each other at one time, with one evaluation of the forces.
+"""
 
 from __future__ import annotations
 
@@ -10,111 +14,115 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import spin_drag
-from riftberg.physics.grounding import grounding_spin_rate
-from riftberg.state import Elements, Floats
-from riftberg.stepping.explicit.springs import show_all
-from riftberg.stepping.forces.implicit_velocity import INTERACTIONS_ONLY, WITH_SURROUNDINGS, find_lone, solve_in_contact
-from riftberg.stepping.forces.interactions import PairLaw, Partners
-from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
-from riftberg.stepping.forces.scratch import Scratch
+from riftberg.state import Elements, Floats, Ints
+from riftberg.stepping.explicit.substeps import publish_all_velocities
+from riftberg.stepping.forces.implicit_velocity import (
+    INTERACTIONS_ONLY,
+    OUTER_KICK,
+    OUTER_KICK_UNCENTRED,
+    WITH_SURROUNDINGS,
+    find_isolated,
+    solve_in_contact,
+)
+from riftberg.stepping.forces.media import Surroundings, spin_after
+from riftberg.stepping.forces.pair_law import (
+    ContactTable,
+    NeighbourLists,
+    PairLaw,
+    allocate_contact_table,
+    fill_contact_table,
+)
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.forces.touching import Touching, allocate_touching, find_touching
 
 
-class SlowRoom(NamedTuple):
-    """Room for the slow half kick.
+class OuterWorkspace(NamedTuple):
+    """Arrays that an outer half kick, or an implicit sub-step, works in."""
 
-    Whether each element has no partner; who touches whom; of each group of bergs whether it has settled, and sums over its
-    velocities: of changes, of squares now and before, and those of a pass.
-    """
-
-    alone: NDArray[np.bool_]
-    touching: Touching
-    unsettled: NDArray[np.bool_]
-    change: Floats
-    norm: Floats
-    norm_before: Floats
-    sums: Floats
+    isolated: NDArray[np.bool_]  # Whether each element has no partner
+    table: ContactTable
+    unconverged: NDArray[np.bool_]  # Of each group of bergs, as what follows
+    change: Floats  # Sum of the squared changes of velocity in the last iteration
+    norm: Floats  # Sum of the squared velocities of those in contact
+    norm_before: Floats  # The same one iteration before
+    sums: Floats  # Sum of the squared velocities of those solved for, not used
 
 
-def allocate_slow_room(count: int, partners: Partners) -> SlowRoom:
-    """Return room for ``count`` elements with these partners."""
+def allocate_outer_workspace(count: int, partners: NeighbourLists) -> OuterWorkspace:
+    """Return a workspace for ``count`` elements with these partners."""
     groups = 1 if partners.group.size == 0 else int(partners.group.max()) + 1
-    touching = allocate_touching(count, partners.collision.partner.size)
+    table = allocate_contact_table(count, partners.collision.partner.size)
     sums = (np.zeros(groups) for _ in range(4))
-    return SlowRoom(np.zeros(count, np.bool_), touching, np.zeros(groups, np.bool_), *sums)
+    return OuterWorkspace(np.zeros(count, np.bool_), table, np.zeros(groups, np.bool_), *sums)
 
 
 @stage
-def begin_substeps(
-    el: Elements, around: Surroundings, scratch: Scratch, sizes: Sizes, dt: float, p: KernelParameters
-) -> tuple[bool, bool]:
-    """Find what moves, what is aground and how the floor stops it in sub-steps of ``dt`` seconds (equations 6.4, 3b and 3c).
+def second_half_kick(
+    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
+    law: PairLaw, starting: bool, p: KernelParameters,
+) -> int:  # fmt: skip
+    """Complete the outer half kick of the step before, of ``dt`` seconds; the synchronised velocity is in ``u_sync`` (part 1).
 
-    Depth holds for the long step.
+    Elements in contact see each other's velocity, so the solve is repeated until the velocities converge, in each group
+    of bergs that can meet for itself. Returns the iterations, or -1 if they did not converge.
     """
-    static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
-    radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
-    active, waits, aground, rate = scratch.active, scratch.waits, scratch.aground, scratch.ground_rate
-    linear, quadratic = scratch.ground_linear, scratch.ground_quadratic
-    leaves, leaves_spin = scratch.ground_leaves, scratch.ground_leaves_spin
-    in_substeps = not around.acts[SEA_FLOOR]
-    acts = varies = False
-    scratch.stopped_x[:] = 0.0
-    scratch.stopped_y[:] = 0.0
-    for e in range(active.size):
-        active[e] = 1.0 if static[e] < 0.5 and waits[e] == 0.0 else 0.0
-        fraction = grounded_part(thickness[e], depth[e], p)
-        aground[e] = fraction
-        turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)
-        leaves_spin[e] = 1.0 / (1.0 + turning * dt) if p.ground_torque and p.dem else 1.0
-        scratch.per_mass[e], scratch.per_inertia[e] = 1.0 / mass[e], 2.0 / (mass[e] * radius[e] * radius[e])
-        linear[e] = media[e, SEA_FLOOR, LINEAR] if in_substeps else 0.0
-        quadratic[e] = media[e, SEA_FLOOR, QUADRATIC] if in_substeps else 0.0
-        rate[e], leaves[e] = linear[e], 1.0 / (1.0 + linear[e] * dt)
-        varies = varies or quadratic[e] != 0.0
-        acts = acts or varies or linear[e] != 0.0
-    return acts, varies
-
-
-@stage
-def end_substeps(around: Surroundings, scratch: Scratch, substeps: int) -> None:
-    """Keep the mean acceleration by which the sea floor stopped the elements in the sub-steps."""
-    applied, stopped_x, stopped_y = around.applied, scratch.stopped_x, scratch.stopped_y
-    for e in range(stopped_x.size):
-        applied[e, SEA_FLOOR, 0] = stopped_x[e] / substeps
-        applied[e, SEA_FLOOR, 1] = stopped_y[e] / substeps
+    u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
+    fill_contact_table(el, partners.collision, sizes, law, work.table)
+    kick = 0.0 if starting else 1.0
+    find_isolated(partners, work.isolated)
+    group, unconverged, norm_before = partners.group, work.unconverged, work.norm_before
+    unconverged[:] = False
+    # The first iteration solves for all, and its norm is what the second is compared with.
+    iterations, sums = 0, norm_before
+    while True:
+        first = iterations == 0  # not the words True and False, each of which would be compiled for itself
+        _solve_pass(el, dt, around, work.isolated, work.table, group, unconverged, sums, law.by_speed, kick, first, p)
+        iterations += 1
+        if not p.iterate:
+            for e in range(u.size):
+                if static[e] < 0.5:
+                    u[e], v[e] = u_sync[e], v_sync[e]
+            return iterations
+        if not first:
+            _check_convergence(el, group, unconverged, work.change, work.norm, norm_before, p.tolerance)
+        publish_all_velocities(el, u_sync, v_sync)
+        if not any_of(unconverged):
+            return iterations
+        if iterations >= p.max_iterations:
+            return -1
+        sums = work.sums
 
 
 @kernel
-def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed, kick, first, p):
-    """Solve for the slow accelerations of all moving elements, or in later passes of those in contact.
+def _solve_pass(
+    el: Elements, dt: float, around: Surroundings, isolated: NDArray[np.bool_], table: ContactTable, group: Ints,
+    unconverged: NDArray[np.bool_], norm: Floats, by_speed: bool, kick: float, first: bool, p: KernelParameters,
+) -> None:  # fmt: skip
+    """Solve for the outer accelerations of all moving elements, or in later passes of those in contact.
 
-    The first pass marks the groups with elements in contact in ``unsettled``; later ones leave settled groups alone.
-    ``norm`` takes the sum of the squared velocities of those solved for, per group.
+    The first pass marks the groups with elements in contact in ``unconverged``; later ones leave groups alone that have
+    converged. ``norm`` takes the sum of the squared velocities of those solved for, per group.
     """
     motion, kicks, body = el.motion, el.kicks, el.body
     u, v, u_sync, v_sync, mass = motion.u, motion.v, motion.u_sync, motion.v_sync, body.mass
     ax, ay, bx, by, static, in_contact = kicks.ax, kicks.ay, kicks.bx, kicks.by, body.static, body.in_contact
     media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
     mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
-    u_shown, v_shown, one = el.shown.u_pair, el.shown.v_pair, group.size == 0
+    scheme = OUTER_KICK_UNCENTRED if p.uncentred_half_kicks else OUTER_KICK
+    u_shown, v_shown, one_group = el.shown.u_pair, el.shown.v_pair, group.size == 0
     norm[:] = 0.0
     for e in range(u.size):
-        g = 0 if one else group[e]
+        g = 0 if one_group else group[e]
         if first and not p.sticky_collision_flags:
             in_contact[e] = 0.0
-        if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unsettled[g])):
+        if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unconverged[g])):
             continue
         s = solve_in_contact(
-            e, u[e], v[e], media, rates, acts, coriolis, applied, not p.uncentred_half_kicks, mode, dt, mass[e], touching,
-            u_shown, v_shown, by_speed,
+            e, u[e], v[e], media, rates, acts, coriolis, applied, scheme, mode, dt, mass[e], table, u_shown, v_shown, by_speed
         )  # fmt: skip
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
-        # A lone element cannot collide; asked without that, a velocity that is not a number would count as contact.
-        if first and not alone[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
-            unsettled[g] = True
+        # An isolated element cannot collide; without that test, a velocity that is not a number would count as contact.
+        if first and not isolated[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):
+            unconverged[g] = True
             in_contact[e] = 1.0
         u_sync[e] = u[e] + kick * dt * s.total_x
         v_sync[e] = v[e] + kick * dt * s.total_y
@@ -122,87 +130,51 @@ def _slow_pass(el, dt, around, alone, touching, group, unsettled, norm, by_speed
 
 
 @stage
-def _settle_groups(el, group, unsettled, change, norm, norm_before, tolerance):
+def _check_convergence(
+    el: Elements, group: Ints, unconverged: NDArray[np.bool_], change: Floats, norm: Floats, norm_before: Floats,
+    tolerance: float,
+) -> None:  # fmt: skip
     """Mark the groups whose elements in contact have hardly changed their velocities since the pass before."""
     u_shown, v_shown, u, v = el.shown.u_pair, el.shown.v_pair, el.motion.u_sync, el.motion.v_sync
-    static, in_contact, one = el.body.static, el.body.in_contact, group.size == 0
+    static, in_contact, one_group = el.body.static, el.body.in_contact, group.size == 0
     change[:] = 0.0
     norm[:] = 0.0
     for e in range(u.size):
         if static[e] < 0.5 and in_contact[e] != 0.0:
-            g = 0 if one else group[e]
+            g = 0 if one_group else group[e]
             change[g] += (u[e] - u_shown[e]) ** 2 + (v[e] - v_shown[e]) ** 2
             norm[g] += u[e] ** 2 + v[e] ** 2
-    for g in range(unsettled.size):
+    mark_converged(unconverged, change, norm, norm_before, tolerance)
+
+
+@kernel
+def mark_converged(
+    unconverged: NDArray[np.bool_], change: Floats, norm: Floats, norm_before: Floats, tolerance: float
+) -> None:
+    """Mark the groups whose velocities have changed by less than ``tolerance`` of themselves."""
+    for g in range(unconverged.size):
         scale = math.sqrt(norm_before[g]) + math.sqrt(norm[g])
         if scale == 0.0 or 2.0 * math.sqrt(change[g]) / scale < tolerance:
-            unsettled[g] = False
+            unconverged[g] = False
         norm_before[g] = norm[g]
 
 
 @kernel
-def any_of(marks):
-    """Whether one of them is set."""
-    some = False
+def any_of(marks: NDArray[np.bool_]) -> bool:
+    """Whether one of them is set; a loop, since NumPy's function takes seconds to compile."""
+    found = False
     for mark in marks:
-        some = some or mark
-    return some
+        found = found or mark
+    return found
 
 
 @stage
-def closing_half_kick(
-    el: Elements, dt: float, around: Surroundings, partners: Partners, room: SlowRoom, sizes: Sizes, law: PairLaw,
-    starting: bool, p: KernelParameters,
-) -> int:  # fmt: skip
-    """Complete the slow half kick of the step before; leaves the synchronised velocity in ``u_sync`` (part 1).
-
-    Elements in contact see each other's velocity, so the solve is repeated until the velocities settle, in each group
-    of bergs that can meet for itself.
-
-    ``dt``: long step, s.
-    """
-    u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
-    find_touching(el, partners.collision, sizes, law, room.touching)
-    kick = 0.0 if starting else 1.0
-    find_lone(partners, room.alone)
-    group, unsettled, norm_before = partners.group, room.unsettled, room.norm_before
-    unsettled[:] = False
-    passes, sums = 0, norm_before
-    while True:
-        first = passes == 0  # not the words True and False, each of which would be compiled for itself
-        _slow_pass(el, dt, around, room.alone, room.touching, group, unsettled, sums, law.by_speed, kick, first, p)
-        passes += 1
-        if not p.iterate:
-            for e in range(u.size):
-                if static[e] < 0.5:
-                    u[e], v[e] = u_sync[e], v_sync[e]
-            return passes
-        if not first:
-            _settle_groups(el, group, unsettled, room.change, room.norm, norm_before, p.tolerance)
-        show_all(el, u_sync, v_sync)
-        if not any_of(unsettled):
-            return passes
-        if passes >= p.max_iterations:
-            return -1
-        sums = room.sums
-
-
-@stage
-def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters) -> None:
-    """Start the long step with its first slow half kick (part 2), and the rotational drag of the water."""
-    motion, kicks, static, vorticity, spin = (
-        el.motion,
-        el.kicks,
-        el.body.static,
-        el.environment.vorticity,
-        el.motion.spin,
-    )
-    u, v, u_sync, v_sync, u_shown, v_shown = (
-        motion.u, motion.v, motion.u_sync, motion.v_sync, el.shown.u_pair, el.shown.v_pair,
-    )  # fmt: skip
-    ax, ay, bx, by = kicks.ax, kicks.ay, kicks.bx, kicks.by
+def first_half_kick(el: Elements, dt: float, media: Floats, p: KernelParameters) -> None:
+    """Begin the long step with its first outer half kick (part 2), and the drag of the media on the spins over all of it."""
+    motion, kicks, static, spin = el.motion, el.kicks, el.body.static, el.motion.spin
+    u, v, u_sync, v_sync = motion.u, motion.v, motion.u_sync, motion.v_sync
+    u_shown, v_shown, ax, ay, bx, by = el.shown.u_pair, el.shown.v_pair, kicks.ax, kicks.ay, kicks.bx, kicks.by
     ax_fast, ay_fast, bx_fast, by_fast = kicks.ax_fast, kicks.ay_fast, kicks.bx_fast, kicks.by_fast
-    radius, mass = sizes.bond_radius, sizes.bond_mass
     half = 0.5 * dt
     for e in range(u.size):
         if static[e] >= 0.5:
@@ -211,11 +183,7 @@ def opening_half_kick(el: Elements, dt: float, sizes: Sizes, p: KernelParameters
         v[e] = v_sync[e] + half * (ay[e] + by[e])
         u_shown[e], v_shown[e] = u[e], v[e]
         if p.iterate:
+            # The reference keeps the inner accelerations in the same variables in between.
             ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
-        if p.rotational_drag and p.dem and not p.only_interactions:
-            inertia = 0.5 * mass[e] * radius[e] ** 2
-            drag = spin_drag(inertia, radius[e], p.ocean_scale)
-            # The decay of a spin under a drag quadratic in it, solved exactly over the step.
-            water = 0.5 * vorticity[e]
-            relative = spin[e] - water
-            spin[e] = water + relative / (1.0 + dt * drag * abs(relative))
+        if p.dem and not p.only_interactions:
+            spin[e] = spin_after(media, e, spin[e], dt)

@@ -1,225 +1,288 @@
-"""One explicit sub-step of the multiple-time-step scheme (equations 6.4, part 3).
+"""The sub-steps of a long step with KID's bonds as springs, or without bonds (equations 6.4, part 3).
 
-Here stand the room for the sub-steps, the forces of bonds, and the loops over elements where bonds are springs or there are none.
-With bonds as beams the elements go through the sub-steps in blocks (`riftberg.stepping.explicit.element_blocks`).
+Explicit sub-steps kick by the forces at the positions reached. Implicit ones (explicit_inner_mts off) solve for the damping
+at the new velocities, and repeat that until the velocities of each group of bergs settle.
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
-from riftberg.physics.geometry import fast_cos_latitude, move
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.neighbours import PairList
-from riftberg.stepping.explicit.bond_rows import BondRows, allocate_rows
-from riftberg.stepping.explicit.breaking import (
-    ContactPairs,
-    add_contacts,
-    allocate_pairs,
+from riftberg.stepping.explicit.breaking import add_contacts
+from riftberg.stepping.explicit.outer_kick import OuterWorkspace, any_of, mark_converged
+from riftberg.stepping.explicit.substeps import (
+    StepPlan,
+    SubstepFields,
+    Workspace,
+    begin_substeps,
+    drifted,
+    end_substeps,
+    floor_rate_at,
+    kicked,
+    mid_step_velocity,
+    publish_all_velocities,
+    publish_velocities,
+    reaches_pole,
+    store_inner,
 )
-from riftberg.stepping.forces.interactions import PairLaw, Partners, interaction_terms, pair_view
-from riftberg.stepping.forces.scratch import Scratch, allocate_scratch
+from riftberg.stepping.forces.implicit_velocity import (
+    INTERACTIONS_ONLY,
+    OUTER_KICK_UNCENTRED,
+    is_isolated,
+    solve_velocity,
+)
+from riftberg.stepping.forces.media import Surroundings
+from riftberg.stepping.forces.pair_law import NeighbourLists, PairLaw, PairView, interaction_terms, pair_law, pair_view
 from riftberg.stepping.forces.sizes import Sizes
-
-POLAR_LATITUDE = 88.0
-"""North of this (degrees) the tangent plane may be needed within a long step."""
-
-
-class Room(NamedTuple):
-    """Room for the sub-steps of some bergs.
-
-    ``pairs`` holds the pairs of broken bonds or the candidates of a search.
-    """
-
-    rows: BondRows
-    pairs: ContactPairs
-    scratch: Scratch
-
-
-def allocate_room(elements: Elements, bonds: Bonds) -> Room:
-    """Return room for the sub-steps of these elements and bonds."""
-    pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Room(allocate_rows(bonds, elements.size), pairs, allocate_scratch(elements.size))
-
-
-@kernel
-def drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
-    """Move the elements by their mid-step velocity and show position and velocity to the others (equations 6.4, 3a).
-
-    With ``q1`` the northward mid-step velocity uses the eastward implicit acceleration, as the reference does (Q1).
-    """
-    place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
-    half = 0.5 * dt
-    per_unit = DEGREE * radius if latlon else 1.0
-    per_metre = 1.0 / per_unit
-    to_degrees = 1.0 if latlon else 0.0
-    for e in range(el.place.lon.size):
-        # All loads stand before all stores, so that the loop vectorises (see `kick`).
-        u, v, ax, ay = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
-        bx, by, lon, lat = kicks.bx_fast[e], kicks.by_fast[e], place.lon[e], place.lat[e]
-        u_shown, v_shown, moves = shown.u_pair[e], shown.v_pair[e], active[e]
-        wu = u + half * (ax + bx)
-        wv = v + half * (ay + by)
-        step = moves * dt * per_metre
-        lon += step * (wu / fast_cos_latitude(to_degrees * lat))
-        lat += step * wv
-        seen = v + half * (ay + (bx if q1 else by))
-        place.lon[e], place.lat[e] = lon, lat
-        shown.lon_pair[e], shown.lat_pair[e] = lon, lat
-        shown.u_pair[e] = wu if moves > 0.0 else u_shown
-        shown.v_pair[e] = seen if moves > 0.0 else v_shown
 
 
 @stage
-def drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
-    """As `drift`, on the tangent plane where latitude is above 89 degrees."""
+def take_substeps_of_springs(
+    el: Elements, bonds: Bonds, work: Workspace, inner: NeighbourLists, inner_work: OuterWorkspace, sizes: Sizes,
+    around: Surroundings, plan: StepPlan, p: KernelParameters,
+) -> int:  # fmt: skip
+    """Take the sub-steps; returns the iterations of the last implicit one (-1: it did not converge), or 1."""
+    pairs, fields, law, explicit = work.pairs, work.fields, pair_law(p), p.explicit_substeps
+    floor_acts, floor_varies = begin_substeps(el, around, fields, sizes, plan.dt / plan.substeps, p)
+    near_pole = p.latlon and reaches_pole(el.place.lat)
+    q1 = p.swapped_implicit_velocity and not explicit
+    iterations = 1
+    # With a proper start, one evaluation without moving stands before the first sub-step.
+    for n in range(-1 if plan.starting and p.bonds_on else 0, plan.substeps):
+        moving = n >= 0
+        dt = plan.dt / plan.substeps if moving else 0.0
+        if moving and near_pole:
+            _drift_near_pole(el, fields.active, dt, p.earth_radius, q1)
+        elif moving:
+            _drift(el, fields.active, dt, p.latlon, p.earth_radius, q1)
+        if explicit or not moving:
+            _accelerations(el, inner, p.constant_size, fields, sizes, law)
+            if pairs.used[0] > 0:
+                add_contacts(
+                    pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, False, p.max_bonds, False, dt
+                )
+        if floor_varies:
+            _floor_rates(el, fields, dt)
+        if not moving:
+            _start(el, fields, p.ground_implicit)
+            continue
+        if explicit:
+            # The floor stops an element at the velocity that its drag is taken at: the old one, or the new one if implicit.
+            if floor_acts and not p.ground_implicit:
+                _accumulate_floor_impulse(el, fields)
+            _kick(el, fields, dt, p.ground_implicit)
+            if floor_acts and p.ground_implicit:
+                _accumulate_floor_impulse(el, fields)
+        else:
+            iterations = _implicit_kick(el, dt, around, inner, inner_work, sizes, law, fields, p)
+            if iterations < 0:
+                return iterations
+        publish_velocities(el, fields.active)
+        if p.iterate and not explicit:
+            store_inner(el)
+    if p.iterate:
+        store_inner(el)
+    if floor_acts:
+        end_substeps(around, fields, plan.substeps)
+    publish_all_velocities(el, el.motion.u, el.motion.v)
+    return iterations
+
+
+@kernel
+def _drift(el: Elements, active: Floats, dt: float, latlon: bool, radius: float, q1: bool) -> None:
+    """Move the elements by their mid-step velocity and let pair forces see both (equations 6.4, 3a)."""
+    place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
+    half = 0.5 * dt
+    step = dt * (1.0 / (DEGREE * radius if latlon else 1.0))
+    to_degrees = 1.0 if latlon else 0.0
+    for e in range(el.place.lon.size):
+        # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
+        u, v, ax, ay = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
+        bx, by, lon, lat = kicks.bx_fast[e], kicks.by_fast[e], place.lon[e], place.lat[e]
+        u_shown, v_shown, moves = shown.u_pair[e], shown.v_pair[e], active[e] > 0.0
+        wu, wv, seen = mid_step_velocity(u, v, ax, ay, bx, by, half, q1)
+        new_lon, new_lat = drifted(lon, lat, wu, wv, step, to_degrees)
+        lon, lat = new_lon if moves else lon, new_lat if moves else lat
+        place.lon[e], place.lat[e] = lon, lat
+        shown.lon_pair[e], shown.lat_pair[e] = lon, lat
+        shown.u_pair[e] = wu if moves else u_shown
+        shown.v_pair[e] = seen if moves else v_shown
+
+
+@stage
+def _drift_near_pole(el: Elements, active: Floats, dt: float, radius: float, q1: bool) -> None:
+    """As `_drift`, on the tangent plane where latitude is above 89 degrees."""
     place, shown, motion, kicks = el.place, el.shown, el.motion, el.kicks
     for e in range(el.place.lon.size):
         if active[e] == 0.0:
             continue
-        wu = motion.u[e] + 0.5 * dt * (kicks.ax_fast[e] + kicks.bx_fast[e])
-        wv = motion.v[e] + 0.5 * dt * (kicks.ay_fast[e] + kicks.by_fast[e])
+        wu, wv, seen = mid_step_velocity(
+            motion.u[e],
+            motion.v[e],
+            kicks.ax_fast[e],
+            kicks.ay_fast[e],
+            kicks.bx_fast[e],
+            kicks.by_fast[e],
+            0.5 * dt,
+            q1,
+        )
         place.lon[e], place.lat[e] = move(place.lon[e], place.lat[e], wu, wv, dt, True, radius)
         shown.lon_pair[e], shown.lat_pair[e] = place.lon[e], place.lat[e]
-        shown.u_pair[e] = wu
-        shown.v_pair[e] = motion.v[e] + 0.5 * dt * (kicks.ay_fast[e] + kicks.bx_fast[e]) if q1 else wv
+        shown.u_pair[e], shown.v_pair[e] = wu, seen
 
 
 @kernel
-def spring_accelerations(
-    el: Elements, partners: Partners, bond_size: bool, scratch: Scratch, sizes: Sizes, law: PairLaw
-):
+def _accelerations(
+    el: Elements, partners: NeighbourLists, bond_size: bool, fields: SubstepFields, sizes: Sizes, law: PairLaw
+) -> None:
     """Accelerations (m s-2) by KID's bonds and contact inside the berg (equations 5.3 without DEM)."""
     place, shown, motion = el.place, el.shown, el.motion
     view = pair_view(el, sizes)
     for e in range(place.lon.size):
+        lon, lat, u, v = place.lon[e], place.lat[e], motion.u[e], motion.v[e]
         ix, iy, p11, p12, p22, px, py = interaction_terms(
-            e,
-            place.lon[e],
-            place.lat[e],
-            motion.u[e],
-            motion.v[e],
-            motion.u[e],
-            motion.v[e],
-            partners,
-            False,
-            bond_size,
-            view,
-            law,
+            e, lon, lat, u, v, u, v, partners, False, bond_size, view, law
         )
         uw, vw = shown.u_pair[e], shown.v_pair[e]
-        scratch.accel_x[e] = ix + px - p11 * uw - p12 * vw
-        scratch.accel_y[e] = iy + py - p12 * uw - p22 * vw
+        fields.accel_x[e] = ix + px - p11 * uw - p12 * vw
+        fields.accel_y[e] = iy + py - p12 * uw - p22 * vw
 
 
 @kernel
-def add_collisions(
-    pairs: ContactPairs, bonds: Bonds, el: Elements, sizes: Sizes, law: PairLaw, scratch: Scratch, most: int, dt: float
-) -> None:
-    """Add the accelerations (m s-2) by contact between bergs, where bonds are springs or there are none."""
-    if pairs.count[0] > 0:
-        add_contacts(pairs, bonds.status, el, sizes, law, scratch.accel_x, scratch.accel_y, False, most, False, dt)
-
-
-@kernel
-def floor_rates(el: Elements, scratch: Scratch, dt: float) -> None:
+def _floor_rates(el: Elements, fields: SubstepFields, dt: float) -> None:
     """Find the rates of the sea floor's drag at the velocities now, where it grows with the speed."""
     motion = el.motion
     for e in range(el.place.lon.size):
-        speed = math.sqrt(motion.u[e] * motion.u[e] + motion.v[e] * motion.v[e])
-        rate = scratch.ground_linear[e] + scratch.ground_quadratic[e] * speed
-        scratch.ground_rate[e], scratch.ground_leaves[e] = rate, 1.0 / (1.0 + rate * dt)
+        rate = floor_rate_at(fields.floor_linear[e], fields.floor_quadratic[e], motion.u[e], motion.v[e])
+        fields.floor_rate[e], fields.floor_decay[e] = rate, 1.0 / (1.0 + rate * dt)
+
+
+@stage
+def _start(el: Elements, fields: SubstepFields, implicit_floor: bool) -> None:
+    """Take the accelerations just found as those before the first sub-step, so that it has its first half kick.
+
+    What the sea floor does in that half kick is added to what it does in the sub-steps.
+    """
+    motion, kicks = el.motion, el.kicks
+    for e in range(motion.u.size):
+        active = fields.active[e]
+        rate = 0.0 if implicit_floor else active * fields.floor_rate[e]
+        kicks.ax_fast[e] = active * fields.accel_x[e] - rate * motion.u[e]
+        kicks.ay_fast[e] = active * fields.accel_y[e] - rate * motion.v[e]
+        fields.floor_impulse_x[e] -= 0.5 * rate * motion.u[e]
+        fields.floor_impulse_y[e] -= 0.5 * rate * motion.v[e]
 
 
 @kernel
-def sum_stopped(el: Elements, scratch: Scratch) -> None:
+def _accumulate_floor_impulse(el: Elements, fields: SubstepFields) -> None:
     """Add the accelerations by the sea floor in this sub-step: before an explicit kick, after an implicit one."""
     motion = el.motion
     for e in range(el.place.lon.size):
-        rate = scratch.active[e] * scratch.ground_rate[e]
-        scratch.stopped_x[e] -= rate * motion.u[e]
-        scratch.stopped_y[e] -= rate * motion.v[e]
+        rate = fields.active[e] * fields.floor_rate[e]
+        fields.floor_impulse_x[e] -= rate * motion.u[e]
+        fields.floor_impulse_y[e] -= rate * motion.v[e]
 
 
 @kernel
-def kick(el: Elements, scratch: Scratch, dt: float, implicit_ground: bool) -> None:
-    """Update velocities by half the old and half the new fast acceleration (equations 6.4, 3b).
-
-    The drag of the sea floor is explicit (part of the fast acceleration, at the velocity before the sub-step) or
-    implicit: the new velocity is divided by ``1 + rate dt``, which is stable for any rate. A rate that grows with the speed
-    is taken at the velocity before the sub-step. Near the pole the reference
-    turns velocity and acceleration to the tangent plane and back with one longitude, which changes nothing.
-    """
+def _kick(el: Elements, fields: SubstepFields, dt: float, implicit_floor: bool) -> None:
+    """Update velocities by half the old and half the new inner acceleration (equations 6.4, 3b)."""
     motion, kicks = el.motion, el.kicks
     half = 0.5 * dt
-    explicit = 0.0 if implicit_ground else 1.0
     for e in range(el.place.lon.size):
         # All loads stand before all stores: a load under a condition would keep the loop from vectorising.
         u, v, ax_old, ay_old = motion.u[e], motion.v[e], kicks.ax_fast[e], kicks.ay_fast[e]
-        rate, moves = scratch.ground_rate[e], scratch.active[e] > 0.0
-        slow = scratch.ground_leaves[e] if implicit_ground else 1.0
-        ax = scratch.accel_x[e] - explicit * rate * u
-        ay = scratch.accel_y[e] - explicit * rate * v
-        new_u = (u + half * ax_old + half * ax) * slow
-        new_v = (v + half * ay_old + half * ay) * slow
+        rate, decay, moves = fields.floor_rate[e], fields.floor_decay[e], fields.active[e] > 0.0
+        new_u, new_v, ax, ay = kicked(
+            u, v, ax_old, ay_old, fields.accel_x[e], fields.accel_y[e], rate, decay, half, implicit_floor
+        )
         motion.u[e] = new_u if moves else u
         motion.v[e] = new_v if moves else v
         kicks.ax_fast[e] = ax if moves else ax_old
         kicks.ay_fast[e] = ay if moves else ay_old
 
 
+@stage
+def _implicit_kick(
+    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, work: OuterWorkspace, sizes: Sizes,
+    law: PairLaw, fields: SubstepFields, p: KernelParameters,
+) -> int:  # fmt: skip
+    """Kick the velocities implicitly, repeating until they settle if ``p.iterate``; returns the iterations, or -1.
+
+    ``ax`` ... ``by`` hold the inner accelerations of the sub-step before (`store_inner`).
+    """
+    view = pair_view(el, sizes)
+    unconverged, before, change, norm = work.unconverged, work.norm_before, work.change, work.norm
+    unconverged[:] = True
+    _solve_all(el, dt, around, partners, unconverged, view, law, fields, p)
+    if not p.iterate:
+        return 1
+    _norms(el, partners.group, change, before, fields)
+    iterations = 1
+    while any_of(unconverged):
+        if iterations >= p.max_iterations:
+            return -1
+        _rewind(el, dt, partners.group, unconverged, fields)
+        _solve_all(el, dt, around, partners, unconverged, view, law, fields, p)
+        iterations += 1
+        _norms(el, partners.group, change, norm, fields)
+        mark_converged(unconverged, change, norm, before, p.tolerance)
+    return iterations
+
+
 @kernel
-def show_velocities(el: Elements, active: Floats) -> None:
-    """Let the others see the new velocities."""
+def _solve_all(
+    el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, unconverged: NDArray[np.bool_],
+    view: PairView, law: PairLaw, fields: SubstepFields, p: KernelParameters,
+) -> None:  # fmt: skip
+    """Kick all moving elements of unconverged groups once, with the velocities of the others as they were."""
+    place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
+    half = 0.5 * dt
+    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
+    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
+    group, one_group = partners.group, partners.group.size == 0
+    for e in range(motion.u.size):
+        if fields.active[e] == 0.0 or not unconverged[0 if one_group else group[e]]:
+            continue
+        u0, v0 = motion.u[e], motion.v[e]
+        us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
+        s = solve_velocity(
+            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, OUTER_KICK_UNCENTRED,
+            INTERACTIONS_ONLY, dt, body.mass[e], is_isolated(e, bonded, same, other), partners, False,
+            p.constant_size, view, law,
+        )  # fmt: skip
+        motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
+        kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
+
+
+@kernel
+def _norms(el: Elements, group: Ints, change: Floats, norm: Floats, fields: SubstepFields) -> None:
+    """Squared change since the last iterate, and squared velocity, summed over the moving elements of each group."""
     shown, motion = el.shown, el.motion
-    for e in range(el.place.lon.size):
-        u, v, u_shown, v_shown, moves = motion.u[e], motion.v[e], shown.u_pair[e], shown.v_pair[e], active[e] > 0.0
-        shown.u_pair[e] = u if moves else u_shown
-        shown.v_pair[e] = v if moves else v_shown
-
-
-@kernel
-def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList, bond_of: Ints) -> None:
-    """Fill ``pairs`` with the candidates of a search, each once, with the bond that still joins them or -1."""
-    k = 0
-    for e in range(candidates.start.size - 1):
-        for n in range(candidates.start[e], candidates.start[e + 1]):
-            c = candidates.partner[n]
-            if c <= e:
-                continue
-            pairs.first[k], pairs.second[k], pairs.bond[k] = e, c, -1
-            for q in range(bonded.start[e], bonded.start[e + 1]):
-                if bonded.partner[q] == c:
-                    pairs.bond[k] = bond_of[q]
-            k += 1
-    pairs.count[0] = k
-
-
-@kernel
-def reaches_pole(lat: Floats) -> bool:
-    """Whether an element stands so far north that it may come near the pole within a long step."""
-    near = False
-    for at in lat:
-        near = near or at > POLAR_LATITUDE
-    return near
+    change[:] = 0.0
+    norm[:] = 0.0
+    for e in range(motion.u.size):
+        if fields.active[e] > 0.0:
+            g = 0 if group.size == 0 else group[e]
+            change[g] += (motion.u[e] - shown.u_pair[e]) ** 2 + (motion.v[e] - shown.v_pair[e]) ** 2
+            norm[g] += motion.u[e] ** 2 + motion.v[e] ** 2
 
 
 @stage
-def remember_fast(el):
-    """Keep the fast accelerations of this sub-step where the reference keeps them."""
-    ax, ay, bx, by = el.kicks.ax, el.kicks.ay, el.kicks.bx, el.kicks.by
-    ax_fast, ay_fast, bx_fast, by_fast = el.kicks.ax_fast, el.kicks.ay_fast, el.kicks.bx_fast, el.kicks.by_fast
-    for e in range(ax.size):
-        ax[e], ay[e], bx[e], by[e] = ax_fast[e], ay_fast[e], bx_fast[e], by_fast[e]
-
-
-@kernel
-def show_all(el: Elements, u: Floats, v: Floats) -> None:
-    """Let the others see these velocities of all elements that are not held, of those too that waited."""
-    u_shown, v_shown, static = el.shown.u_pair, el.shown.v_pair, el.body.static
-    for e in range(u.size):
-        if static[e] < 0.5:
-            u_shown[e], v_shown[e] = u[e], v[e]
+def _rewind(el: Elements, dt: float, group: Ints, unconverged: NDArray[np.bool_], fields: SubstepFields) -> None:
+    """Let pair forces see this iterate, and go back to the velocity before the kick (equations 6.4, 3b)."""
+    shown, motion, kicks = el.shown, el.motion, el.kicks
+    half = 0.5 * dt
+    for e in range(motion.u.size):
+        if fields.active[e] == 0.0 or not unconverged[0 if group.size == 0 else group[e]]:
+            continue
+        shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
+        motion.u[e] -= half * (kicks.ax_fast[e] + kicks.bx_fast[e]) + half * (kicks.ax[e] + kicks.bx[e])
+        motion.v[e] -= half * (kicks.ay_fast[e] + kicks.by_fast[e]) + half * (kicks.ay[e] + kicks.by[e])
+        kicks.ax_fast[e], kicks.ay_fast[e] = kicks.ax[e], kicks.ay[e]
+        kicks.bx_fast[e], kicks.by_fast[e] = kicks.bx[e], kicks.by[e]

@@ -1,1 +1,1 @@
-"""Forces on elements: media, sizes, contact of pairs, velocities solved implicitly."""
+"""Forces on elements: media, sizes, the pair law, velocities solved implicitly."""

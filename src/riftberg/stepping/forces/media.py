@@ -4,14 +4,21 @@ Per unit mass a medium that moves at V acts on an element that moves at U by
 
     push - (linear + quadratic |U - V|) (U - V)
 
-so that a law is a number or two in the row of its medium. From the rows come the velocity solve of all schemes, the
-sub-step, the applied forces that a run keeps, and the budgets of ``riftberg why``: none of them knows a law by name.
+and per unit moment of inertia, where it turns at S and the element at W, by
 
-A new law of a medium is a term in its row in `media_of`. A new medium is a field of `Media` and its row there.
+    - (spin_linear + spin_quadratic |W - S|) (W - S)
+
+so that a law is a number or two in the row of its medium, its torque with it. From the rows come the velocity solve of all
+schemes, the sub-step, the applied forces that a run keeps, and the budgets of ``riftberg why``: none of them knows a law by
+name.
+
+A new law of a medium is a term in its row in `media_of`. A new medium is a field of `Media` and its row there. A quantity of the
+element that a law needs is a field of `ElementView`, filled in `find_surroundings`.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,9 +27,9 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.coriolis import coriolis_parameter
-from riftberg.physics.drag import air_drag, exposed_sides, ocean_drag, sea_ice_drag, side_width
+from riftberg.physics.drag import air_drag, exposed_sides, ocean_drag, sea_ice_drag, side_width, spin_drag
 from riftberg.physics.floating import draft_of
-from riftberg.physics.grounding import grounded_fraction, grounding_rate, quadratic_grounding
+from riftberg.physics.grounding import grounded_fraction, grounding_rate, grounding_spin_rate, quadratic_grounding
 from riftberg.physics.slope import slope_acceleration
 from riftberg.physics.waves import Waves, given_wave_acceleration, wave_acceleration
 from riftberg.state import Body, Elements, Environment, Floats, Place
@@ -30,14 +37,17 @@ from riftberg.stepping.forces.sizes import Sizes, sides_of
 
 
 class Medium(NamedTuple):
-    """One row: linear rate (s-1), quadratic coefficient (m-1), velocity of the medium (m s-1), push (m s-2)."""
+    """One row."""
 
-    linear: float
-    quadratic: float
-    u: float
+    linear: float  # Rate of linear drag, s-1
+    quadratic: float  # Coefficient of quadratic drag, m-1
+    u: float  # Velocity of the medium, m s-1
     v: float
-    push_x: float
+    push_x: float  # Acceleration whatever the velocity, m s-2
     push_y: float
+    spin_linear: float  # Rate of linear drag on the spin, s-1
+    spin_quadratic: float  # Coefficient of quadratic drag on the spin, rad-1
+    spin: float  # Spin of the medium, s-1
 
 
 class Media(NamedTuple):
@@ -54,11 +64,13 @@ class Media(NamedTuple):
 MEDIA: Final = Media._fields
 """Names of the media."""
 
-LINEAR, QUADRATIC, U, V, PUSH_X, PUSH_Y = range(len(Medium._fields))
+LINEAR, QUADRATIC, U, V, PUSH_X, PUSH_Y, SPIN_LINEAR, SPIN_QUADRATIC, SPIN = range(len(Medium._fields))
 """Columns of a row."""
 
+WATER: Final = MEDIA.index("water")
+
 SEA_FLOOR: Final = MEDIA.index("sea_floor")
-"""Row of the one medium that may act in the sub-steps instead of the long step."""
+"""Row of the one medium that may act in the sub-steps instead of the long step; its drag on the spin always does."""
 
 CORIOLIS: Final = len(MEDIA)
 """Row of the Coriolis force among the applied forces, after the media."""
@@ -72,18 +84,15 @@ class Surroundings(NamedTuple):
 
     media: Floats  # The rows of each element; shape (elements, media, columns)
     coriolis: Floats  # Coriolis parameter, s-1; shape (elements,)
-    # Which media act in the solve for the velocity; the sea floor may act in the sub-steps instead; shape (media,)
-    acts: NDArray[np.bool_]
-    # Rate (s-1) of the drag in the last solve: linear, and quadratic times the speed at which it was taken; shape
-    # (elements, media)
+    acts: NDArray[np.bool_]  # Which media act in the solve for the velocity, not in the sub-steps; shape (media,)
+    # Rate (s-1) of the drag in the last solve: linear, and quadratic times the speed at which it was taken; (elements, media)
     rate: Floats
-    # Mean acceleration (m s-2, east and north) over the step by each force of `FORCES`, as it was applied; shape
-    # (elements, forces, 2)
+    # Mean acceleration (m s-2, east and north) over the step by each force of `FORCES`, as it was applied; (elements, forces, 2)
     applied: Floats
 
 
 def allocate_surroundings(count: int) -> Surroundings:
-    """Return room for ``count`` elements."""
+    """Return arrays for ``count`` elements."""
     return Surroundings(
         np.zeros((count, len(MEDIA), len(Medium._fields))),
         np.zeros(count),
@@ -93,27 +102,75 @@ def allocate_surroundings(count: int) -> Surroundings:
     )
 
 
+class ElementView(NamedTuple):
+    """One element as the laws of the media see it; units as in `riftberg.state.ELEMENT_VARIABLES`."""
+
+    mass: float
+    length: float
+    width: float
+    thickness: float
+    sides: int
+    bonds: int
+    radius: float  # As bonds see it, m
+    bond_mass: float  # As bonds see it, kg
+    inertia: float  # Moment of inertia of a disc, kg m2
+    ground_area: float  # Area that the sea floor sees, m2
+    ground_mass: float  # Mass that it sees, kg
+    depth: float
+    ice_thickness: float
+    uo: float
+    vo: float
+    ua: float
+    va: float
+    ui: float
+    vi: float
+    slope_x: float
+    slope_y: float
+    vorticity: float
+    waves: Waves
+
+
+@kernel
+def spin_after(media: Floats, e: int, w: float, dt: float) -> float:
+    """Spin (s-1) of element ``e``, before ``w``, after ``dt`` seconds of drag by all media but the sea floor.
+
+    One after the other, each solved exactly: ``r' = -(l + c |r|) r`` of the spin r relative to the medium.
+    """
+    for m in range(len(MEDIA)):
+        linear, quadratic = media[e, m, SPIN_LINEAR], media[e, m, SPIN_QUADRATIC]
+        if m == SEA_FLOOR or (linear == 0.0 and quadratic == 0.0):
+            continue
+        relative = w - media[e, m, SPIN]
+        span = dt
+        if linear != 0.0:
+            relative, span = relative * math.exp(-linear * dt), math.expm1(linear * dt) / linear
+        w = media[e, m, SPIN] + relative / (1.0 + span * quadratic * abs(relative))
+    return w
+
+
 @kernel
 def dragged(quadratic: float, u: float, v: float) -> Medium:
-    """Row of a medium that drags with the square of the relative speed."""
-    return Medium(0.0, quadratic, u, v, 0.0, 0.0)
+    """Row of a medium that drags with the square of the relative speed, and on no spin."""
+    return Medium(0.0, quadratic, u, v, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
 def pushed(push: tuple[float, float]) -> Medium:
     """Row of a medium that accelerates whatever the velocity."""
-    return Medium(0.0, 0.0, 0.0, 0.0, push[0], push[1])
+    return Medium(0.0, 0.0, 0.0, 0.0, push[0], push[1], 0.0, 0.0, 0.0)
 
 
 @kernel
-def sea_floor(thickness: float, depth: float, area: float, mass: float, p: KernelParameters) -> Medium:
-    """Row of the sea floor, which stands still; ``area`` (m2) and ``mass`` (kg) as the sea floor sees them."""
-    fraction = grounded_part(thickness, depth, p)
+def sea_floor(el: ElementView, p: KernelParameters) -> Medium:
+    """Row of the sea floor, which stands still."""
+    fraction = grounded_part(el.thickness, el.depth, p)
     if fraction == 0.0:
-        return Medium(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    linear = grounding_rate(p.ground_coefficient, area, mass, fraction)
-    quadratic = quadratic_grounding(p.ground_quadratic, area, mass, draft_of(thickness, p.rho_ice) - depth)
-    return Medium(linear, quadratic, 0.0, 0.0, 0.0, 0.0)
+        return Medium(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    excess = draft_of(el.thickness, p.rho_ice) - el.depth
+    linear = grounding_rate(p.ground_coefficient, el.ground_area, el.ground_mass, fraction)
+    quadratic = quadratic_grounding(p.ground_quadratic, el.ground_area, el.ground_mass, excess)
+    turning = grounding_spin_rate(p.ground_coefficient, el.radius, el.bond_mass, fraction) if p.ground_torque else 0.0
+    return Medium(linear, quadratic, 0.0, 0.0, 0.0, 0.0, turning, 0.0, 0.0)
 
 
 @kernel
@@ -128,45 +185,49 @@ def grounded_part(thickness: float, depth: float, p: KernelParameters) -> float:
 
 
 @kernel
-def media_of(
-    mass: float, length: float, width: float, thickness: float, sides: int, bonds: int, depth: float, ice_thickness: float,
-    uo: float, vo: float, ua: float, va: float, ui: float, vi: float, slope_x: float, slope_y: float,
-    waves: Waves, ground_area: float, ground_mass: float, p: KernelParameters,
-) -> Media:  # fmt: skip
-    """Find the rows of one element (equations 4.1; units as in `riftberg.state.ELEMENT_VARIABLES`).
-
-    ``ground_area``, ``ground_mass``: area (m2) and mass (kg) that the sea floor sees.
-    """
-    draft = draft_of(thickness, p.rho_ice)
-    freeboard = thickness - draft
-    ice = min(ice_thickness, draft)
-    by_diameter = p.multiple_steps and p.dem and sides == 6 and p.radius_based
-    side = side_width(length, width, by_diameter)
-    wave_length = side if by_diameter else length
-    exposed = exposed_sides(bonds, sides, p.bonds_on and p.sides_by_bonds)
-    if waves.height < 0.0:
-        by_waves = wave_acceleration(ua, va, uo, vo, mass, freeboard, wave_length, side)
+def media_of(el: ElementView, p: KernelParameters) -> Media:
+    """Find the rows of one element (equations 4.1)."""
+    draft = draft_of(el.thickness, p.rho_ice)
+    freeboard = el.thickness - draft
+    ice = min(el.ice_thickness, draft)
+    # The reference takes the sides of an element from its radius, but only in its code for hexagons with beams.
+    by_diameter = p.multiple_steps and p.dem and el.sides == 6 and p.radius_based
+    side = side_width(el.length, el.width, by_diameter)
+    wave_length = side if by_diameter else el.length
+    exposed = exposed_sides(el.bonds, el.sides, p.bonds_on and p.sides_by_bonds)
+    water = ocean_drag(el.mass, el.length, el.width, side, max(0.0, draft - ice), exposed, p.ocean_scale)
+    turning = spin_drag(el.inertia, el.radius, p.ocean_scale) if p.rotational_drag else 0.0
+    air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed)
+    sea_ice = sea_ice_drag(el.mass, side, ice, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
+    if el.waves.height < 0.0:
+        by_waves = wave_acceleration(el.ua, el.va, el.uo, el.vo, el.mass, freeboard, wave_length, side)
     else:
-        by_waves = given_wave_acceleration(waves, mass, freeboard, wave_length, side)
+        by_waves = given_wave_acceleration(el.waves, el.mass, freeboard, wave_length, side)
     return Media(
-        dragged(ocean_drag(mass, length, width, side, max(0.0, draft - ice), exposed, p.ocean_scale), uo, vo),
-        pushed(slope_acceleration(slope_x, slope_y)),
-        dragged(air_drag(mass, length, width, side, freeboard, exposed), ua, va),
-        dragged(sea_ice_drag(mass, side, ice, exposed, ui, vi, p.frozen_sea_ice_drag), ui, vi),
+        # Water under the element turns with half its vorticity.
+        Medium(0.0, water, el.uo, el.vo, 0.0, 0.0, 0.0, turning, 0.5 * el.vorticity),
+        pushed(slope_acceleration(el.slope_x, el.slope_y)),
+        dragged(air, el.ua, el.va),
+        dragged(sea_ice, el.ui, el.vi),
         pushed(by_waves),
-        sea_floor(thickness, depth, ground_area, ground_mass, p),
+        sea_floor(el, p),
     )
 
 
 @kernel
 def put_row(media: Floats, e: int, k: int, row: Medium) -> None:
-    """Write row ``k`` of element ``e``; columns by name, for a tuple that is asked by number is searched each time."""
+    """Write row ``k`` of element ``e``; columns by name, since a tuple taken by a number in a loop is searched each time."""
     media[e, k, LINEAR], media[e, k, QUADRATIC] = row.linear, row.quadratic
     media[e, k, U], media[e, k, V] = row.u, row.v
     media[e, k, PUSH_X], media[e, k, PUSH_Y] = row.push_x, row.push_y
+    media[e, k, SPIN_LINEAR], media[e, k, SPIN_QUADRATIC], media[e, k, SPIN] = (
+        row.spin_linear,
+        row.spin_quadratic,
+        row.spin,
+    )
 
 
-class Seen(NamedTuple):
+class ForcedElements(NamedTuple):
     """Groups of `riftberg.state.Elements` that forces from outside hang on."""
 
     place: Place
@@ -175,43 +236,28 @@ class Seen(NamedTuple):
 
 
 @kernel
-def find_surroundings(el: Elements | Seen, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
-    """Fill the rows of all elements from the environment that they carry; nothing has been applied yet.
-
-    Arrays are taken out of the state before the loop: numba counts references at each access to a field of a named
-    tuple, which would cost more than the forces.
-    """
-    body, environment = el.body, el.environment
-    mass, length, width, thickness, bonds = body.mass, body.length, body.width, body.thickness, body.bond_count
-    sides = body.sides
-    depth, ice, lat, sx, sy = (
-        environment.depth,
-        environment.ice_thickness,
-        el.place.lat,
-        environment.slope_x,
-        environment.slope_y,
-    )
-    uo, vo, ua, va, ui, vi = (
-        environment.uo,
-        environment.vo,
-        environment.ua,
-        environment.va,
-        environment.ui,
-        environment.vi,
-    )
-    height, period, wave_x, wave_y = (
-        environment.wave_height,
-        environment.wave_period,
-        environment.wave_x,
-        environment.wave_y,
-    )
-    media, coriolis, ground_area, ground_mass = around.media, around.coriolis, sizes.bond_area, sizes.bond_mass
+def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surroundings, p: KernelParameters) -> None:
+    """Fill the rows of all elements from the environment that they carry; nothing has been applied yet."""
+    # Arrays are taken out of the state before the loop: numba counts references at each access to a field of a named tuple,
+    # which would cost more than the forces.
+    body, env, lat = el.body, el.environment, el.place.lat
+    mass, length, width, thickness = body.mass, body.length, body.width, body.thickness
+    sides, bonds, depth, ice, vorticity = body.sides, body.bond_count, env.depth, env.ice_thickness, env.vorticity
+    uo, vo, ua, va, ui, vi, sx, sy = env.uo, env.vo, env.ua, env.va, env.ui, env.vi, env.slope_x, env.slope_y
+    height, period, wave_x, wave_y = env.wave_height, env.wave_period, env.wave_x, env.wave_y
+    bond_radius, bond_area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
+    media, coriolis = around.media, around.coriolis
     for e in range(mass.size):
-        area, m = (ground_area[e], ground_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
-        rows = media_of(
-            mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], depth[e], ice[e], uo[e],
-            vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], Waves(height[e], period[e], wave_x[e], wave_y[e]), area, m, p,
+        # In the sub-steps the sea floor sees the sizes that bonds see.
+        area, m = (bond_area[e], bond_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
+        # Sub-steps turn elements by the mass that bonds see, rigid bodies by their own.
+        inertia = 0.5 * (mass[e] if p.rigid_bodies else bond_mass[e]) * bond_radius[e] ** 2
+        view = ElementView(
+            mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
+            inertia, area, m, depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], vorticity[e],
+            Waves(height[e], period[e], wave_x[e], wave_y[e]),
         )  # fmt: skip
+        rows = media_of(view, p)
         put_row(media, e, 0, rows.water)
         put_row(media, e, 1, rows.slope)
         put_row(media, e, 2, rows.air)
@@ -224,11 +270,11 @@ def find_surroundings(el: Elements | Seen, sizes: Sizes, around: Surroundings, p
 
 
 @kernel
-def keep_applied(
-    e: int, u: float, v: float, turning_u: float, turning_v: float, media: Floats, rates: Floats, acts: NDArray[np.bool_],
-    f: float, applied: Floats,
+def record_applied(
+    e: int, u: float, v: float, turning_u: float, turning_v: float, media: Floats, rates: Floats,
+    acts: NDArray[np.bool_], f: float, applied: Floats,
 ) -> None:  # fmt: skip
-    """Keep the accelerations by which element ``e`` came to its new velocity (u, v), m s-1.
+    """Record the accelerations by which element ``e`` came to its new velocity (u, v), m s-1.
 
     Drag was taken at the new velocity, with the rates of the last pass of the solve, and the Coriolis force at the velocity
     (turning_u, turning_v); ``f`` is the Coriolis parameter, the arrays are fields of `Surroundings`.

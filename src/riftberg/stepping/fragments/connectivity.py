@@ -1,4 +1,4 @@
-"""Conglomerates: which elements hang together over unbroken bonds (equations 1.5)."""
+"""Connected parts of the lattice, joined by intact bonds, and the bonds that no longer count (equations 1.5, 7.1)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints
 
 @kernel
 def drop_parted_bonds(bonds: Bonds, part: Ints) -> None:
-    """Forget broken bonds whose ends now belong to different conglomerates (status 2)."""
+    """Retire broken bonds whose ends now belong to different parts (status 2): contact between fragments takes over."""
     for b in range(bonds.first.size):
         if bonds.status[b] == 1 and part[bonds.first[b]] != part[bonds.second[b]]:
             bonds.status[b] = 2
@@ -49,7 +49,7 @@ def drop_parted_bonds(bonds: Bonds, part: Ints) -> None:
 
 @kernel
 def drop_broken_bonds(bonds: Bonds) -> None:
-    """Forget all broken bonds (when they do not serve as contact pairs)."""
+    """Retire all broken bonds, where they are not kept as contact pairs."""
     for b in range(bonds.first.size):
         if bonds.status[b] == 1:
             bonds.status[b] = 2

@@ -46,7 +46,7 @@ class FragmentTree:
     def __init__(self, rows: list[Fragment] | None = None, bergs: Sequence[tuple[str, int]] = ()) -> None:
         self.rows: list[Fragment] = list(rows or [])
         self.bergs = tuple(bergs)
-        self.mothers: dict[int, int] = {}
+        self.calved_from: dict[int, int] = {}
 
     def __repr__(self) -> str:
         return f"<FragmentTree: {len(self.rows)} bergs and fragments, {len(self.breakups)} of them broken off>"
@@ -68,15 +68,15 @@ class FragmentTree:
         count = int(part.max()) + 1
         mass: Floats = np.bincount(part, weights=elements.mass, minlength=count).astype(np.float64)
         number = self._inherited(part, mass, elements.berg)
-        newborn = np.flatnonzero(number == 0)
+        unnumbered = np.flatnonzero(number == 0)
         cuts = _Cuts(part, elements, bonds)
         touching = aground(elements.body.thickness, elements.environment.depth, p)
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))
         known = len(self.rows)
-        names = _Names(self.rows) if newborn.size else None
-        for k in newborn:
+        names = _Names(self.rows) if unnumbered.size else None
+        for k in unnumbered:
             rows = order[ends[k - 1] if k else 0 : ends[k]]
             parent = int(elements.body.berg[rows[0]])
             parent = parent if 0 < parent <= known else 0
@@ -84,11 +84,11 @@ class FragmentTree:
             name = names.free(self._berg_name(parent, int(rows[0]), known == 0))
             row = Fragment(
                 len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
-                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.mothers.get(int(elements.id[rows[0]]), 0),
+                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.calved_from.get(int(elements.id[rows[0]]), 0),
             )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)
-        self.mothers.clear()
+        self.calved_from.clear()
         elements.berg[:] = number[part]
         return count
 
@@ -99,7 +99,7 @@ class FragmentTree:
         return number
 
     def _berg_name(self, parent: int, row: int, at_start: bool) -> str:
-        """Return the name of the berg that a newborn comes from; empty for one without."""
+        """Return the name of the berg that a new fragment comes from; empty for one without."""
         if parent > 0:
             return self.rows[self.origin(parent) - 1].name
         if at_start and self.bergs:
@@ -157,8 +157,8 @@ class _Cuts:
 def _of_grounded_cracks(el: Elements, bonds: Bonds, broken: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether each of the broken bonds of a fragment broke in a crack of which a bond had an end aground.
 
-    A crack is what breaks in one fragment at one moment. In equilibrium the blow of the sea floor on one element runs
-    through at once, and the bonds that then free a piece are seldom those at the element that touched.
+    A crack is what breaks in one fragment at one moment. In equilibrium the load of the sea floor on one element is
+    felt everywhere at once, and the bonds that then free a piece are seldom those at the element that touched.
     """
     marks = np.zeros(bonds.status.size, np.bool_)
     if broken.any():

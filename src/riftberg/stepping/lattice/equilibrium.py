@@ -63,7 +63,7 @@ class ElasticLattice(NamedTuple):
 def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
     """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
 
-    Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.explicit.bond_law`): of the sizes
+    Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.explicit.tile_kernels`): of the sizes
     with which a bond formed. Levers of sides that melt since would not add up to its length, and its shear would turn
     the berg.
     """

@@ -37,7 +37,7 @@ from riftberg.stepping.bodies.rigid_bodies import (
 )
 from riftberg.stepping.contact.groups import NOBODY
 from riftberg.stepping.contact.islands import Meeting
-from riftberg.stepping.forces.media import FORCES, MEDIA, Seen
+from riftberg.stepping.forces.media import FORCES, MEDIA, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.equilibrium import balance_loads
 
@@ -101,14 +101,18 @@ def motion_at(
     load, elements = allocate_loading(el, p), np.empty((el.size, 11))
     inertia, floor, mobility = np.zeros((3, count, 3, 3))
     # The groups that it needs: to hand the whole state to compiled code takes longer than the forces of a small berg.
-    seen, acts, nothing = Seen(el.place, el.body, el.environment), np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0))
+    seen, acts, nothing = (
+        ForcedElements(el.place, el.body, el.environment),
+        np.ones(len(MEDIA), np.bool_),
+        np.empty((1, 0, 0)),
+    )
     _find_motion(seen, sizes, p, bodies, elements, load, acts, nothing, inertia, floor, mobility, room)
     return BodyMotion(bodies.body, elements, load, touching, inertia, mobility, floor)
 
 
 @borrower
 def _find_motion(
-    el: Seen, sizes: Sizes, p: KernelParameters, bodies: Bodies, motion: Floats, load: Loading, acts: Booleans,
+    el: ForcedElements, sizes: Sizes, p: KernelParameters, bodies: Bodies, motion: Floats, load: Loading, acts: Booleans,
     nothing: Floats, inertia: Floats, floor: Floats, mobility: Floats, room: BodyRoom,
 ) -> None:  # fmt: skip
     """See `motion_at`."""

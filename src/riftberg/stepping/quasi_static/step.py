@@ -28,8 +28,8 @@ from riftberg.stepping.contact.candidates import NEWBORN_CHILD, among, pairs_tha
 from riftberg.stepping.contact.groups import NOBODY, joined
 from riftberg.stepping.contact.islands import Blow, Meeting, blow_on_all, caught_up, meet
 from riftberg.stepping.contact.land import leaders, led, ways_back
-from riftberg.stepping.forces.interactions import pair_law
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.criteria import (
     AveragedStress,
@@ -115,21 +115,21 @@ class QuasiStaticStepper:
 
     @property
     def applied(self) -> Floats:
-        """See `riftberg.stepping.schemes.Stepper.applied`: means of both ends of each step, by its length."""
+        """See `riftberg.stepping.stepper.Stepper.applied`: means of both ends of each step, by its length."""
         return self._applied
 
     @property
     def touched(self) -> tuple[Ints, Ints]:
-        """See `riftberg.stepping.schemes.Stepper.touched`."""
+        """See `riftberg.stepping.stepper.Stepper.touched`."""
         return self._touched
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(MEMORY, self._bodies, strict=True))
         return bodies if self._left is None else {**bodies, **dict(zip(MEMORY_LEFT, self._left, strict=True))}
 
-    def recall(self, kept: Mapping[str, Any]) -> None:
-        """Take up what `memory` gave."""
+    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
         if all(name in kept for name in MEMORY):
             body, *rest = (np.asarray(kept[name]) for name in MEMORY)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
@@ -137,7 +137,7 @@ class QuasiStaticStepper:
             ids, *rest = (np.asarray(kept[name]) for name in MEMORY_LEFT)
             self._left = Left(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
 
-    def surround(self, model: RunState) -> None:
+    def sample_forcing(self, model: RunState) -> None:
         """Sample at the present positions."""
         model.forcing.sample(model.elements, model.time)
 

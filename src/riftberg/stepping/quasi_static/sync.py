@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.births import rows_of
+from riftberg.state.numbering import rows_of
 from riftberg.stepping.bodies.pose import Bodies, free_bodies, place, regrouped
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts

@@ -1,13 +1,19 @@
-"""How long a sub-step may be: from stiffness, mass and damping of the bonds (Riftberg's own; the reference is set by hand)."""
+"""How long a step may be: critical time step of bonds and contact, and resonance of a berg with its outer kicks.
+
+All of it is Riftberg's own; the steps of the reference are set by hand.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.config.places import duration_text
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats
@@ -18,23 +24,36 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.modes import bond_operator, largest_eigenvalue
 from riftberg.stepping.run_state import RunState
 
-MOST_COUNTED = 1e15
+MAX_SUBSTEPS: Final = 1e15
 """Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.system.limits`."""
 
-SINGLE_STEP = {"verlet": 4.0, "runge_kutta": 0.5}
+SINGLE_STEP: Final = {"verlet": 4.0, "runge_kutta": 0.5}
 """Largest squared frequency of bonds times step for schemes without sub-steps: of Verlet the bound of the leapfrog; in
 Runge-Kutta others are seen where they were at its start, so that it grows from 0.6 on (hexagonal) or 0.8 (square) even where
 bonds are damped critically."""
 
-LONG_CONTACT = 1.0
+CONTACT_LIMIT: Final = 1.0
 """The same of one pair of bergs whose contact acts in the long step. They may get into each other by a whole step of their
 closing speed v before contact is seen, and ``2 k v dt`` in a step is then more than they came with."""
 
-COARSE = 0.01
-"""Steps of the logarithm of sizes at which sub-steps are chosen anew: far less than the margin of ``stepping.safety``."""
+BIN_WIDTH: Final = 0.01
+"""Width of the bins of the logarithm of sizes; in a new bin sub-steps are chosen anew. Far less than the margin of
+``stepping.safety``."""
+
+STEADY: Final = 12.0
+"""Long steps in a bending period of the berg from which on the stress is within 1 kPa of that in equilibrium (numerics page)."""
+
+NONRESONANT: Final = 24.0
+"""Long steps in a bending period that are chosen where none is named: the error goes with the square of the step."""
+
+LONG_STEPS: Final = tuple(1800.0 / n for n in (1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 18, 20, 24, 25, 30))
+"""Long steps (s) to choose from, longest first: parts of half an hour, so that records every hour fall on them."""
+
+FIRST_MODE: Final = 22.373
+"""Square of the first eigenvalue of a free beam, ``cos(k) cosh(k) = 1``."""
 
 
-def stable_substep(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> float:
+def critical_time_step(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> float:
     """Largest stable sub-step in seconds; infinite without bonds.
 
     At most a hundredth below the exact limit of the linearised lattice, never above it: see
@@ -60,9 +79,9 @@ def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Size
     fixed = p.stepping.substeps
     if fixed is not None and (p.compatibility.zero_start or not p.stepping.explicit_substeps):
         return fixed
-    dt, stable = p.stepping.time_step, stable_substep(p, elements, bonds, sizes)
+    dt, stable = p.stepping.time_step, critical_time_step(p, elements, bonds, sizes)
     wanted = dt / (p.stepping.safety * stable) if stable > 0.0 else math.inf
-    if not wanted < MOST_COUNTED:
+    if not wanted < MAX_SUBSTEPS:
         raise InputError(
             f"no sub-step of these bonds is stable (the longest is {stable:.3g} s)",
             where="stepping.substeps",
@@ -103,8 +122,8 @@ def check_long_step(run: RunState) -> None:
     k = p.contact.spring
     if k is None or run.constants.contact_on_substeps or not p.stepping.interactions:
         return
-    if 2.0 * k * dt * dt > LONG_CONTACT and np.ptp(run.elements.body.berg) > 0:
-        longest = math.sqrt(0.5 * LONG_CONTACT / k)
+    if 2.0 * k * dt * dt > CONTACT_LIMIT and np.ptp(run.elements.body.berg) > 0:
+        longest = math.sqrt(0.5 * CONTACT_LIMIT / k)
         raise InputError(
             f"contact of {k:g} s-2 swings in {2.0 * math.pi / math.sqrt(2.0 * k):.3g} s, and the step of {dt:g} s, in which it "
             f"acts, is longer than the {longest:.3g} s that this bears",
@@ -132,11 +151,11 @@ def _spring_frequency(run: RunState) -> float:
     return 2.0 * float(np.linalg.eigvalsh(sums).max())
 
 
-def coarse_sizes(elements: Elements) -> tuple[Floats, ...]:
-    """Sizes of the bergs that the stable sub-step depends on, in steps of `COARSE`, for each of their elements.
+def size_bins(elements: Elements) -> tuple[Floats, ...]:
+    """Sizes of the bergs that the critical time step depends on, as numbers of bins of `BIN_WIDTH`, for each of their elements.
 
-    Melt changes all sizes in every long step, the stable sub-step by a part of that; it is chosen anew where one of these
-    steps is passed. The steps are fixed, so that a run that is resumed chooses at the same times.
+    Melt changes all sizes in every long step, the critical time step by a part of that; it is found anew where a size passes
+    into another bin. The bins are fixed, so that a run that is resumed finds it anew at the same times.
     """
     body = elements.body
     if elements.size == 0:
@@ -152,7 +171,7 @@ def coarse_sizes(elements: Elements) -> tuple[Floats, ...]:
     ):
         of_berg = np.full(count, np.inf if least else 0.0)
         (np.minimum if least else np.maximum).at(of_berg, berg, values)
-        extremes.append(np.floor(np.log(np.maximum(of_berg, 1e-300)) / COARSE)[berg])
+        extremes.append(np.floor(np.log(np.maximum(of_berg, 1e-300)) / BIN_WIDTH)[berg])
     return tuple(extremes)
 
 
@@ -181,3 +200,68 @@ def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
         some, between, _ = cut_out(elements, bonds, rows)
         sizes = interaction_sizes(some, run.constants)
         elements.body.substeps[rows] = choose_substeps(p, some, between, sizes)
+
+
+def bending_period(elements: Elements, parameters: Parameters) -> float:
+    """Return the period (s) of the first mode in which the largest berg bends in its plane.
+
+    That of a free beam with the spread of the berg along and across, ``T = 2 pi / 22.4 L^2 sqrt(rho A / (E I))`` with
+    ``L^2 = 12 s1^2`` and ``I / A = s2^2``. An estimate and no more: a compact berg is no beam, and shears too.
+    """
+    p, place = parameters, elements.place
+    numbers, counts = np.unique(elements.berg, return_counts=True)
+    own = elements.berg == numbers[counts.argmax()]
+    lon, lat = place.lon[own], place.lat[own]
+    metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
+    x, y = separations(metric, lon, lat, np.full_like(lon, lon[0]), np.full_like(lat, lat[0]))
+    across, along = _spread(x, y, elements.body.length[own] * elements.body.width[own])
+    speed = math.sqrt(p.bonds.youngs_modulus / p.ice.density)
+    return 2.0 * math.pi / FIRST_MODE * 12.0 * along**2 / (speed * across) if speed > 0.0 else math.inf
+
+
+def _spread(x: Floats, y: Floats, area: Floats) -> tuple[float, float]:
+    """Smallest and largest root mean square distance (m) of the ice from its centre, along a line."""
+    square = np.cov(np.vstack([x, y]), bias=True) + np.eye(2) * float(area.mean()) / 12.0
+    small, large = np.sqrt(np.linalg.eigvalsh(square))
+    return float(small), float(large)
+
+
+def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) -> str:
+    """Return a warning where the stress in the bonds of a run rings, else nothing.
+
+    Between two outer kicks no drag and no slope act on a lattice that was bent under them, so it swings by as much, and by
+    more where a period is a whole number of steps: the resonance that r-RESPA is known for.
+    """
+    p = parameters
+    period = bending_period(elements, p) if _may_resonate(bonds, p) else math.inf
+    if p.stepping.time_step * STEADY <= period:
+        return ""
+    breaks = ", so bonds may break that would hold" if p.fracture.enabled else ""
+    return (
+        f"the stress in the bonds rings: water and air push in two kicks of each long step of {p.stepping.time_step:g} s, "
+        f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg{breaks}. "
+        "stepping.scheme=quasi_static gives the stress that the ice has to bear"
+    )
+
+
+def with_nonresonant_step(elements: Elements, bonds: Bonds, parameters: Parameters) -> Parameters:
+    """Return the parameters with a long step with which the stress in the bonds does not ring, where they name none.
+
+    It is the longest of `LONG_STEPS` of which `NONRESONANT` fit into a bending period of the largest berg, and the shortest of
+    them where none does. A long step that is named, or a number of sub-steps in it, stays as it is.
+    """
+    p = parameters
+    named = "time_step" in p.stepping.model_fields_set or p.stepping.substeps is not None
+    if named or not _may_resonate(bonds, p):
+        return p
+    period = bending_period(elements, p)
+    step = next((step for step in LONG_STEPS if step * NONRESONANT <= period), LONG_STEPS[-1])
+    return p.changed(stepping={"time_step": step})
+
+
+def _may_resonate(bonds: Bonds, p: Parameters) -> bool:
+    """Whether outer kicks act on intact bonds; the reference's numerics are taken as they are."""
+    s = p.stepping
+    pushed = not (s.only_interactions or s.frozen or s.fixed_velocity)
+    explicit = s.scheme == "mts" and p.bonds.law == "dem" and not p.compatibility.zero_start
+    return explicit and pushed and bool((bonds.status == 0).any())

@@ -13,7 +13,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.explicit.substep_choice import choose_substeps, stable_substep
+from riftberg.stepping.explicit.stability import choose_substeps, critical_time_step
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.lattice.modes import bond_operator, largest_eigenvalue
 
@@ -40,7 +40,7 @@ def _berg(packing="square", thickness=200.0, side=4, **kwargs):
 
 
 def _limit(berg, p):
-    return stable_substep(p, berg.elements, berg.bonds, interaction_sizes(berg.elements, p.kernel_values()))
+    return critical_time_step(p, berg.elements, berg.bonds, interaction_sizes(berg.elements, p.kernel_values()))
 
 
 def _growth(berg, p, substep):
@@ -188,7 +188,7 @@ def test_choice_takes_little_time() -> None:
     took = []
     for _ in range(5):
         began = time.perf_counter()
-        stable_substep(p, berg.elements, berg.bonds, sizes)
+        critical_time_step(p, berg.elements, berg.bonds, sizes)
         took.append(time.perf_counter() - began)
     assert min(took) < 0.05
 

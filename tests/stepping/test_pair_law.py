@@ -8,9 +8,16 @@ import pytest
 from riftberg.compiled.kernels import plain
 from riftberg.state import new_elements
 from riftberg.state.neighbours import OTHER_BERG, find_pairs, no_pairs
-from riftberg.stepping.forces.interactions import PairLaw, Partners, interaction_terms, pair_view
+from riftberg.stepping.forces.pair_law import (
+    NeighbourLists,
+    PairLaw,
+    allocate_contact_table,
+    contact_terms,
+    fill_contact_table,
+    interaction_terms,
+    pair_view,
+)
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.forces.touching import allocate_touching, contact_terms, find_touching
 from stepping.lattices import parameters
 
 LAW = {
@@ -41,12 +48,12 @@ def test_contact_found_once_gives_the_sums_of_the_pair_law(changes: dict[str, fl
     sizes = interaction_sizes(el, parameters())
     pairs = find_pairs(el.lon, el.lat, el.berg, 5000.0, OTHER_BERG, True, law.earth_radius, law.period)
     none = no_pairs(60)
-    partners = Partners(none, none, pairs, np.zeros(0), np.zeros(0, np.int64))
-    touching, view = allocate_touching(60, pairs.partner.size), plain(pair_view)(el, sizes)
-    find_touching(el, pairs, sizes, law, touching)
-    assert 60 < touching.start[-1] < pairs.partner.size
+    partners = NeighbourLists(none, none, pairs, np.zeros(0), np.zeros(0, np.int64))
+    table, view = allocate_contact_table(60, pairs.partner.size), plain(pair_view)(el, sizes)
+    fill_contact_table(el, pairs, sizes, law, table)
+    assert 60 < table.start[-1] < pairs.partner.size
     for e in range(60):
         at = el.u[e], el.v[e], el.u[e] + 0.1, el.v[e] - 0.2
         want = plain(interaction_terms)(e, el.lon[e], el.lat[e], *at, partners, False, False, view, law)
-        got = plain(contact_terms)(e, *at, touching, el.u_pair, el.v_pair, law.by_speed)
+        got = plain(contact_terms)(e, *at, table, el.u_pair, el.v_pair, law.by_speed)
         assert tuple(got) == tuple(want)

@@ -10,12 +10,13 @@ import numba
 import numpy as np
 import pytest
 
-from riftberg.stepping.explicit import bond_blocks as row
-from riftberg.stepping.explicit import bond_law, element_blocks
-from riftberg.stepping.explicit.bond_rows import BondRows, allocate_rows, crosses, load_rows
-from riftberg.stepping.explicit.breaking import note_all
-from riftberg.stepping.explicit.element_blocks import drift_block, load_elements, sum_over_bonds
-from riftberg.stepping.forces.scratch import allocate_scratch
+from riftberg.stepping.explicit import tile_kernels
+from riftberg.stepping.explicit import tiles as tile
+from riftberg.stepping.explicit.beams import pack_elements
+from riftberg.stepping.explicit.breaking import store_bonds
+from riftberg.stepping.explicit.substeps import allocate_fields
+from riftberg.stepping.explicit.tile_kernels import drift_tile, sum_over_bonds
+from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles, may_cross_seam, pack_bonds
 from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, parameters
 
@@ -23,76 +24,82 @@ P = parameters()
 LAW = (P.poisson, P.objective_damping, P.no_shear, P.linear_bending, P.flat_relative_velocity, P.latlon)
 
 
-def show(made: BondRows, el: Any, dt: float = 0.0) -> None:
+def show(made: BondTiles, el: Any, dt: float = 0.0) -> None:
     """Lay out elements that do not move, but turn over ``dt`` seconds."""
-    load_elements(made, el, allocate_scratch(el.mass.size))
-    for b in range(row.blocks_of(el.mass.size)):
-        own, ends = made.own[b * row.OWN : (b + 1) * row.OWN], made.ends[b * row.ENDS : (b + 1) * row.ENDS]
-        drift_block(own, ends, made.turned[b * row.LANES : (b + 1) * row.LANES], dt, P.latlon, P.earth_radius, False)
+    pack_elements(made, el, allocate_fields(el.mass.size))
+    for b in range(tile.tile_count(el.mass.size)):
+        own, ends = (
+            made.elem[b * tile.ELEMENT_TILE : (b + 1) * tile.ELEMENT_TILE],
+            made.ends[b * tile.END_TILE : (b + 1) * tile.END_TILE],
+        )
+        drift_tile(own, ends, made.rotation[b * tile.LANES : (b + 1) * tile.LANES], dt, P.latlon, P.earth_radius, False)
 
 
-def summed(made: BondRows, elements: int) -> np.ndarray:
+def summed(made: BondTiles, elements: int) -> np.ndarray:
     """Forces and torques of all elements; ``made.sums`` is cleared."""
-    sheets = np.zeros((row.blocks_of(elements), row.SHEET))
-    for b, sheet in enumerate(sheets):
-        sums, slot = made.sums[b * row.SUMS : (b + 1) * row.SUMS], made.slot[b * row.LANES : (b + 1) * row.LANES]
-        sum_over_bonds(sheet, sums, slot, made.block)
-    return sheets[:, : row.SUMS].reshape(-1, 3, row.LANES).transpose(1, 0, 2).reshape(3, -1)[:, :elements]
+    sheets = np.zeros((tile.tile_count(elements), tile.SCRATCH_TILE))
+    for b, scratch in enumerate(sheets):
+        sums, slots = (
+            made.sums[b * tile.SUM_TILE : (b + 1) * tile.SUM_TILE],
+            made.slots[b * tile.LANES : (b + 1) * tile.LANES],
+        )
+        sum_over_bonds(scratch, sums, slots, made.bond)
+    return sheets[:, : tile.SUM_TILE].reshape(-1, 3, tile.LANES).transpose(1, 0, 2).reshape(3, -1)[:, :elements]
 
 
-def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, Any, BondRows, int]:
+def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, Any, BondTiles, int]:
     el, bonds = lattice(3, P, columns=columns, rows=rows)
     bonds.status[list(broken)] = 1
-    made = allocate_rows(bonds, el.mass.size)
-    made.block[: -row.BLOCK] = np.nan  # what an earlier long step left must not matter
-    made.sheet[:] = np.nan
-    count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
+    made = allocate_tiles(bonds, el.mass.size)
+    made.bond[: -tile.BOND_TILE] = np.nan  # what an earlier long step left must not matter
+    made.scratch[:] = np.nan
+    count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
     show(made, el)
     return el, bonds, made, count
 
 
-def parts(made: BondRows, b: int, elements: int) -> tuple[Any, Any, Any]:
+def parts(made: BondTiles, b: int, elements: int) -> tuple[Any, Any, Any]:
     """Rows, first ends and sums of block ``b``."""
-    e = b % row.blocks_of(elements)
+    e = b % tile.tile_count(elements)
     return (
-        made.block[b * row.BLOCK : (b + 1) * row.BLOCK],
-        made.ends[e * row.ENDS : (e + 1) * row.ENDS],
-        made.sums[e * row.SUMS : (e + 1) * row.SUMS],
+        made.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE],
+        made.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE],
+        made.sums[e * tile.SUM_TILE : (e + 1) * tile.SUM_TILE],
     )
 
 
-def applied(made: BondRows, count: int, elements: int) -> None:
+def applied(made: BondTiles, count: int, elements: int) -> None:
     """Apply the law to all blocks, and sum over first ends."""
     made.sums[:] = 0.0
-    for b in made.used[:count]:
+    for b in made.in_use[:count]:
         block, ends, sums = parts(made, b, elements)
-        bond_law.gather_ends(made.sheet, made.second[b * row.LANES : (b + 1) * row.LANES], made.ends)
-        bond_law.apply_bond_law(block, made.sheet, ends, 10.0, *LAW, P.earth_radius, P.period)
-        bond_law.add_to_first(block, made.sheet, sums)
+        tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
+        tile_kernels.apply_bond_law(block, made.scratch, ends, 10.0, *LAW, P.earth_radius, P.period)
+        tile_kernels.accumulate_first_ends(block, made.scratch, sums)
 
 
-def quantity(made: BondRows, name: int) -> np.ndarray:
-    return np.array([made.block[row.place_of(r) + name] for r in range(made.bond.size)])
+def quantity(made: BondTiles, name: int) -> np.ndarray:
+    return np.array([made.bond[tile.bond_offset(r) + name] for r in range(made.bond_ids.size)])
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(3, 2), (5, 4), (9, 8), (40, 3)])
 def test_rows_hold_each_unbroken_bond_once_at_its_first_end(columns: int, rows: int) -> None:
     el, bonds, made, count = loaded(columns, rows, broken=(0, 4))
-    there = np.flatnonzero(made.bond >= 0)
-    held = made.bond[there]
+    there = np.flatnonzero(made.bond_ids >= 0)
+    held = made.bond_ids[there]
     assert sorted(held) == list(np.flatnonzero(bonds.status == 0))
-    assert np.array_equal(there % (row.blocks_of(el.mass.size) * row.LANES), bonds.first[held])
-    assert np.array_equal(made.second[there], [row.end_of(j) for j in bonds.second[held]])
-    assert set(there // row.LANES) == set(made.used[:count])
+    assert np.array_equal(there % (tile.tile_count(el.mass.size) * tile.LANES), bonds.first[held])
+    assert np.array_equal(made.second_end[there], [tile.end_offset(j) for j in bonds.second[held]])
+    assert set(there // tile.LANES) == set(made.in_use[:count])
     slip = np.hypot(bonds.shear_x, bonds.shear_y)[held]
-    np.testing.assert_allclose(np.abs(quantity(made, row.SLIP)[there]), slip, rtol=1e-14)
-    assert np.array_equal(quantity(made, row.ALIVE) > 0.0, made.bond >= 0)
+    np.testing.assert_allclose(np.abs(quantity(made, tile.SLIP)[there]), slip, rtol=1e-14)
+    assert np.array_equal(quantity(made, tile.INTACT) > 0.0, made.bond_ids >= 0)
 
 
 def test_the_first_layer_holds_the_bonds_to_the_next_element() -> None:
     """Its second ends are copied as neighbours, not one by one."""
     el, bonds, made, _ = loaded(40, 3, broken=(7,))
-    layer = made.bond[: row.blocks_of(el.mass.size) * row.LANES]
+    layer = made.bond_ids[: tile.tile_count(el.mass.size) * tile.LANES]
     held = layer[layer >= 0]
     assert np.array_equal(bonds.second[held], bonds.first[held] + 1)
     assert ((bonds.second == bonds.first + 1) & (bonds.status == 0)).sum() == held.size
@@ -101,52 +108,52 @@ def test_the_first_layer_holds_the_bonds_to_the_next_element() -> None:
 @pytest.mark.parametrize("columns", [5, 40])
 def test_neighbours_are_copied_as_they_are_gathered(columns: int) -> None:
     el, _, made, _ = loaded(columns, 3)
-    for b in range(row.blocks_of(el.mass.size)):
-        bond_law.gather_ends(made.sheet, made.second[b * row.LANES : (b + 1) * row.LANES], made.ends)
-        one_by_one = made.sheet[: row.ENDS].copy()
-        made.sheet[:] = np.nan
-        bond_law.next_ends(made.sheet, made.ends[b * row.ENDS : (b + 2) * row.ENDS])
-        assert np.array_equal(made.sheet[: row.ENDS], one_by_one)
+    for b in range(tile.tile_count(el.mass.size)):
+        tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
+        one_by_one = made.scratch[: tile.END_TILE].copy()
+        made.scratch[:] = np.nan
+        tile_kernels.shift_second_ends(made.scratch, made.ends[b * tile.END_TILE : (b + 2) * tile.END_TILE])
+        assert np.array_equal(made.scratch[: tile.END_TILE], one_by_one)
 
 
 def test_where_no_bond_is_nothing_acts() -> None:
     """What stands in such a row may be no number, and must not spread over the berg."""
     el, bonds, made, count = loaded(5, 5, broken=(3, 11))
     applied(made, count, el.mass.size)
-    none = made.bond < 0
+    none = made.bond_ids < 0
     assert none.any()
-    for name in (row.FX, row.FY, row.TORQUE2):
+    for name in (tile.FX, tile.FY, tile.TORQUE2):
         values = quantity(made, name)
         assert np.isfinite(values[~none]).all()
-        assert not values[none & np.isin(np.arange(none.size) // row.LANES, made.used[:count])].any()
+        assert not values[none & np.isin(np.arange(none.size) // tile.LANES, made.in_use[:count])].any()
     assert np.isfinite(made.sums).all()
-    assert not made.block[-row.BLOCK :].any()
+    assert not made.bond[-tile.BOND_TILE :].any()
     assert bonds.status[3] == 1
 
 
 def test_a_layer_without_bonds_is_left_out() -> None:
     el, bonds, made, _ = loaded(5, 5)
     bonds.status[bonds.second == bonds.first + 1] = 1
-    count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
-    assert el.mass.size <= row.LANES
+    count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
+    assert el.mass.size <= tile.LANES
     assert count
-    assert 0 not in made.used[:count]
+    assert 0 not in made.in_use[:count]
 
 
 def test_bergs_without_bonds_have_no_rows() -> None:
     """Fifty thousand of them would take 9 MB, and be gone through in each long step."""
     el, bonds = lattice(3, P, columns=5, rows=4)
     none = bonds.taken(np.zeros(0, np.int64))
-    made = allocate_rows(none, el.mass.size)
-    assert made.bond.size == 0
-    assert load_rows(made, el, none, interaction_sizes(el, P), np.arange(el.mass.size), P) == 0
+    made = allocate_tiles(none, el.mass.size)
+    assert made.bond_ids.size == 0
+    assert pack_bonds(made, el, none, interaction_sizes(el, P), np.arange(el.mass.size), P) == 0
     assert not summed(made, el.mass.size).any()
 
 
 def test_elements_that_are_met_less_often_name_the_block_of_zeros() -> None:
     el, _, made, count = loaded(9, 8)
     applied(made, count, el.mass.size)
-    none = made.slot == made.block.size - row.BLOCK
+    none = made.slots == made.bond.size - tile.BOND_TILE
     assert none.any()
     assert not none.all(axis=0).any()
 
@@ -155,14 +162,14 @@ def test_sums_over_bonds_are_those_of_a_plain_loop() -> None:
     el, bonds, made, count = loaded(9, 8, broken=(7,))
     applied(made, count, el.mass.size)
     plain = np.zeros((3, el.mass.size))
-    begun = made.sums.reshape(-1, 3, row.LANES).transpose(1, 0, 2).reshape(3, -1)[:, : el.mass.size]
+    begun = made.sums.reshape(-1, 3, tile.LANES).transpose(1, 0, 2).reshape(3, -1)[:, : el.mass.size]
     plain[2] += begun[2]
-    for r in np.flatnonzero(made.bond >= 0):
-        at, i, j = row.place_of(r), bonds.first[made.bond[r]], bonds.second[made.bond[r]]
-        force = made.block[[at + row.FX, at + row.FY]]
+    for r in np.flatnonzero(made.bond_ids >= 0):
+        at, i, j = tile.bond_offset(r), bonds.first[made.bond_ids[r]], bonds.second[made.bond_ids[r]]
+        force = made.bond[[at + tile.FX, at + tile.FY]]
         plain[:2, i] += force
         plain[:2, j] -= force
-        plain[2, j] += made.block[at + row.TORQUE2]
+        plain[2, j] += made.bond[at + tile.TORQUE2]
     sums = summed(made, el.mass.size)
     assert not made.sums.any()  # ready for the next sub-step
     size = np.abs(plain).max(axis=1, keepdims=True)
@@ -178,8 +185,8 @@ def test_the_order_of_the_bonds_does_not_matter() -> None:
         order = np.random.default_rng(seed).permutation(bonds.first.size) if seed else np.arange(bonds.first.size)
         for name in ("first", "second", "status", "shear_x", "shear_y", "strength", "rest_length", "damage"):
             getattr(bonds, name)[:] = getattr(bonds, name)[order]
-        made = allocate_rows(bonds, el.mass.size)
-        count = load_rows(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
+        made = allocate_tiles(bonds, el.mass.size)
+        count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
         show(made, el)
         applied(made, count, el.mass.size)
         sums = summed(made, el.mass.size)
@@ -190,17 +197,17 @@ def test_the_order_of_the_bonds_does_not_matter() -> None:
 def test_what_bonds_bear_goes_to_the_state_but_for_those_that_broke() -> None:
     el, bonds, made, count = loaded(5, 4)
     applied(made, count, el.mass.size)
-    made.sheet[:] = 3.0
+    made.scratch[:] = 3.0
     before = bonds.shear_x.copy()
-    block = made.block[: row.BLOCK]
-    held = made.bond[: row.LANES]
+    block = made.bond[: tile.BOND_TILE]
+    held = made.bond_ids[: tile.LANES]
     gone = held[held >= 0][1]
-    block[row.ALIVE + np.flatnonzero(held == gone)[0]] = 0.0  # breaks within the long step
-    note_all(held, bonds, block, made.sheet, made.turned)
+    block[tile.INTACT + np.flatnonzero(held == gone)[0]] = 0.0  # breaks within the long step
+    store_bonds(held, bonds, block, made.scratch, made.rotation)
     kept = held[(held >= 0) & (held != gone)]
     assert bonds.shear_x[gone] == before[gone]
     lanes = np.isin(held, kept)
-    assert np.array_equal(bonds.shear_x[kept], -3.0 * block[row.SLIP : row.SLIP + row.LANES][lanes])
+    assert np.array_equal(bonds.shear_x[kept], -3.0 * block[tile.SLIP : tile.SLIP + tile.LANES][lanes])
     assert (bonds.normal_stress[kept] == 3.0).all()
 
 
@@ -209,8 +216,8 @@ def test_the_turn_of_one_end_against_the_other_is_kept() -> None:
     show(made, el, 10.0)
     before = bonds.relative_rotation.copy()
     block, _, _ = parts(made, 0, el.mass.size)
-    note_all(made.bond[: row.LANES], bonds, block, made.sheet, made.turned)
-    b = made.bond[0]
+    store_bonds(made.bond_ids[: tile.LANES], bonds, block, made.scratch, made.rotation)
+    b = made.bond_ids[0]
     turn = 10.0 * (el.spin[bonds.first[b]] - el.spin[bonds.second[b]])
     assert bonds.relative_rotation[b] == pytest.approx(before[b] + turn, rel=1e-12)
 
@@ -225,31 +232,33 @@ def test_the_turn_of_one_end_against_the_other_is_kept() -> None:
     ],
 )
 def test_a_seam_is_looked_for_only_where_one_may_be(x: list[float], period: float, answer: bool) -> None:
-    assert crosses(np.array(x), period) == answer
+    assert may_cross_seam(np.array(x), period) == answer
 
 
 def test_large_angles_have_the_sine_of_all_angles() -> None:
     """A bond of elements that turned far, in one block with others that did not."""
     el, bonds, made, count = loaded(5, 4)
-    el.rotation[bonds.second[made.bond[0]]] += 2.5
+    el.rotation[bonds.second[made.bond_ids[0]]] += 2.5
     show(made, el)
     block, ends, _ = parts(made, 0, el.mass.size)
-    bond_law.gather_ends(made.sheet, made.second[: row.LANES], made.ends)
-    bond_law.sines(block, made.sheet, ends, False)
-    angle = ends[row.ANGLE : row.ANGLE + row.LANES] - made.sheet[row.ANGLE : row.ANGLE + row.LANES]
-    there = made.bond[: row.LANES] >= 0
+    tile_kernels.gather_second_ends(made.scratch, made.second_end[: tile.LANES], made.ends)
+    tile_kernels.sines(block, made.scratch, ends, False)
+    angle = ends[tile.ANGLE : tile.ANGLE + tile.LANES] - made.scratch[tile.ANGLE : tile.ANGLE + tile.LANES]
+    there = made.bond_ids[: tile.LANES] >= 0
     assert np.abs(angle[there]).max() > 2.0
-    np.testing.assert_allclose(made.sheet[row.SINE : row.SINE + row.LANES][there], np.sin(angle[there]), rtol=1e-13)
+    np.testing.assert_allclose(
+        made.scratch[tile.SINE : tile.SINE + tile.LANES][there], np.sin(angle[there]), rtol=1e-13
+    )
     assert count
 
 
 LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
-    "find_sections": (15, ("block", "sheet", "ends"), (True, False, 6.37e6)),
-    "sines": (60, ("block", "sheet", "ends"), (False,)),
-    "forces": (40, ("block", "sheet", "ends"), (10.0, 0.3, True, False)),
-    "add_to_first": (3, ("block", "sheet", "sums"), ()),
-    "kick_block": (20, ("own", "ends", "sheet"), (10.0, True)),
-    "drift_block": (30, ("own", "ends", "turned"), (10.0, True, 6.37e6, False)),
+    "find_sections": (15, ("bond", "scratch", "ends"), (True, False, 6.37e6)),
+    "sines": (60, ("bond", "scratch", "ends"), (False,)),
+    "forces": (40, ("bond", "scratch", "ends"), (10.0, 0.3, True, False)),
+    "accumulate_first_ends": (3, ("bond", "scratch", "sums"), ()),
+    "kick_tile": (20, ("elem", "ends", "scratch"), (10.0, True)),
+    "drift_tile": (30, ("elem", "ends", "rotation"), (10.0, True, 6.37e6, False)),
 }
 """Loops that must be vector code: the least number of packed instructions, arrays, and other arguments."""
 
@@ -263,14 +272,14 @@ def test_the_loops_of_the_sub_steps_are_vector_code(name: str) -> None:
     el, _, made, _ = loaded(5, 4)
     block, _, sums = parts(made, 0, el.mass.size)
     given = {
-        "block": block,
-        "sheet": made.sheet,
+        "bond": block,
+        "scratch": made.scratch,
         "ends": made.ends,
         "sums": sums,
-        "own": made.own,
-        "turned": made.turned,
+        "elem": made.elem,
+        "rotation": made.rotation,
     }
-    loop = getattr(bond_law, name, None) or getattr(element_blocks, name)
+    loop = getattr(tile_kernels, name)
     again = numba.njit(error_model="numpy")(loop.py_func)  # machine code from a cache cannot be read
     again(*(given[array] for array in arrays), *arguments)
     (code,) = again.inspect_asm().values()

@@ -30,9 +30,9 @@ def test_a_long_step_with_damage_equals_the_twin(law, keep):
         bonds.damage[:] = np.random.default_rng(seed).uniform(0.0, 0.3, bonds.damage.size)
         before = bonds.damage.copy()
         want, want_bonds, count, _ = twin.multiple_step(
-            unpack(el), unpack(bonds), p, 80.0, 4, may_break=True, wears=True
+            unpack(el), unpack(bonds), p, 80.0, 4, may_break=True, grow_damage=True
         )
-        assert long_step(el, bonds, p, 80.0, 4, may_break=True, wears=True).broken == count
+        assert long_step(el, bonds, p, 80.0, 4, may_break=True, grow_damage=True).broken == count
         np.testing.assert_array_equal(bonds.status != 0, column(want_bonds, "status") != 0)
         np.testing.assert_array_equal(bonds.break_time, column(want_bonds, "break_time"))
         np.testing.assert_allclose(bonds.damage, column(want_bonds, "damage"), rtol=0, atol=1e-9)
@@ -49,10 +49,10 @@ def test_a_long_step_with_damage_equals_the_twin(law, keep):
 
 def test_damage_makes_bonds_break_that_else_hold():
     counts = []
-    for wears in (False, True):
+    for grow_damage in (False, True):
         p = parameters(fracture=WEAK, damage={"enabled": True, **LAWS["no threshold"]})
         states = [lattice(seed, p) for seed in range(6)]
-        counts.append(sum(long_step(*s, p, 80.0, 4, may_break=True, wears=wears).broken for s in states))
+        counts.append(sum(long_step(*s, p, 80.0, 4, may_break=True, grow_damage=grow_damage).broken for s in states))
     assert counts[1] > counts[0] > 0
 
 
@@ -82,8 +82,8 @@ def test_the_order_of_the_bonds_does_not_matter(law):
         order = np.random.default_rng(seed).permutation(bonds.first.size)
         other, _ = copy_state(el, bonds)
         shuffled = Bonds._make(a[order].copy() for a in bonds)
-        long_step(el, bonds, p, 80.0, 4, may_break=True, wears=True)
-        long_step(other, shuffled, p, 80.0, 4, may_break=True, wears=True)
+        long_step(el, bonds, p, 80.0, 4, may_break=True, grow_damage=True)
+        long_step(other, shuffled, p, 80.0, 4, may_break=True, grow_damage=True)
         np.testing.assert_array_equal(shuffled.break_time, bonds.break_time[order])
         np.testing.assert_allclose(shuffled.damage, bonds.damage[order], rtol=0, atol=1e-10)
         assert bonds.damage.max() > 0.05

@@ -14,7 +14,13 @@ from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Paramete
 from riftberg.cli.main import app
 from riftberg.experiments import Options, build
 from riftberg.state import Floats
-from riftberg.stepping.explicit.ringing import CALM, LONG_STEPS, ringing, swing, with_steady_step
+from riftberg.stepping.explicit.stability import (
+    LONG_STEPS,
+    NONRESONANT,
+    bending_period,
+    resonance_warning,
+    with_nonresonant_step,
+)
 
 EXPLICIT = Parameters().changed(stepping={"scheme": "mts", "time_step": 1800.0})
 CASES: dict[str, tuple[dict[str, Any], int, bool]] = {
@@ -41,7 +47,7 @@ def test_what_rings_is_told(case: str) -> None:
     changes, bonds, told = CASES[case]
     asked = EXPLICIT.changed(**changes)
     ice = berg()
-    text = ringing(ice.elements, ice.bonds.taken(slice(bonds)), asked)
+    text = resonance_warning(ice.elements, ice.bonds.taken(slice(bonds)), asked)
     assert ("stepping.scheme=quasi_static" in text) is told
     assert ("may break" in text) is (told and asked.fracture.enabled)
 
@@ -49,20 +55,22 @@ def test_what_rings_is_told(case: str) -> None:
 def test_a_swing_is_that_of_a_free_beam() -> None:
     """Of 60 km by 12 km, 5 MPa: L^2 sqrt(12 rho / E) / w 2 pi / 22.4; twice as stiff swings faster by a root of two."""
     expected = 2.0 * np.pi / 22.373 * 60e3**2 * np.sqrt(12.0 * 850.0 / 5e6) / 12e3
-    assert swing(berg().elements, EXPLICIT) == pytest.approx(expected, rel=0.01)
+    assert bending_period(berg().elements, EXPLICIT) == pytest.approx(expected, rel=0.01)
     stiff = EXPLICIT.changed(bonds={"youngs_modulus": 1e7})
-    assert swing(berg().elements, stiff) == pytest.approx(expected / np.sqrt(2.0), rel=0.01)
+    assert bending_period(berg().elements, stiff) == pytest.approx(expected / np.sqrt(2.0), rel=0.01)
 
 
 @pytest.mark.parametrize("where", [{"rotation": 40.0}, {"placement": (179.99, -56.0)}, {"placement": (10.0, 70.0)}])
 def test_a_swing_does_not_depend_on_place_and_heading(where: dict[str, Any]) -> None:
-    assert swing(berg(**where).elements, EXPLICIT) == pytest.approx(swing(berg().elements, EXPLICIT), rel=0.03)
+    assert bending_period(berg(**where).elements, EXPLICIT) == pytest.approx(
+        bending_period(berg().elements, EXPLICIT), rel=0.03
+    )
 
 
 def test_runs_of_the_reference_are_taken_as_they_are() -> None:
     ice = berg()
-    assert ringing(ice.elements, ice.bonds, A68A_2022.changed(stepping={"scheme": "mts"}))
-    assert not ringing(ice.elements, ice.bonds, A68A_2022_KID)
+    assert resonance_warning(ice.elements, ice.bonds, A68A_2022.changed(stepping={"scheme": "mts"}))
+    assert not resonance_warning(ice.elements, ice.bonds, A68A_2022_KID)
 
 
 def test_a_model_tells_it_in_words_and_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
@@ -89,11 +97,11 @@ SHAPES = [("60 km", "12 km", 5e6), ("60 km", "30 km", 5e6), ("30 km", "12 km", 5
 def test_a_long_step_that_nobody_named_does_not_ring(length: str, width: str, modulus: float) -> None:
     """It was 1800 s for all: up to 17 kPa that were not there beside a strength of 18."""
     model = Model(berg(length, width), Forcing.uniform((0.1, 0.0)), MTS.changed(bonds={"youngs_modulus": modulus}))
-    step, period = model.parameters.stepping.time_step, swing(model.elements, model.parameters)
+    step, period = model.parameters.stepping.time_step, bending_period(model.elements, model.parameters)
     assert model.notices == ()
-    assert step * CALM <= period or step == LONG_STEPS[-1]
+    assert step * NONRESONANT <= period or step == LONG_STEPS[-1]
     longer = [one for one in LONG_STEPS if one > step]
-    assert not longer or min(longer) * CALM > period
+    assert not longer or min(longer) * NONRESONANT > period
     assert 3600.0 % step == 0.0
 
 
@@ -120,8 +128,8 @@ def test_the_shortest_long_step_is_taken_and_told_where_none_is_short_enough() -
 )
 def test_a_long_step_that_is_named_or_need_not_be_short_stays(asked: Parameters, step: float) -> None:
     ice = berg()
-    assert with_steady_step(ice.elements, ice.bonds, asked).stepping.time_step == step
-    assert with_steady_step(ice.elements, ice.bonds.taken(slice(0)), MTS).stepping.time_step == 1800.0
+    assert with_nonresonant_step(ice.elements, ice.bonds, asked).stepping.time_step == step
+    assert with_nonresonant_step(ice.elements, ice.bonds.taken(slice(0)), MTS).stepping.time_step == 1800.0
 
 
 def test_pieces_without_a_bond_that_holds_keep_the_long_step() -> None:
@@ -193,7 +201,7 @@ def test_the_stress_with_the_long_step_that_is_chosen_is_that_of_equilibrium_to_
     length: str, width: str, modulus: float
 ) -> None:
     ice, asked = berg(length, width), MTS.changed(bonds={"youngs_modulus": modulus})
-    step = with_steady_step(ice.elements, ice.bonds, asked).stepping.time_step
+    step = with_nonresonant_step(ice.elements, ice.bonds, asked).stepping.time_step
     held, own = (
         _largest(scheme, dt, (length, width), modulus) for scheme, dt in (("quasi_static", 1800.0), ("mts", step))
     )

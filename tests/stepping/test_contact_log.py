@@ -7,7 +7,7 @@ import pytest
 
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, new_elements
-from riftberg.stepping.fragments.contact_log import APART, ContactLog, Meeting
+from riftberg.stepping.fragments.contact_log import SEPARATION_TIME, ContactEvent, ContactLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 
 P = Parameters().kernel_values()
@@ -41,7 +41,7 @@ def test_a_meeting_is_one_until_the_bergs_have_been_apart() -> None:
     assert (met.first, met.second, met.time, met.end) == (1, 2, 10.0 * HOUR, 15.5 * HOUR)
     assert met.speed == 0.5
     assert abs(abs(met.lon) - 180.0) < 1e-9  # half way across the seam
-    log.update(el, pair(0, 1), 15.5 * HOUR + APART, 16.0 * HOUR + APART, tree, P)
+    log.update(el, pair(0, 1), 15.5 * HOUR + SEPARATION_TIME, 16.0 * HOUR + SEPARATION_TIME, tree, P)
     assert len(log.rows) == 2
     log.update(el, (np.array([0, 0]), np.array([1, 2])), 24.0 * HOUR, 24.5 * HOUR, tree, P)
     assert [(row.first, row.second) for row in log.rows] == [(1, 2), (1, 2), (1, 3)]
@@ -77,7 +77,7 @@ def test_elements_of_one_berg_do_not_meet() -> None:
 
 def test_a_contact_that_goes_on_has_a_new_end_when_somebody_asks() -> None:
     """Hundreds of pieces of a shattered berg touch in each step: one object each took longer than their motion."""
-    log, tree = ContactLog([Meeting(1, 2, 0.0, 1800.0, 0.0, 0.0, 0.1)]), FragmentTree([fragment(1), fragment(2)])
+    log, tree = ContactLog([ContactEvent(1, 2, 0.0, 1800.0, 0.0, 0.0, 0.1)]), FragmentTree([fragment(1), fragment(2)])
     saved = log.saved()
     log.update(elements(), pair(0, 1), 1800.0, 3600.0, tree, P)
     assert [row.end for row in log.rows] == [3600.0]
@@ -90,14 +90,14 @@ class PlainLog:
     def __init__(self) -> None:
         self.met: list[list[float]] = []
         self.latest: dict[tuple[int, int], int] = {}
-        self.quiet: dict[tuple[int, int], float] = {}
+        self.suppressed: dict[tuple[int, int], float] = {}
 
     def update(self, pairs: set[tuple[int, int]], began: float, ended: float, tree: FragmentTree) -> None:
         for pair in sorted(pairs):
-            if pair in self.latest and began - self.met[self.latest[pair]][3] < APART:
+            if pair in self.latest and began - self.met[self.latest[pair]][3] < SEPARATION_TIME:
                 self.met[self.latest[pair]][3] = ended
-            elif began - self.quiet.get(pair, -np.inf) < APART or self.born(pair, began, tree):
-                self.quiet[pair] = ended
+            elif began - self.suppressed.get(pair, -np.inf) < SEPARATION_TIME or self.born(pair, began, tree):
+                self.suppressed[pair] = ended
             else:
                 self.latest[pair] = len(self.met)
                 self.met.append([*pair, began, ended])
@@ -106,11 +106,11 @@ class PlainLog:
         for own, other in (pair, pair[::-1]):
             row, sibling = tree.rows[own - 1], tree.rows[other - 1].parent
             family = (min(row.parent, other), max(row.parent, other))
-            late = self.quiet.get(family, -np.inf)
+            late = self.suppressed.get(family, -np.inf)
             if family in self.latest:
                 late = max(late, self.met[self.latest[family]][3])
-            near = row.parent in (other, sibling) or began - late < APART
-            if row.parent > 0 and began - row.birth_time < APART and near:
+            near = row.parent in (other, sibling) or began - late < SEPARATION_TIME
+            if row.parent > 0 and began - row.birth_time < SEPARATION_TIME and near:
                 return True
         return False
 
@@ -122,7 +122,7 @@ def test_the_log_is_that_of_one_pair_after_the_other(seed: int) -> None:
     tree, log, plain = FragmentTree([fragment(n) for n in range(1, 6)]), ContactLog(), PlainLog()
     el = new_elements(40)
     for step in range(120):
-        began = 1800.0 * step + (APART if step > 60 else 0.0)
+        began = 1800.0 * step + (SEPARATION_TIME if step > 60 else 0.0)
         if step % 8 == 7:
             parent = int(random.integers(1, len(tree.rows) + 1))
             tree.rows.append(fragment(len(tree.rows) + 1, parent, began))
@@ -132,8 +132,8 @@ def test_the_log_is_that_of_one_pair_after_the_other(seed: int) -> None:
         plain.update({(min(b), max(b)) for b in bergs if b[0] != b[1]}, began, began + 1800.0, tree)
         log.update(el, (first, second), began, began + 1800.0, tree, P)
         if step % 13 == 5:
-            log = log.saved() if step % 2 else ContactLog(log.rows, log.quiet)
+            log = log.saved() if step % 2 else ContactLog(log.rows, log.suppressed)
     assert len(plain.met) > 20
-    assert len(plain.quiet) > 5
+    assert len(plain.suppressed) > 5
     assert [[row.first, row.second, row.time, row.end] for row in log.rows] == plain.met
-    assert log.quiet == plain.quiet
+    assert log.suppressed == plain.suppressed
