@@ -7,7 +7,7 @@ import numpy as np
 from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
-from riftberg.stepping.contact.candidates import without
+from riftberg.stepping.contact.broad_phase import without
 from riftberg.stepping.explicit.bond_rows import allocate_rows
 from riftberg.stepping.explicit.breaking import allocate_pairs
 from riftberg.stepping.explicit.mts import StepPlan, StepReport, take_long_step

@@ -12,7 +12,7 @@ from riftberg.ocean.ready_made import Forcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.bodies.pose import element_motion, flat_shape, free_bodies, moved_frames, place, regrouped
-from riftberg.stepping.bodies.rigid_bodies import CLOSE_ENOUGH, _change, allocate_body_room, close_step, newton_step
+from riftberg.stepping.bodies.dynamics import CLOSE_ENOUGH, _change, allocate_body_room, close_step, newton_step
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.lattice.equilibrium import (
     Factors,

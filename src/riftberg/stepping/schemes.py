@@ -13,7 +13,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, SAME_BERG, no_pairs
 from riftberg.state.order import enter_cells, listed
-from riftberg.stepping.contact.candidates import Neighbourhood, contact_cells, rest_lengths, with_partners
+from riftberg.stepping.contact.broad_phase import Neighbourhood, contact_cells, rest_lengths, with_partners
 from riftberg.stepping.contact.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
 from riftberg.stepping.contact.land import settle_bergs
 from riftberg.stepping.explicit import runge_kutta, verlet

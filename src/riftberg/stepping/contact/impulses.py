@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.rigid_bodies import solve_three
+from riftberg.stepping.bodies.dynamics import solve_three
 from riftberg.stepping.forces.interactions import COLLISION, PairLaw, pair_terms, stiffness_and_reach
 
 CONTACT_PHASE: Final = 1.0

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.rigid_bodies import Loading, add_forces, add_totals_and_slopes, drag_and_slope
+from riftberg.stepping.bodies.dynamics import Loading, add_forces, add_totals_and_slopes, drag_and_slope
 from riftberg.stepping.contact.impulses import (
     MeetingRoom,
     allocate_meeting_room,

@@ -14,7 +14,7 @@ import numpy as np
 from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
-from riftberg.stepping.bodies.rigid_bodies import BodyMotion, Loading, add_forces, add_totals_and_slopes
+from riftberg.stepping.bodies.dynamics import BodyMotion, Loading, add_forces, add_totals_and_slopes
 from riftberg.stepping.contact.island_step import cross_islands
 from riftberg.stepping.forces.interactions import pair_law
 from riftberg.stepping.forces.media import FORCES

@@ -17,7 +17,7 @@ from riftberg.ocean.cells import settle_elements
 from riftberg.plane import unit_vectors
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import near_pairs
-from riftberg.stepping.contact.candidates import NEWBORN_CHILD
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
-from riftberg.stepping.contact.candidates import Neighbourhood
+from riftberg.stepping.contact.broad_phase import Neighbourhood
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs
 from riftberg.stepping.explicit.springs import allocate_room
 from riftberg.stepping.forces.media import Surroundings

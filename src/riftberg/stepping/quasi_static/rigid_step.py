@@ -1,7 +1,7 @@
 """One step of rigid bodies in a few compiled calls: to its end before the environment is known there, and the moment after it.
 
 To hand the arrays of a berg of some hundred elements to compiled code takes as long as its laws do, so the parts of a step
-(`riftberg.stepping.bodies.pose`, `riftberg.stepping.bodies.rigid_bodies`) are called together. All room comes from Python
+(`riftberg.stepping.bodies.pose`, `riftberg.stepping.bodies.dynamics`) are called together. All room comes from Python
 (`riftberg.compiled.kernels.borrower`).
 """
 
@@ -15,7 +15,7 @@ from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints, Motion, Shown
 from riftberg.stepping.bodies.pose import Bodies, find_element_motion, mean_bend, move_frames, place, without_mean
-from riftberg.stepping.bodies.rigid_bodies import (
+from riftberg.stepping.bodies.dynamics import (
     Acting,
     BodyMotion,
     BodyRoom,

@@ -1,6 +1,6 @@
 """Quasi-static stepping: fragments move as rigid bodies, their lattices stand in equilibrium with the loads.
 
-One long step: the fragments move (`riftberg.stepping.bodies.rigid_bodies`), the forces at the new place load the lattice, and
+One long step: the fragments move (`riftberg.stepping.bodies.dynamics`), the forces at the new place load the lattice, and
 its equilibrium (`riftberg.stepping.lattice.equilibrium`) gives the stresses. Where a bond is overloaded, the step is cut
 where the first one fails, the crack runs (`riftberg.stepping.fracture.strengths`), the pieces become bodies of their own, and the
 rest of the step follows. Elastic waves are left out: they pass within minutes.
@@ -23,8 +23,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.stepping.bodies.pose import Bodies, flat_shape, free_bodies, place, regrouped
-from riftberg.stepping.bodies.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
-from riftberg.stepping.contact.candidates import NEWBORN_CHILD, among, pairs_that_may_meet
+from riftberg.stepping.bodies.dynamics import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, among, pairs_that_may_meet
 from riftberg.stepping.contact.groups import NOBODY, joined
 from riftberg.stepping.contact.islands import Blow, Meeting, blow_on_all, caught_up, meet
 from riftberg.stepping.contact.land import leaders, led, ways_back

@@ -14,7 +14,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.contact.candidates import NEWBORN_CHILD
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD
 from riftberg.stepping.contact.islands import find_islands
 from riftberg.stepping.quasi_static.step import LongStep
 
