@@ -13,9 +13,9 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, SAME_BERG, no_pairs
 from riftberg.state.order import enter_cells, listed
-from riftberg.stepping.contact.broad_phase import Neighbourhood, contact_cells, rest_lengths, with_partners
-from riftberg.stepping.contact.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
-from riftberg.stepping.contact.land import settle_bergs
+from riftberg.stepping.contact.broad_phase import NeighbourSearch, contact_cells, rest_lengths, with_partners
+from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs, contact_groups, contact_rows, group_substeps
+from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.explicit import runge_kutta, verlet
 from riftberg.stepping.explicit.batches import Batch
 from riftberg.stepping.explicit.breaking import allocate_pairs
@@ -119,7 +119,7 @@ class FrozenStepper(Forgetful):
     @property
     def touched(self) -> tuple[Ints, Ints]:
         """Nothing has met."""
-        return NOBODY
+        return NO_PAIRS
 
 
 class ImposedStepper(FrozenStepper):
@@ -159,7 +159,7 @@ def settle(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
             settle_elements(el, grid.arrays, run.constants)
             enter_cells(el, columns, rows)
         else:
-            settle_bergs(el, run.bonds, grid.arrays, run.constants)
+            apply_land_constraint(el, run.bonds, grid.arrays, run.constants)
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)
@@ -193,10 +193,10 @@ class MultipleStepper(Forgetful):
 
     def __init__(self, run: RunState) -> None:
         c = run.constants
-        self._near = Neighbourhood()
+        self._near = NeighbourSearch()
         self._cells = contact_cells(run.parameters, run.forcing.grid)
         self._around = allocate_surroundings(run.elements.size)
-        self._touched = NOBODY
+        self._touched = NO_PAIRS
         self._kept: list[Batch] = []
         self._standing: tuple[int, bytes] | None = None
         self._quirky_order = c.shared_shear_lever or c.bond_thickness_of_second
@@ -212,10 +212,10 @@ class MultipleStepper(Forgetful):
             earlier = _processing_rank(run)
         dt = run.parameters.stepping.time_step
         slow = self._collisions(run, sizes)
-        meeting = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
+        meeting = self._near.candidate_pairs(el, sizes, dt, c) if c.contact_on_substeps else NO_PAIRS
         islands, general = find_islands(run, sizes, *meeting, POLAR_LATITUDE)
         meeting = meeting[0][general], meeting[1][general]
-        substeps = substeps_of_meeting(run, sizes, *meeting)
+        substeps = group_substeps(run, sizes, *meeting)
         batches = self._batches(run, substeps)
         waits = np.zeros(el.size)
         if islands is not None:
@@ -237,13 +237,13 @@ class MultipleStepper(Forgetful):
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, slow, inner, sizes, earlier, substeps, plan)
-        met = NOBODY if islands is None else collide(el, islands, sizes, self._around, dt, plan.starting, c)
+        met = NO_PAIRS if islands is None else collide(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
             # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
             slowly = np.append(self._around.acts, True)
             self._around.applied[:, slowly] *= 0.5
-        self._touched = joined(
-            [touching_rows(el, slow.collision, sizes, c), met, *(batch.touched() for batch in batches)]
+        self._touched = concatenate_pairs(
+            [contact_rows(el, slow.collision, sizes, c), met, *(batch.touched() for batch in batches)]
         )
         settle(run)
         run.time += run.parameters.stepping.time_step
@@ -322,7 +322,7 @@ class MultipleStepper(Forgetful):
             return Partners(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.compatibility.bergs_coupled
-        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
+        group = np.zeros(0, np.int64) if one_group else contact_groups(run.elements, near_by, sizes.radius, c)
         none = no_pairs(run.elements.size)
         return Partners(none, none, near_by, np.zeros(0), group)
 
@@ -426,11 +426,11 @@ class SingleStepper(Forgetful):
     """What the single-step schemes share: partners by the rules of equations 5.1."""
 
     def __init__(self, run: RunState) -> None:
-        self._near = Neighbourhood()
+        self._near = NeighbourSearch()
         self._cells = contact_cells(run.parameters, run.forcing.grid)
         self._version = -1
         self._around = allocate_surroundings(run.elements.size)
-        self._touched = NOBODY
+        self._touched = NO_PAIRS
 
     @property
     def applied(self) -> Floats:
@@ -452,7 +452,7 @@ class SingleStepper(Forgetful):
             return Partners(none, none, none, np.zeros(0), group)
         bonded, rest = none, np.zeros(0)
         if self._version != run.population.version:
-            near, self._version = Neighbourhood(), run.population.version
+            near, self._version = NeighbourSearch(), run.population.version
             self._near = near
         if c.bonds_on:
             bonded, bond = near.bonded(el, bonds)
@@ -464,7 +464,7 @@ class SingleStepper(Forgetful):
         inside = None if cells is None else cells.within(2)
         touching = near.same_berg(el, bonds, reach, c, inside) if c.bonds_on else none
         collisions = near.collisions(el, sizes, c, cells)
-        self._touched = touching_rows(el, collisions, sizes, c)
+        self._touched = contact_rows(el, collisions, sizes, c)
         return Partners(bonded, touching, collisions, rest, group)
 
 

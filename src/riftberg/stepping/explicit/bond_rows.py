@@ -22,7 +22,7 @@ from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.explicit import bond_blocks as row
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.fracture.strengths import limits_left
+from riftberg.stepping.fracture.strengths import residual_strength
 
 Indices = NDArray[np.uint32]
 """Unsigned, because numba then leaves out the test for negative (wrap-around) indices."""
@@ -131,7 +131,7 @@ def _copy_bond(block, at, b, bonds, p):
     block[at + row.ALIVE] = 1.0
     block[at + row.PEAK_STRESS] = bonds.normal_stress[b]
     block[at + row.STRENGTH], block[at + row.DAMAGE] = strength, damage
-    block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT] = limits_left(
+    block[at + row.NORMAL_LIMIT], block[at + row.SHEAR_LIMIT] = residual_strength(
         p.normal_strength, p.shear_strength, strength, damage
     )
 

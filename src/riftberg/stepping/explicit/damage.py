@@ -11,7 +11,7 @@ from __future__ import annotations
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
 from riftberg.stepping.explicit import bond_blocks as row
-from riftberg.stepping.fracture.strengths import limits_left
+from riftberg.stepping.fracture.strengths import residual_strength
 
 
 @kernel
@@ -51,6 +51,6 @@ def _grow(block, sheet, dt, p):
         rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
         damage = grown_damage(block[row.DAMAGE + k], rate, dt)
         block[row.DAMAGE + k] = damage
-        block[row.NORMAL_LIMIT + k], block[row.SHEAR_LIMIT + k] = limits_left(
+        block[row.NORMAL_LIMIT + k], block[row.SHEAR_LIMIT + k] = residual_strength(
             p.normal_strength, p.shear_strength, block[row.STRENGTH + k], damage
         )

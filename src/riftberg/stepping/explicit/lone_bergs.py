@@ -21,7 +21,7 @@ from riftberg.physics.grounding import grounding_spin_rate
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
-from riftberg.stepping.contact.groups import substeps_of_contact
+from riftberg.stepping.contact.groups import contact_substeps
 from riftberg.stepping.explicit.breaking import contact_acceleration
 from riftberg.stepping.forces.interactions import COLLISION, PairLaw, pair_law
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
@@ -74,7 +74,7 @@ def find_islands(
     if some.size == 0:
         return None, others
     islands = Islands(*found, np.zeros(0, np.int64))
-    most = np.maximum.reduceat(substeps_of_contact(run, sizes, first[some], second[some]), islands.pair_start[:-1])
+    most = np.maximum.reduceat(contact_substeps(run, sizes, first[some], second[some]), islands.pair_start[:-1])
     return islands._replace(substeps=np.maximum(most, el.body.substeps[islands.rows[islands.start[:-1]]])), others
 
 
