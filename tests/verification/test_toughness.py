@@ -99,10 +99,11 @@ class Sheet:
         el = self.berg.elements
         inertia = 0.125 * el.mass * self.spacing**2
         level = np.tile([1.0, 0.0], (el.mass.size, 1))
-        displacement = solver.solve(balanced_loads(self.body, self.xy, level, force, el.mass, inertia, np.zeros(1)))
+        load = balanced_loads(self.body, self.xy, level, force, el.mass, inertia, np.zeros(1))
+        moment = Equilibrium(self.lattice, intact, solver.solve(load), load, self.p)
         criterion = AveragedStress(self.lattice, intact, self.xy, self.body, self.volume, distance, self.p)
         strengths = Strengths(np.full(intact.size, STRENGTH), np.full(intact.size, 1e9))
-        return criterion.most_critical(Equilibrium(self.lattice, intact, displacement, self.p), strengths)[1]
+        return criterion.most_critical(moment, strengths)[1]
 
 
 def bending(stress: float, height: float) -> Any:

@@ -1,7 +1,14 @@
-"""What decides that a bond breaks in equilibrium: its own stress, or the stress averaged over a distance.
+"""Fracture criteria: which bond of a lattice in equilibrium breaks next, by its own stress or by an average over a distance.
 
-Both answer the same questions about the bonds that hold, by their rows in ``intact``: which is the most overloaded
-place, when within a step the first is reached, and which bond breaks there.
+`criterion_for` is the one place where a criterion is chosen, and `riftberg.stepping.quasi_static.step` the one where it is
+called. A criterion sees the whole lattice, never one bond by itself: `Equilibrium` is the lattice with its intact bonds,
+displacements, loads and stresses, `Strengths` what damage has left of the strengths. All else follows from what it answers:
+the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over strength - 1"
+between both ends), how far a crack runs at once, and how damage grows.
+
+To add a criterion: write a class with the two methods of `Criterion`; add its name to `Criterion` in
+`riftberg.config.parameter_groups`, with what it needs as parameters of `Fracture`; and make it in `criterion_for`. Schemes
+other than ``quasi_static`` know the stress of single bonds alone, and `riftberg.parameters` refuses all other criteria there.
 """
 
 from __future__ import annotations
@@ -18,105 +25,132 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_weight, principal
 from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
-from riftberg.stepping.fracture.strengths import Strengths, first_failure, first_overload, most_overloaded, overload
+from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 
-SAFE_RATIO = 1.0 - 1e-9
-"""Stress over strength at the end of a step below which nothing has failed in it: stress is largest at one of its ends."""
-
 CHUNK = 512
-"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it has as an array."""
+"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it takes as an array."""
 
 
 class Equilibrium:
-    """A lattice under its loads, with the stress of its bonds, found when it is first asked for.
+    """A lattice under its loads, with the stresses of its bonds, found when they are first asked for."""
 
-    ``displacement``: displacements, m, m and rad (shape (elements, 3)).
-    """
-
-    def __init__(self, lattice: ElasticLattice, intact: Ints, displacement: Floats, p: KernelParameters) -> None:
-        self.lattice, self.intact, self.displacement, self._p = lattice, intact, displacement, p
+    def __init__(
+        self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, p: KernelParameters
+    ) -> None:
+        self.lattice = lattice
+        self.intact = intact  # rows of the bonds that hold
+        self.displacement = displacement  # m, m and rad; shape (elements, 3)
+        self.load = load  # balanced, N, N and N m; shape (elements, 3)
+        self._p = p
 
     @cached_property
-    def _found(self) -> tuple[Floats, Floats]:
+    def _deformation_and_stress(self) -> tuple[Floats, Floats]:
         return deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
 
     @property
     def deformation(self) -> Floats:
-        """Extension, slip (m) and bend (rad) of the bonds that hold, shape (bonds that hold, 3)."""
-        return self._found[0]
+        """Extension, slip (m) and bend (rad) of the intact bonds, shape (intact bonds, 3)."""
+        return self._deformation_and_stress[0]
 
     @property
     def stress(self) -> Floats:
-        """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
-        return self._found[1]
+        """Tensile and shear stress (Pa) of the intact bonds, shape (intact bonds, 2)."""
+        return self._deformation_and_stress[1]
 
 
 class Criterion(Protocol):
-    """When and where bonds break."""
+    """What decides that bonds break; see the text above for how to add one."""
 
-    def first_failure(self, before: Floats, now: Equilibrium, strengths: Strengths) -> tuple[int, float]:
-        """Row of the place that is overloaded first from displacements to an equilibrium (-1: none), and the part of the step."""
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+        """Find which bond breaks next.
 
-    def most_critical(self, now: Equilibrium, strengths: Strengths) -> tuple[int, float]:
-        """Row of the most overloaded place and its stress over strength; above 1 it breaks (-1 without bonds)."""
+        Parameters
+        ----------
+        moment : Equilibrium
+            The lattice under its loads.
+        strengths : Strengths
+            Strengths of its intact bonds.
 
-    def failing_bond(self, row: int, now: Equilibrium, strengths: Strengths) -> int:
-        """Row of the bond that breaks where the place ``row`` is overloaded."""
+        Returns
+        -------
+        row : int
+            Row among the intact bonds (``moment.intact``) of the one that breaks; -1 without bonds. It counts only where
+            the ratio is above 1.
+        ratio : float
+            Stress over strength in the most critical place; above 1 the bond breaks.
+        """
 
-    def damage_drive(self, now: Equilibrium, strengths: Strengths) -> Floats:
-        """Stress over strength for the growth of damage, for each bond that holds."""
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+        """Find what lets the damage of bonds grow.
+
+        Parameters
+        ----------
+        moment : Equilibrium
+            The lattice under its loads, in the middle of a step.
+        strengths : Strengths
+            Strengths of its intact bonds.
+
+        Returns
+        -------
+        Floats
+            Stress over strength of each intact bond.
+        """
+
+
+def criterion_for(
+    fracture: Fracture,
+    lattice: ElasticLattice,
+    intact: Ints,
+    xy: Floats,
+    body: Ints,
+    volume: Floats,
+    p: KernelParameters,
+) -> Criterion:
+    """Make the criterion that the parameters name, for a lattice with these intact bonds.
+
+    ``xy``: reference coordinates, m; ``body``: fragments; ``volume``: of the ice, m3; all of the elements.
+    """
+    if fracture.criterion == "bond":
+        return BondStress()
+    distance = fracture.distance
+    if fracture.criterion == "toughness":
+        distance = critical_distance(fracture.toughness, fracture.normal_strength)
+    return AveragedStress(lattice, intact, xy, body, volume, distance, p)
 
 
 class BondStress:
     """Each bond by its own stress."""
 
-    def __init__(self, lattice: ElasticLattice, p: KernelParameters) -> None:
-        self._lattice, self._p = lattice, p
-
-    def first_failure(self, before: Floats, now: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        if most_overloaded(now.stress, strengths)[1] < SAFE_RATIO:
-            return -1, 1.0
-        return first_failure(self._lattice, now.intact, before, now.displacement, strengths, self._p)
+        return most_overloaded(moment.stress, strengths)
 
-    def most_critical(self, now: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return most_overloaded(now.stress, strengths)
-
-    def failing_bond(self, row: int, now: Equilibrium, strengths: Strengths) -> int:
-        """See `Criterion`."""
-        return row
-
-    def damage_drive(self, now: Equilibrium, strengths: Strengths) -> Floats:
-        """See `Criterion`."""
-        return _damage_ratios(now.stress, strengths)
+        return _stress_ratios(moment.stress, strengths)
 
 
 class AveragedStress:
     """The largest tension and shear of the stress averaged over a disc (`riftberg.physics.averaging`).
 
-    The disc lies around the middle of each bond that holds and takes in the elements of the same fragment. Where its
-    mean is above the strength, the bond breaks that is itself the most loaded in the disc: the one at the tip.
-
-    ``xy``: places in the fragments, m (shape (elements, 2)); ``body``: fragment of each element (shape (elements,));
-    ``volume``: of the ice, m3 (shape (elements,)); ``distance``: characteristic distance, m.
+    The disc lies around the middle of each intact bond and takes in the elements of the same fragment. Where its mean
+    exceeds the strength, the bond breaks that is itself the most loaded in the disc: the one at the tip of a crack.
+    ``distance`` is the characteristic distance (m), the other arguments those of `criterion_for`.
     """
 
     def __init__(
         self, lattice: ElasticLattice, intact: Ints, xy: Floats, body: Ints, volume: Floats, distance: float,
         p: KernelParameters,
     ) -> None:  # fmt: skip
-        self._lattice, self._p, self._volume = lattice, p, volume
+        self._volume, self._p = volume, p
         spacing = float(lattice.rest[intact].max()) if intact.size else 1.0
         self.radius, self._scale = disc_of_lattice(distance, spacing)
         self._middle = 0.5 * (xy[lattice.first] + xy[lattice.second])
         self._body = body[lattice.first]
-        self._start, self._member, self._weight = self._discs(intact, xy, body)
 
-    def _discs(self, intact: Ints, xy: Floats, body: Ints) -> tuple[Ints, Ints, Floats]:
-        """Elements in the disc of each bond and their weights; a row for each bond of the state."""
-        far = 4.0 * (float(np.abs(xy).max(initial=0.0)) + self.radius)  # fragments have frames of their own
+        # Elements in the disc of each bond and their weights; a row for each bond of the state.
+        far = 4.0 * (float(np.abs(xy).max(initial=0.0)) + self.radius)  # fragments have coordinates of their own
         tree = cKDTree(np.column_stack([xy, far * body]))
         places = np.column_stack([self._middle[intact], far * self._body[intact]])
         counts, members = np.zeros(self._middle.shape[0] + 1, np.int64), [np.zeros(0, np.int64)]
@@ -124,38 +158,27 @@ class AveragedStress:
             inside = tree.query_ball_point(places[begin : begin + CHUNK], self.radius, return_sorted=True)
             counts[intact[begin : begin + CHUNK] + 1] = [len(near) for near in inside]
             members.extend(np.array(near, np.int64) for near in inside)
-        member, start = np.concatenate(members), np.cumsum(counts)
-        return start, member, _weights(intact, start, member, xy, self._middle, self._volume, self.radius)
+        self._start, self._member = np.cumsum(counts), np.concatenate(members)
+        self._weight = _weights(intact, self._start, self._member, xy, self._middle, volume, self.radius)
 
-    def _means(self, intact: Ints, displacement: Floats) -> Floats:
-        stress = element_stresses(self._lattice, intact, displacement, self._volume, self._p)
-        return _averaged(intact, self._start, self._member, self._weight, stress)
+    def _mean_stresses(self, moment: Equilibrium) -> Floats:
+        """Largest tension and shear (Pa) of the mean stress around each intact bond, shape (intact bonds, 2)."""
+        stress = element_stresses(moment.lattice, moment.intact, moment.displacement, self._volume, self._p)
+        return _strongest(_averaged(moment.intact, self._start, self._member, self._weight, stress)) / self._scale
 
-    def first_failure(self, before: Floats, now: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        scaled = Strengths(self._scale * strengths.normal, self._scale * strengths.shear)
-        one, two = self._means(now.intact, before), self._means(now.intact, now.displacement)
-        return first_overload(one, two, scaled, True, self._lattice, now.intact, self._p)
+        row, ratio = most_overloaded(self._mean_stresses(moment), strengths)
+        if ratio > 1.0:
+            here = moment.intact[row]
+            row = _most_loaded_near(
+                moment.intact, moment.stress, strengths, self._middle, self._body, here, self.radius
+            )
+        return row, ratio
 
-    def most_critical(self, now: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return most_overloaded(_strongest(self._means(now.intact, now.displacement)) / self._scale, strengths)
-
-    def failing_bond(self, row: int, now: Equilibrium, strengths: Strengths) -> int:
-        """See `Criterion`."""
-        here = now.intact[row]
-        return _most_loaded_near(now.intact, now.stress, strengths, self._middle, self._body, here, self.radius)
-
-    def damage_drive(self, now: Equilibrium, strengths: Strengths) -> Floats:
-        """See `Criterion`."""
-        return _damage_ratios(_strongest(self._means(now.intact, now.displacement)) / self._scale, strengths)
-
-
-def characteristic_distance(fracture: Fracture) -> float:
-    """Distance (m) of the averaging: as it is set, or as strength and toughness of the ice give it."""
-    if fracture.criterion == "toughness":
-        return critical_distance(fracture.toughness, fracture.normal_strength)
-    return fracture.distance
+        return _stress_ratios(self._mean_stresses(moment), strengths)
 
 
 @kernel
@@ -207,7 +230,7 @@ def _weights(
 
 @kernel
 def _averaged(intact: Ints, start: Ints, member: Ints, weight: Floats, stress: Floats) -> Floats:
-    """Averaged stress tensor around each bond that holds, shape (bonds that hold, 3)."""
+    """Averaged stress tensor around each intact bond, shape (intact bonds, 3)."""
     mean = np.zeros((intact.size, 3))
     for k in range(intact.size):
         for n in range(start[intact[k]], start[intact[k] + 1]):
@@ -227,7 +250,7 @@ def _strongest(mean: Floats) -> Floats:
 
 @kernel
 def _most_loaded_near(
-    intact: Ints, own: Floats, strengths: Strengths, middle: Floats, body: Ints, here: int, radius: float
+    intact: Ints, stress: Floats, strengths: Strengths, middle: Floats, body: Ints, here: int, radius: float
 ) -> int:
     """Row of the bond within the disc around the bond ``here`` that is the most loaded for its strength."""
     best, highest = -1, -np.inf
@@ -236,16 +259,16 @@ def _most_loaded_near(
         if body[b] != body[here]:
             continue
         away = np.hypot(middle[b, 0] - middle[here, 0], middle[b, 1] - middle[here, 1])
-        ratio = overload(own[k, 0], own[k, 1], strengths.normal[k], strengths.shear[k])
+        ratio = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
         if away < radius and ratio > highest:
             best, highest = k, ratio
     return best
 
 
 @kernel
-def _damage_ratios(stress: Floats, strengths: Strengths) -> Floats:
-    """Stress over strength as the growth of damage takes it."""
-    damage_drive = np.empty(stress.shape[0])
+def _stress_ratios(stress: Floats, strengths: Strengths) -> Floats:
+    """Stress over strength of each bond as the growth of damage takes it."""
+    ratios = np.empty(stress.shape[0])
     for k in range(stress.shape[0]):
-        damage_drive[k] = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
-    return damage_drive
+        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
+    return ratios

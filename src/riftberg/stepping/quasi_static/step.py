@@ -14,7 +14,7 @@ Elastic waves are left out: they pass within minutes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,13 +56,7 @@ from riftberg.stepping.contact.land import corrected_poses, land_corrections, le
 from riftberg.stepping.forces.interactions import pair_law
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
-from riftberg.stepping.fracture.criteria import (
-    AveragedStress,
-    BondStress,
-    Criterion,
-    Equilibrium,
-    characteristic_distance,
-)
+from riftberg.stepping.fracture.criteria import Criterion, Equilibrium, criterion_for
 from riftberg.stepping.fracture.strengths import (
     Strengths,
     grow_damage,
@@ -91,10 +85,14 @@ from riftberg.stepping.quasi_static.sync import StepSnapshot, sync_bodies, take_
 from riftberg.stepping.run_state import RunState
 
 MAX_CRACKS_PER_STEP = 64
-"""Cracks begin at most this often in a time step: overloads that follow each other sooner are met together."""
+"""Cracks begin at most this often in a time step: overloads that follow each other sooner are found together."""
 
-GROUNDING_TOLERANCE = 1.0 / 64.0
-"""Part of a grounding step to which the moment is found at which an element touches down."""
+EVENT_TOLERANCE = 1.0 / 64.0
+"""Events are located to this part of the shortest step in which their cause is resolved.
+
+That is the grounding step for touch-down (a few seconds in a step of half an hour), the shortest sub-step for fracture by
+contact, and the shortest interval between two cracks for overload (under half a second).
+"""
 
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
@@ -263,40 +261,84 @@ class TimeStep:
     # One step to the first event
 
     def _advance_to_event(self, h: float, may_break: bool) -> float:
-        """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s)."""
+        """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s).
+
+        The order in which events are looked for is the order in which one invalidates what the trial says about the next:
+
+        1. The set of grounded elements changes in a step that is too long to resolve the drag of the sea floor. All loads
+           of the trial are then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in
+           shorter steps. No event is taken: they are looked for again in these.
+        2. Touch-down. The floor acts at once and with full force, and stress is largest at that moment. Before a bond is
+           judged, the step must end either just before the touch or just after it: in a longer step the load at its end
+           would be that of a fragment that the floor has slowed already.
+        3. Fracture by contact. Its loads peak within the step, so it comes before what the end of the step shows.
+        4. Overload under the loads at the end, which grow evenly from the start of the step.
+
+        A step that ends before a touch-down may still hold a fracture; one that breaks bonds ends the step, as its pieces are
+        other bodies. Overload at the start can not be: the crack of the step before ran until there was none.
+        """
         grounding_dt = self.dt / self.model.parameters.stepping.landing_steps
         start, checkpoint = self.state, self._checkpoint()
         aground, next_dt, touched_down = start.operators.forcing.aground, math.inf, False
+
+        def retry(h: float) -> Trial:
+            self._rollback(checkpoint)
+            return self._trial(start, h)
+
         trial = self._trial(start, h)
-        if h > grounding_dt * (1.0 + 1e-9) and _contact_set_changed(trial, aground):
+        if h > grounding_dt * (1.0 + 1e-9) and _grounded_set_changed(trial, aground):
             self._rollback(checkpoint)
             self._max_dt = grounding_dt
             return math.inf
+
         if grounding_dt < self.dt and _newly_grounded(trial, aground):
-            trial, next_dt = self._locate_grounding(start, checkpoint, trial, grounding_dt * GROUNDING_TOLERANCE)
+            tolerance = grounding_dt * EVENT_TOLERANCE
+            before, after = _bracket(lambda t: _newly_grounded(retry(t), aground), h, tolerance)
+            if h > tolerance:  # else the trial ends just after the touch already
+                trial = retry(before or after)
+                # The next step must reach past the touch, and no farther than it must. From its new start the fragment goes
+                # on a slightly other path than in the trials, so half the bracket is added for it.
+                next_dt = 1.5 * (after - before) if before else math.inf
             touched_down = _newly_grounded(trial, aground)
         if not may_break:
             self._accept(start, trial)
             return next_dt
-        lattice, strengths = self.lattice, self.lattice.strengths(self.bonds, self.c)
-        least = self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
-        if self._overloaded(self._peak_equilibrium(trial)):
-            trial = self._locate_contact_fracture(start, checkpoint, trial, least)
+
+        # After a first crack the next one begins no sooner than this: a piece that shatters must not stop the clock.
+        h, least = trial.h, self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
+        if self._overload(self._peak_equilibrium(trial)) > 0.0 and trial.contact is not None:
+            shortest = trial.contact.shortest_substep
+
+            def overloaded(t: float) -> bool:
+                trial = retry(t)
+                return max(self._overload(self._peak_equilibrium(trial)), self._overload(self._end(trial))) > 0.0
+
+            _, after = _bracket(overloaded, h, shortest * EVENT_TOLERANCE)
+            # Cracks by contact may follow each other as quickly as its sub-steps.
+            trial = retry(min(max(after, min(least, shortest)), h))
+            if self._peak_equilibrium(trial) is not None and self._overload(self._end(trial)) <= 0.0:
+                # Contact presses harder within the step than at its end: the crack runs under the peak loads.
+                assert trial.contact is not None
+                peak_load = self._peak_load(trial.state, trial.contact.peak_load)
+                trial.state = self._in_equilibrium(trial.state._replace(load=peak_load))
             self._accept(start, trial, cracks=True)
-            self._propagate_crack()
+            self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
             return next_dt
-        place, share = lattice.criterion.first_failure(
-            start.bodies.displacement, self._equilibrium(trial.state), strengths
-        )
-        if place < 0:
+
+        if self._overload(self._end(trial)) <= 0.0:
             self._accept(start, trial)
             return next_dt
-        if (short := max(share * trial.h, least)) < trial.h * (1.0 - 1e-9) and not touched_down:
-            self._rollback(checkpoint)
-            trial = self._trial(start, short)
+        first = -1
+        if not touched_down:  # the load of a touch-down sets in at its end, not evenly over the step
+            tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
+            _, after = _bracket(lambda t: self._overload(self._between(start, trial, t / h)) > 0.0, h, tolerance)
+            first = self._critical_bond(self._between(start, trial, after / h))[0]
+            if (short := max(after, least)) < h * (1.0 - 1e-9):
+                trial = retry(short)
         self._accept(start, trial, cracks=True)
-        failing = lattice.criterion.failing_bond(place, self._equilibrium(self.state), strengths)
-        self._propagate_crack(int(lattice.intact[failing]))
+        # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
+        # breaks in any case.
+        self._propagate_crack(first)
         return next_dt
 
     def _checkpoint(self) -> list[np.ndarray]:
@@ -372,9 +414,9 @@ class TimeStep:
         if self.model.parameters.damage.enabled:
             # By the equilibrium in the middle of the step (explicit midpoint rule).
             lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
-            middle = Equilibrium(lattice.lattice, lattice.intact, displacement, c)
-            strengths = residual_strengths(self.bonds, lattice.intact, c)
-            grow_damage(self.bonds, lattice.intact, lattice.criterion.damage_drive(middle, strengths), h, c)
+            middle = Equilibrium(lattice.lattice, lattice.intact, displacement, 0.5 * (start.load + state.load), c)
+            drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
+            grow_damage(self.bonds, lattice.intact, drive, h, c)
         return Trial(h, state, contact)
 
     def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
@@ -493,22 +535,19 @@ class TimeStep:
 
     # Events
 
-    def _locate_grounding(
-        self, start: BodyState, checkpoint: list[np.ndarray], trial: Trial, tolerance: float
-    ) -> tuple[Trial, float]:
-        """Shorten a trial in which an element touches down: it ends just before, and the next one just after."""
-        free, grounded = 0.0, trial.h
-        while grounded - free > tolerance:
-            middle = 0.5 * (free + grounded)
-            self._rollback(checkpoint)
-            if _newly_grounded(self._trial(start, middle), start.operators.forcing.aground):
-                grounded = middle
-            else:
-                free = middle
-        if trial.h <= tolerance:
-            return trial, math.inf
-        self._rollback(checkpoint)
-        return self._trial(start, free or grounded), 1.5 * (grounded - free) if free else math.inf
+    def _overload(self, moment: Equilibrium | None) -> float:
+        """Sign function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
+        return -1.0 if moment is None else self._critical_bond(moment)[1] - 1.0
+
+    def _end(self, trial: Trial) -> Equilibrium:
+        """Return the equilibrium at the end of a trial."""
+        return self._equilibrium(trial.state)
+
+    def _between(self, start: BodyState, trial: Trial, share: float) -> Equilibrium:
+        """Return the equilibrium at a part of a trial: loads go evenly from start to end, and displacements with them."""
+        one, two = start.bodies.displacement, trial.state.bodies.displacement
+        load = start.load + share * (trial.state.load - start.load)
+        return Equilibrium(self.lattice.lattice, self.lattice.intact, one + share * (two - one), load, self.c)
 
     def _peak_equilibrium(self, trial: Trial) -> Equilibrium | None:
         """Return the equilibrium under the peak contact loads of a trial; None where no bonded fragment was touched."""
@@ -516,8 +555,8 @@ class TimeStep:
         if contact is None or not contact.peak_load.rows.size:
             return None
         if trial.peak is None:
-            displacement = lattice.solver.solve(self._peak_load(trial.state, contact.peak_load))
-            trial.peak = Equilibrium(lattice.lattice, lattice.intact, displacement, self.c)
+            load = self._peak_load(trial.state, contact.peak_load)
+            trial.peak = Equilibrium(lattice.lattice, lattice.intact, lattice.solver.solve(load), load, self.c)
         return trial.peak
 
     def _peak_load(self, state: BodyState, peak: PeakContactLoad) -> Floats:
@@ -530,31 +569,6 @@ class TimeStep:
         load[peak.rows] = at_peak[peak.rows]
         return load
 
-    def _locate_contact_fracture(
-        self, start: BodyState, checkpoint: list[np.ndarray], trial: Trial, least: float
-    ) -> Trial:
-        """Shorten a trial in which contact breaks a bond to the moment at which the first is overloaded."""
-        h = trial.h
-        near = trial.contact.shortest_substep / 16.0 if trial.contact else h
-        before, after, least = 0.0, h, min(least, 16.0 * near)
-        while after - before > near and after > least:
-            middle = 0.5 * (before + after)
-            self._rollback(checkpoint)
-            trial = self._trial(start, middle)
-            fails = self._overloaded(self._peak_equilibrium(trial)) or self._overloaded(self._equilibrium(trial.state))
-            before, after = (before, middle) if fails else (middle, after)
-        self._rollback(checkpoint)
-        trial = self._trial(start, min(max(after, least), h))
-        peak = self._peak_equilibrium(trial)
-        if trial.contact is not None and peak is not None and not self._overloaded(self._equilibrium(trial.state)):
-            state = trial.state._replace(load=self._peak_load(trial.state, trial.contact.peak_load))
-            trial.state = self._in_equilibrium(state)
-        return trial
-
-    def _overloaded(self, moment: Equilibrium | None) -> bool:
-        """Whether a bond is overloaded."""
-        return moment is not None and self._failing_bond(moment) >= 0
-
     # Fracture
 
     def _propagate_crack(self, first: int = -1) -> None:
@@ -565,31 +579,31 @@ class TimeStep:
         """
         now = self._equilibrium(self.state)
         self._store(now)
-        overloaded = self._failing_bond(now)
-        bond = overloaded if overloaded >= 0 else first
+        bond, ratio = self._critical_bond(now)
+        bond = bond if ratio > 1.0 else first
         if bond < 0:
             return
         self.cracked, starter = True, bond
         energy = elastic_energy(self.state.bodies.displacement, self.state.load)
-        while bond >= 0:
+        while True:
             self._break_bond(bond)
             now = self._equilibrium(self.state)
-            bond = self._failing_bond(now)
-            if bond >= 0:
-                self._store(now)
+            bond, ratio = self._critical_bond(now)
+            if ratio <= 1.0:
+                break
+            self._store(now)
         self.bonds.released_energy[starter] = energy - elastic_energy(self.state.bodies.displacement, self.state.load)
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
 
     def _equilibrium(self, state: BodyState) -> Equilibrium:
         """Return the equilibrium of a state."""
-        return self.lattice.under(state.bodies.displacement, self.c)
+        return self.lattice.equilibrium(state.bodies.displacement, state.load, self.c)
 
-    def _failing_bond(self, now: Equilibrium) -> int:
-        """Row in the state of the bond that breaks next, or -1 where none is overloaded."""
-        criterion, strengths = self.lattice.criterion, residual_strengths(self.bonds, now.intact, self.c)
-        row, ratio = criterion.most_critical(now, strengths)
-        return int(now.intact[criterion.failing_bond(row, now, strengths)]) if ratio > 1.0 else -1
+    def _critical_bond(self, moment: Equilibrium) -> tuple[int, float]:
+        """Row in the state of the bond that breaks next (-1 without bonds), and stress over strength: above 1 it breaks."""
+        row, ratio = self.lattice.criterion.most_critical(moment, self.lattice.strengths(self.bonds, self.c))
+        return (int(moment.intact[row]) if row >= 0 else -1), ratio
 
     def _break_bond(self, bond: int) -> None:
         """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""
@@ -668,15 +682,9 @@ class TimeStep:
         intact = np.flatnonzero(bonds.status == 0)
         supports = Supports(el.static, el.free_y)
         solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(bodies.body, xy))
-        return FactoredLattice(xy, lattice, intact, supports, solver, self._criterion(lattice, intact, xy, bodies.body))
-
-    def _criterion(self, lattice: ElasticLattice, intact: Ints, xy: Floats, body: Ints) -> Criterion:
-        """What decides that bonds of this lattice break."""
-        fracture, el = self.model.parameters.fracture, self.el
-        if fracture.criterion == "bond":
-            return BondStress(lattice, self.c)
         volume = el.length * el.width * el.thickness
-        return AveragedStress(lattice, intact, xy, body, volume, characteristic_distance(fracture), self.c)
+        criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c)
+        return FactoredLattice(xy, lattice, intact, supports, solver, criterion)
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
@@ -703,12 +711,24 @@ class FactoredLattice:
             self._strengths = key, residual_strengths(bonds, self.intact, p)
         return self._strengths[1]
 
-    def under(self, displacement: Floats, p: KernelParameters) -> Equilibrium:
-        """Return the equilibrium with these displacements; the latest is kept, as several ask for its stresses in a row."""
-        known = self._latest
-        if known is None or known.displacement is not displacement or known.intact is not self.intact:
-            self._latest = known = Equilibrium(self.lattice, self.intact, displacement, p)
-        return known
+    def equilibrium(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
+        """Return the equilibrium with these displacements; the latest is kept, so that its stresses are found once."""
+        latest = self._latest
+        if latest is None or latest.displacement is not displacement or latest.intact is not self.intact:
+            self._latest = latest = Equilibrium(self.lattice, self.intact, displacement, load, p)
+        return latest
+
+
+def _bracket(occurred: Callable[[float], bool], h: float, tolerance: float) -> tuple[float, float]:
+    """Bracket the first moment (s) of an event that has occurred by ``h``, to ``tolerance``: before it and after it.
+
+    By bisection, as what the events depend on jumps: the sea floor and other fragments act from one moment to the next.
+    """
+    before, after = 0.0, h
+    while after - before > tolerance:
+        middle = 0.5 * (before + after)
+        before, after = (before, middle) if occurred(middle) else (middle, after)
+    return before, after
 
 
 def _newly_grounded(trial: Trial, aground: Floats) -> bool:
@@ -718,7 +738,7 @@ def _newly_grounded(trial: Trial, aground: Floats) -> bool:
     return now.tobytes() != aground.tobytes() and bool(((now > 0.0) & (aground == 0.0)).any())
 
 
-def _contact_set_changed(trial: Trial, aground: Floats) -> bool:
+def _grounded_set_changed(trial: Trial, aground: Floats) -> bool:
     """Whether an element touches the floor that did not by ``aground``, or the other way round."""
     now = trial.state.operators.forcing.aground
     return now.tobytes() != aground.tobytes() and bool(((now > 0.0) != (aground > 0.0)).any())
