@@ -24,7 +24,7 @@ from riftberg.experiments.a68a import story_model
 from riftberg.parameters import Packing
 from riftberg.runs.model import Model
 from riftberg.stepping.fracture.criteria import Equilibrium
-from riftberg.stepping.fracture.strengths import limits_of
+from riftberg.stepping.fracture.strengths import residual_strengths
 from riftberg.stepping.quasi_static import step as quasi_static
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"
@@ -62,23 +62,23 @@ HEAD = (
 )
 
 
-class Watched(quasi_static.LongStep):
+class Watched(quasi_static.TimeStep):
     """A long step that notes the largest mean stress (Pa) of all its parts, and when (s since the start)."""
 
     seen: list[tuple[float, float]] = []  # noqa: RUF012
 
-    def _peak(self) -> None:
-        super()._peak()
-        self._note(self._equilibrium())
+    def _record_peaks(self, *moments: Equilibrium | None) -> None:
+        super()._record_peaks(*moments)
+        self._note(self._equilibrium(self.state))
 
     def _store(self, now: Equilibrium) -> None:
         super()._store(now)
         self._note(now)
 
     def _note(self, now: Equilibrium) -> None:
-        s = self.structure
-        ratio = s.criterion.worst(now, limits_of(self.bonds, s.alive, self.c))[1]
-        Watched.seen.append((self.now.time, NO_LIMIT * ratio))
+        lattice = self.lattice
+        ratio = lattice.criterion.most_critical(now, residual_strengths(self.bonds, lattice.intact, self.c))[1]
+        Watched.seen.append((self.state.time, NO_LIMIT * ratio))
 
 
 def model_of(packing: Packing, radius: float, clearance: float, strength: float) -> Model:
@@ -96,11 +96,11 @@ def largest(packing: Packing, radius: float, clearance: float) -> tuple[float, f
     """Largest mean stress (Pa) of the landing of the tip, and of the finger under its load."""
     model = model_of(packing, radius, clearance, NO_LIMIT)
     Watched.seen.clear()
-    usual, quasi_static.LongStep = quasi_static.LongStep, Watched  # type: ignore[misc]
+    usual, quasi_static.TimeStep = quasi_static.TimeStep, Watched  # type: ignore[misc]
     try:
         model.advance(DAYS)
     finally:
-        quasi_static.LongStep = usual  # type: ignore[misc]
+        quasi_static.TimeStep = usual  # type: ignore[misc]
     return (
         max(stress for time, stress in Watched.seen if time < LANDED),
         max(stress for time, stress in Watched.seen if time > LOADED),

@@ -7,7 +7,7 @@ import numpy as np
 from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
 from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, adjacency, find_pairs, no_pairs
-from riftberg.stepping.contact.candidates import without
+from riftberg.stepping.contact.broad_phase import excluding
 from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list
 from riftberg.stepping.explicit.mts import StepReport, take_long_step
 from riftberg.stepping.explicit.substeps import StepPlan, Workspace, allocate_fields
@@ -135,7 +135,7 @@ def partners_of(el, bonds, p, *, multiple):
         return partners(bonded if p.bonds_on else none, none, near(ANY))
     if not p.bonds_on or (multiple and p.dem):
         return partners(none, none, near(OTHER_BERG))
-    return partners(bonded, without(near(SAME_BERG), bonded), near(OTHER_BERG))
+    return partners(bonded, excluding(near(SAME_BERG), bonded), near(OTHER_BERG))
 
 
 def touching_pairs(el, bonds, p):

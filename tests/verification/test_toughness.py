@@ -14,11 +14,11 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.averaging import DISC, critical_toughness, disc_of_lattice, disc_radius, disc_weight
-from riftberg.stepping.bodies.pose import flat_shape, free_bodies
+from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fracture.criteria import AveragedStress, Equilibrium, element_stresses
-from riftberg.stepping.fracture.strengths import Limits
-from riftberg.stepping.lattice.equilibrium import Factors, Holds, balanced_loads, find_lattice
+from riftberg.stepping.fracture.strengths import Strengths
+from riftberg.stepping.lattice.equilibrium import StiffnessSolver, Supports, balanced_loads, find_lattice
 from verification.notched_beam import NotchedBeam
 
 SIDE = 42e3
@@ -58,9 +58,9 @@ class Sheet:
         self.p = Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}).kernel_values()
         el = self.berg.elements
         self.body = np.zeros(el.mass.size, np.int64)
-        bodies = free_bodies(el.lon, el.lat, self.body, el.mass, False, 1.0, 0.0)
-        self.flat = flat_shape(bodies.shape, False, 1.0)
-        self.lattice = find_lattice(self.berg.bonds, self.flat, el.thickness, interaction_sizes(el, self.p), self.p)
+        bodies = bodies_from_elements(el.lon, el.lat, self.body, el.mass, False, 1.0, 0.0)
+        self.xy = tangent_coordinates(bodies.reference, False, 1.0)
+        self.lattice = find_lattice(self.berg.bonds, self.xy, el.thickness, interaction_sizes(el, self.p), self.p)
         self.volume = el.length * el.width * el.thickness
 
     def traction(self, stress: Any) -> Any:
@@ -92,17 +92,18 @@ class Sheet:
         place = along[bonds.first] + share * (along[bonds.second] - along[bonds.first])
         return np.flatnonzero(~((a * b < 0.0) & (place > left) & (place < right)))
 
-    def overload(self, force: Any, alive: Any, distance: float) -> float:
+    def overload(self, force: Any, intact: Any, distance: float) -> float:
         """Largest averaged stress over the strength of 18 kPa."""
-        holds = Holds(self.berg.elements.static, self.berg.elements.free_y)
-        factors = Factors(self.lattice, alive, holds, holds.springs(self.body, self.flat))
+        supports = Supports(self.berg.elements.static, self.berg.elements.free_y)
+        solver = StiffnessSolver(self.lattice, intact, supports, supports.gauge_springs(self.body, self.xy))
         el = self.berg.elements
         inertia = 0.125 * el.mass * self.spacing**2
         level = np.tile([1.0, 0.0], (el.mass.size, 1))
-        bend = factors.solve(balanced_loads(self.body, self.flat, level, force, el.mass, inertia, np.zeros(1)))
-        criterion = AveragedStress(self.lattice, alive, self.flat, self.body, self.volume, distance, self.p)
-        limits = Limits(np.full(alive.size, STRENGTH), np.full(alive.size, 1e9))
-        return criterion.worst(Equilibrium(self.lattice, alive, bend, self.p), limits)[1]
+        load = balanced_loads(self.body, self.xy, level, force, el.mass, inertia, np.zeros(1))
+        moment = Equilibrium(self.lattice, intact, solver.solve(load), load, self.p)
+        criterion = AveragedStress(self.lattice, intact, self.xy, self.body, self.volume, distance, self.p)
+        strengths = Strengths(np.full(intact.size, STRENGTH), np.full(intact.size, 1e9))
+        return criterion.most_critical(moment, strengths)[1]
 
 
 def bending(stress: float, height: float) -> Any:
@@ -179,10 +180,12 @@ def test_the_stress_of_elements_is_that_of_a_uniform_stress(packing, turn) -> No
     sheet = Sheet(2e3, packing, turn)
     tensor = np.array([[3e3, -2e3], [-2e3, 1e4]])
     force = sheet.traction(lambda x, y: tensor[:, :, None] + 0 * x)
-    alive = np.arange(sheet.berg.bonds.first.size)
-    holds = Holds(sheet.berg.elements.static, sheet.berg.elements.free_y)
-    bend = Factors(sheet.lattice, alive, holds, holds.springs(sheet.body, sheet.flat)).solve(force)
-    stress = element_stresses(sheet.lattice, alive, bend, sheet.volume, sheet.p)
+    intact = np.arange(sheet.berg.bonds.first.size)
+    supports = Supports(sheet.berg.elements.static, sheet.berg.elements.free_y)
+    displacement = StiffnessSolver(sheet.lattice, intact, supports, supports.gauge_springs(sheet.body, sheet.xy)).solve(
+        force
+    )
+    stress = element_stresses(sheet.lattice, intact, displacement, sheet.volume, sheet.p)
     inner = sheet.berg.elements.bond_count == sheet.faces
     # Faces at the edge of a hexagonal lattice are not square to its bonds' centres, which its edge row feels.
     allowed = 1.0 if packing == "square" else 500.0
@@ -221,7 +224,7 @@ class LatticeBeam:
 
     def __init__(self, spacing: float, packing: str, turn: float) -> None:
         self.sheet = Sheet(spacing, packing, turn, 120e3, HEIGHT)
-        self.alive = self.sheet.without(-HEIGHT, NOTCH - 0.5 * HEIGHT, upright=True)
+        self.intact = self.sheet.without(-HEIGHT, NOTCH - 0.5 * HEIGHT, upright=True)
         self.force = self.sheet.traction(bending(BENDING, HEIGHT))
         depth, self.height, tip = self._faces()
         lower, upper = tip - depth, tip - depth + self.height
@@ -239,12 +242,12 @@ class LatticeBeam:
         place = y[0] - rise * x[0] / width
         face = self.sheet.spacing * (1.0 if self.sheet.faces == 4 else 1.0 / math.sqrt(3.0))
         face = face * np.abs(width) / np.hypot(width, rise)
-        cut = ~np.isin(line, self.alive)
+        cut = ~np.isin(line, self.intact)
         return face[cut].sum(), face.sum(), 0.5 * (place[cut].max() + place[~cut].min())
 
     def overload(self, distance: float) -> float:
         """Largest averaged stress over the strength."""
-        return self.sheet.overload(self.force, self.alive, distance)
+        return self.sheet.overload(self.force, self.intact, distance)
 
     def strongest_mean(self, radius: float) -> float:
         """Largest mean stress (Pa) over a disc, by theory."""
@@ -308,10 +311,10 @@ def test_a_criterion_without_its_quantity_is_refused(wrong) -> None:
 def test_discs_take_no_more_memory_than_they_need() -> None:
     """Bug: the discs of all bonds stood as lists first, in four times the memory that is kept; it is twice that now."""
     sheet = Sheet(1000.0, "square", 0.0)
-    alive = np.arange(sheet.berg.bonds.first.size)
+    intact = np.arange(sheet.berg.bonds.first.size)
     tracemalloc.start()
-    criterion = AveragedStress(sheet.lattice, alive, sheet.flat, sheet.body, sheet.volume, 10.6e3, sheet.p)
+    criterion = AveragedStress(sheet.lattice, intact, sheet.xy, sheet.body, sheet.volume, 10.6e3, sheet.p)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert criterion._member.size > 50 * alive.size
+    assert criterion._member.size > 50 * intact.size
     assert peak < 3.0 * (criterion._member.nbytes + criterion._weight.nbytes)

@@ -28,7 +28,7 @@ from riftberg.physics.rolling import roll
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.state.order import listed
-from riftberg.stepping.contact.candidates import NEWBORN_CHILD, contact_cells, within_cells
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
 from riftberg.stepping.forces.sizes import radius_of
 from riftberg.stepping.fragments.tree import FragmentTree
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from riftberg.state import Floats, Ints
-from riftberg.stepping.contact.groups import NOBODY
+from riftberg.stepping.contact.groups import NO_PAIRS
 from riftberg.stepping.explicit import single_step
 from riftberg.stepping.explicit.mts import MultipleStepper
 from riftberg.stepping.explicit.single_step import RungeKuttaStepper, VerletStepper
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.stepper import Stateless, Stepper, apply_land_constraint, publish_positions, sample_between_steps
+from riftberg.stepping.stepper import Stateless, Stepper, apply_boundaries, publish_positions, sample_between_steps
 
 
 def make_stepper(run: RunState) -> Stepper:
@@ -63,7 +63,7 @@ class FrozenStepper(Stateless):
     @property
     def touched(self) -> tuple[Ints, Ints]:
         """Nothing has met."""
-        return NOBODY
+        return NO_PAIRS
 
 
 class ImposedStepper(FrozenStepper):
@@ -84,4 +84,4 @@ class ImposedStepper(FrozenStepper):
         for mine, shown in ((el.u, (el.u_pair, el.u_sync)), (el.v, (el.v_pair, el.v_sync))):
             for other in shown:
                 other[moving] = mine[moving]
-        apply_land_constraint(run)
+        apply_boundaries(run)

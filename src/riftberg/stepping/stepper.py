@@ -10,7 +10,7 @@ import numpy as np
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.order import enter_cells
-from riftberg.stepping.contact.land import settle_bergs
+from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.run_state import RunState
 
@@ -67,7 +67,7 @@ def publish_positions(el: Elements) -> None:
     np.copyto(el.lat_pair, el.lat, where=moving)
 
 
-def apply_land_constraint(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
+def apply_boundaries(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
     """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
@@ -76,7 +76,7 @@ def apply_land_constraint(run: RunState, cells: tuple[Ints, Ints] | None = None)
             settle_elements(el, grid.arrays, run.constants)
             enter_cells(el, columns, rows)
         else:
-            settle_bergs(el, run.bonds, grid.arrays, run.constants)
+            apply_land_constraint(el, run.bonds, grid.arrays, run.constants)
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)

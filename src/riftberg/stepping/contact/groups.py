@@ -1,4 +1,4 @@
-"""Groups of bergs that can meet: only within a group may one result depend on another (own numerics)."""
+"""Groups of bergs that may come into contact: only within a group may one result depend on another (explicit schemes)."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.run_state import RunState
 
-NOBODY: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
-"""Rows of no pairs."""
+NO_PAIRS: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
+"""Elements of no pairs."""
 
 CONTACT_STEP: Final = 0.4
 """Longest sub-step times the frequency of a contact: below what damped contact is stable with (0.57)."""
 
 
-def substeps_of_meeting(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> Ints:
-    """Return the sub-steps that each element takes in a long step: those of its berg, or of the bergs it may meet.
+def group_substeps(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> Ints:
+    """Return the number of sub-steps of each element in a long step.
 
-    Bergs that may meet go through the sub-steps together, in the largest number that one of them needs, or that the
-    stiffest of their contacts does.
+    Bergs that may come into contact go through the sub-steps together, in the largest number that one of them needs, or
+    that the stiffest of their contacts does.
     """
-    el, own = run.elements, run.elements.body.substeps
+    el, alone = run.elements, run.elements.body.substeps
     if first.size == 0:
-        return own
-    needed = substeps_of_contact(run, sizes, first, second)
+        return alone
+    needed = contact_substeps(run, sizes, first, second)
     numbers, berg = numbered(el.berg)
     group = connected_parts(numbers.size, berg[first], berg[second], np.zeros(first.size, np.int64))[berg]
     most = np.zeros(int(group.max()) + 1, np.int64)
-    np.maximum.at(most, group, own)
+    np.maximum.at(most, group, alone)
     np.maximum.at(most, group[first], needed)
     return most[group]
 
 
-def substeps_of_contact(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> Ints:
-    """Return the sub-steps that a long step must have for the contact of each pair: a power of 2.
+def contact_substeps(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> Ints:
+    """Return the number of sub-steps that the contact of each pair needs in a long step.
 
-    So groups of like numbers go together, and hardly two meetings of one pair have different ones.
+    A power of 2, so that few groups differ, and one pair hardly changes its number from step to step.
     """
     c, rest = run.constants, sizes.radius[first] + sizes.radius[second]
     stiffness = np.full(first.size, c.contact_spring) if c.contact_spring >= 0.0 else c.modulus / rest**2
@@ -54,10 +54,10 @@ def substeps_of_contact(run: RunState, sizes: Sizes, first: Ints, second: Ints) 
     return np.asarray(2.0 ** np.ceil(np.log2(np.maximum(needed, 1.0)))).astype(np.int64)
 
 
-def touching_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParameters) -> tuple[Ints, Ints]:
-    """Rows of the pairs of a list, each once, that are in reach of contact."""
+def contact_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParameters) -> tuple[Ints, Ints]:
+    """Elements of the pairs of a list that are within reach of contact, each pair once."""
     if pairs.partner.size == 0:
-        return NOBODY
+        return NO_PAIRS
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, sizes.radius, pairs, p)
     first = np.repeat(np.arange(el.size), np.diff(pairs.start))
@@ -65,27 +65,24 @@ def touching_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParamete
     return first[kept], pairs.partner[kept]
 
 
-def joined(pairs: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+def concatenate_pairs(pairs: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
     """Return the pairs of several lists as one."""
-    some = [pair for pair in pairs if pair[0].size]
-    if not some:
-        return NOBODY
-    return np.concatenate([pair[0] for pair in some]), np.concatenate([pair[1] for pair in some])
+    filled = [pair for pair in pairs if pair[0].size]
+    if not filled:
+        return NO_PAIRS
+    return np.concatenate([pair[0] for pair in filled]), np.concatenate([pair[1] for pair in filled])
 
 
-def meeting_groups(el: Elements, collisions: PairList, radius: Floats, p: KernelParameters) -> Ints:
-    """Number the groups of bergs that are in reach of each other, directly or by way of others.
-
-    ``radius``: of the elements, m.
-    """
+def contact_groups(el: Elements, collisions: PairList, radius: Floats, p: KernelParameters) -> Ints:
+    """Number the groups of bergs that are within reach of each other, directly or by way of others; ``radius`` in m."""
     if (el.body.berg == el.body.berg[:1]).all():
         return np.zeros(0, np.int64)
     numbers, berg = numbered(el.body.berg)
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, radius, collisions, p)
     owner = np.repeat(np.arange(el.size), np.diff(collisions.start))[near]
-    one, other = berg[owner], berg[collisions.partner[near]]
-    return connected_parts(numbers.size, one, other, np.zeros(one.size, np.int64))[berg]
+    first, second = berg[owner], berg[collisions.partner[near]]
+    return connected_parts(numbers.size, first, second, np.zeros(first.size, np.int64))[berg]
 
 
 @kernel

@@ -1,7 +1,7 @@
-"""Contact in one sub-step of bodies that meet: who touches, how long the step may be, what it does to the velocities.
+"""Contact in one sub-step of an island: who touches, how long the step may be, what it does to the velocities.
 
-The bodies are those of one island (`riftberg.stepping.contact.islands`); for the equation see
-`riftberg.stepping.contact.island_step`. First `find_contacts`, then `kick_bodies` with what it found.
+`find_contacts` is the narrow phase: it finds the pairs in contact and the longest step that resolves them. `solve_kick` then
+solves for the change of the velocities. For the equation see `riftberg.stepping.contact.island_step`.
 """
 
 from __future__ import annotations
@@ -14,79 +14,110 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.rigid_bodies import solve_three
+from riftberg.stepping.bodies.dynamics import ElementForcing
 from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_terms, stiffness_and_reach
+from riftberg.stepping.mat3 import solve
 
 CONTACT_PHASE: Final = 1.0
-"""Largest sub-step times frequency of the springs of contact, rad."""
+"""Largest sub-step times angular frequency of the contact springs, rad: well below 2, where leapfrog becomes unstable."""
 
-ENTRY: Final = 0.1
-"""Part of a sub-step by which bodies may get into each other before contact is seen: damping sets in at once."""
+MAX_PENETRATION: Final = 0.1
+"""Part of a resolving step for which a fast body may enter another unseen: damping sets in at once, not gradually."""
 
-GENTLE: Final = 2e-3
-"""Speed, m s-1: ten times as fast, bodies touch within that part of a sub-step, as fast or slower within a whole one."""
+SOFT_IMPACT_SPEED: Final = 2e-3
+"""Speed (m s-1) up to which that part is a whole step; it shrinks with the speed, to `MAX_PENETRATION` at ten times this."""
 
-ACTS: Final = 10
-"""Column of the pairs from which on spring and damping stand as they act over a kick."""
+MAX_SWEEPS: Final = 1000
+"""Sweeps over the bodies of an island after which a kick is given up; some ten are usual."""
 
-MOST_SWEEPS: Final = 1000
-"""Sweeps over the bodies of an island after which their damping is given up; some ten are usual."""
-
-SETTLED: Final = 1e-13
-"""Change of the velocities, as a part of the largest, at which sweeps end."""
+SWEEP_RTOL: Final = 1e-13
+"""Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
 
 
-class MeetingRoom(NamedTuple):
-    """Room for the sub-steps of one island.
+class Island(NamedTuple):
+    """The bodies and candidate pairs of one island at the start of the step; bodies are numbered within it."""
 
-    For each body: sums of the stiffness of its contacts, accelerations, cosine and sine of its turn, arm from its centre to
-    its farthest element, forces, matrices, answers to a force, places of its contacts in a list, and that list: the other
-    body, and how its change of velocity makes one of its own; loads. For each pair: which touch, their numbers
-    (`find_contacts`), and whether it has touched before. For each element: the push of contact. ``everybody`` marks all
-    bodies.
-    """
+    body_of: Ints  # Body of each element
+    levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
+    forcing: ElementForcing  # On the elements
+    inertia: Floats  # shape (bodies, 3, 3)
+    mobility: Floats  # shape (bodies, 3, 3)
+    floor_drag: Floats  # shape (bodies, 3, 3)
+    bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
+    first: Ints  # Elements of the candidate pairs
+    second: Ints
+    separation: Floats  # From the second to the first element at the start, east and north, m; shape (pairs, 2)
+    sum_radii: Floats  # m; shape (pairs,)
+    pair_mass: Floats  # The smaller of both masses, kg; shape (pairs,)
 
-    stiff: Floats
-    pace: Floats
-    angle: Floats
-    arm: Floats
-    right: Floats
-    block: Floats
-    held: Floats
-    begin: Ints
-    place: Ints
-    other: Ints
-    coupled: Floats
-    size: Floats
-    near: Ints
-    pairs: Floats
-    was: NDArray[np.bool_]
-    push: Floats
-    everybody: NDArray[np.bool_]
-    small: Floats
+
+class IslandResult(NamedTuple):
+    """What the sub-steps change: all arrays are views of those of all islands."""
+
+    twist: Floats  # Now; shape (bodies, 3)
+    path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
+    touched: NDArray[np.bool_]  # Candidate pairs that touched; shape (pairs,)
+    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
+    peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
+    peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
+    peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
+
+
+class IslandWorkspace(NamedTuple):
+    """Workspace of the sub-steps of one island."""
+
+    stiffness_sum: Floats  # Of the contacts of each body, N m-1; shape (bodies,)
+    acceleration: Floats  # By all forces but contact; shape (bodies, 3)
+    rotation: Floats  # Cosine and sine of the angle through which each body has turned; shape (bodies, 2)
+    arm: Floats  # From the centre to the farthest element, m; shape (bodies,)
+    right: Floats  # Right-hand sides; shape (bodies, 3)
+    block: Floats  # S / 2 + L + B^T C B / 2; shape (bodies, 3, 3)
+    compliance: Floats  # Change of velocity by an impulse, with all damping; shape (bodies, 3, 3)
+    begin: Ints  # Where the contacts of each body begin in ``other``; shape (bodies + 1,)
+    fill: Ints  # How far its list is filled; shape (bodies,)
+    other: Ints  # The other body of each contact; shape (2 pairs,)
+    coupling: Floats  # Change of velocity of a body by that of the other; shape (2 pairs, 3, 3)
+    size: Floats  # A number for each body; shape (bodies,)
+    active: Ints  # The pairs in contact, as places among the candidates; shape (pairs,)
+    # Of the pairs in contact: spring on the first (N, N) and damping (xx, xy, yy; kg s-1), now and as they act over a kick
+    law: Floats  # shape (pairs, 5)
+    kick_law: Floats  # shape (pairs, 5)
+    spin_levers: Floats  # How the spins of both bodies move the two elements, m; shape (pairs, 4)
+    is_old: NDArray[np.bool_]  # Whether a pair in contact was so a sub-step before; shape (pairs,)
+    was_active: NDArray[np.bool_]  # The same for the candidates; shape (pairs,)
+    contact_force: Floats  # On the elements, N; shape (elements, 2)
+    increment: Floats  # Of the twists in a kick; shape (bodies, 3)
+    peak: Floats  # Largest sum of contact forces so far, N; shape (bodies,)
+    accelerations: Floats  # By each force; shape (elements, forces, 2)
+    force: Floats  # On the elements without contact, N, N, N m; shape (elements, 3)
+    net_force: Floats  # On the bodies without contact, N, N, N m; shape (bodies, 3)
+    everyone: NDArray[np.bool_]  # All bodies; shape (bodies,)
+    scratch: Floats  # shape (4, 3, 3)
 
 
 @kernel
-def allocate_meeting_room(bodies: int, pairs: int, elements: int) -> MeetingRoom:
-    """Return room for an island."""
-    return MeetingRoom(
+def allocate_island_workspace(bodies: int, pairs: int, elements: int, forces: int) -> IslandWorkspace:
+    """Return a workspace for an island."""
+    return IslandWorkspace(
         np.empty(bodies), np.empty((bodies, 3)), np.empty((bodies, 2)), np.zeros(bodies), np.empty((bodies, 3)),
         np.empty((bodies, 3, 3)), np.empty((bodies, 3, 3)), np.empty(bodies + 1, np.int64), np.empty(bodies, np.int64),
         np.empty(2 * pairs, np.int64), np.empty((2 * pairs, 3, 3)), np.empty(bodies), np.empty(pairs, np.int64),
-        np.empty((pairs, 15)), np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.ones(bodies, np.bool_),
+        np.empty((pairs, 5)), np.empty((pairs, 5)), np.empty((pairs, 4)), np.zeros(pairs, np.bool_),
+        np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.zeros((bodies, 3)), np.zeros(bodies),
+        np.zeros((elements, forces, 2)), np.zeros((elements, 3)), np.zeros((bodies, 3)), np.ones(bodies, np.bool_),
         np.empty((4, 3, 3)),
     )  # fmt: skip
 
 
 @kernel
-def _swung(m: Floats, c: float, s: float) -> tuple[float, float]:
-    """How the spin moves an element whose body has turned since ``m`` was found, m; by cosine and sine of the angle."""
+def _spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
+    """How the spin moves an element now, m; ``m`` are its levers at the start, cosine and sine those of the turn since."""
     return m[2] * c - m[5] * s, m[5] * c + m[2] * s
 
 
 @kernel
-def _moved(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
-    """Path (m) of an element whose body has gone ``path`` since ``m`` was found; cosine and sine are those of its turn."""
+def _element_path(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
+    """Path (m) of an element whose body has gone ``path`` since the levers ``m`` were found and turned by cosine and sine."""
     return (
         m[0] * path[0] + m[1] * path[1] + m[2] * s + m[5] * (c - 1.0),
         m[3] * path[0] + m[4] * path[1] + m[5] * s - m[2] * (c - 1.0),
@@ -94,143 +125,147 @@ def _moved(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
 
 
 @borrower
-def _bound(rate: Floats, arm: Floats) -> float:
-    """Largest speed (m s-1) with which two elements could approach each other; or of accelerations."""
+def _approach_bound(twist: Floats, arm: Floats) -> float:
+    """Upper bound of the speed (m s-1) at which two elements could approach each other; or of their accelerations."""
     most = u = v = 0.0
-    for b in range(rate.shape[0]):
-        u += rate[b, 0] / rate.shape[0]
-        v += rate[b, 1] / rate.shape[0]
-    for b in range(rate.shape[0]):
-        most = max(most, math.hypot(rate[b, 0] - u, rate[b, 1] - v) + arm[b] * abs(rate[b, 2]))
-    return 2.02 * most  # distances on the sphere are not quite those of the plane
+    for b in range(twist.shape[0]):
+        u += twist[b, 0] / twist.shape[0]
+        v += twist[b, 1] / twist.shape[0]
+    for b in range(twist.shape[0]):
+        most = max(most, math.hypot(twist[b, 0] - u, twist[b, 1] - v) + arm[b] * abs(twist[b, 2]))
+    return 2.02 * most  # both together, and 1 % more: distances on the sphere are not quite those of the plane
 
 
 @kernel
-def _resolved(stiff: float, mass: float) -> float:
-    """Longest step (s) that resolves springs of ``stiff`` (N m-1) on a body of a mass (kg)."""
-    return CONTACT_PHASE / math.sqrt(2.0 * stiff / mass) if stiff > 0.0 else np.inf
+def _resolving_dt(stiffness: float, mass: float) -> float:
+    """Longest step (s) that resolves springs of a stiffness (N m-1) between bodies of which the lighter has a mass (kg)."""
+    return CONTACT_PHASE / math.sqrt(2.0 * stiffness / mass) if stiffness > 0.0 else np.inf
 
 
 @stage
 def find_contacts(
-    own: Ints, motion: Floats, inertia: Floats, mobility: Floats, total: Floats, first: Ints, second: Ints, apart: Floats,
-    radii: Floats, smaller: Floats, law: PairLaw, rate: Floats, moved: Floats, touched: NDArray[np.bool_], room: MeetingRoom,
-) -> tuple[int, float]:  # fmt: skip
-    """Find the pairs that touch now, and how long a sub-step may be.
+    island: Island, law: PairLaw, twist: Floats, path: Floats, touched: NDArray[np.bool_], work: IslandWorkspace
+) -> tuple[int, float]:
+    """Find the pairs in contact now, and how long a sub-step may be; returns their number and the longest step (s).
 
-    ``room.near`` takes their places in the list, ``room.pairs`` the spring on the first (N), the damping (xx, xy, yy;
-    kg s-1), how the spins of both bodies move the two elements (m), and whether they have touched a sub-step before.
-
-    Returns ``ahead``: longest step (s): the springs at hand are resolved, and no pair gets deep into another on the
-    way.
+    The step resolves the springs at hand, and ends before any other pair gets deep into each other.
     """
-    found, ahead = 0, np.inf
-    stiff, pace, angle, near, pairs = room.stiff, room.pace, room.angle, room.near, room.pairs
-    for b in range(rate.shape[0]):
-        stiff[b] = 0.0
-        pace[b, :] = 0.0
-        angle[b, 0], angle[b, 1] = math.cos(moved[b, 2]), math.sin(moved[b, 2])
+    count, max_dt = 0, np.inf
+    body_of, levers, inertia, pair_mass = island.body_of, island.levers, island.inertia, island.pair_mass
+    stiffness_sum, acceleration, rotation = work.stiffness_sum, work.acceleration, work.rotation
+    for b in range(twist.shape[0]):
+        stiffness_sum[b] = 0.0
+        acceleration[b, :] = 0.0
+        rotation[b, 0], rotation[b, 1] = math.cos(path[b, 2]), math.sin(path[b, 2])
         for i in range(3):
             for j in range(3):
-                pace[b, i] += mobility[b, i, j] * total[b, j]
-    fastest, quickest = _bound(rate, room.arm), _bound(pace, room.arm)
-    for k in range(first.size):
-        m, n = motion[first[k]], motion[second[k]]
-        a, b = own[first[k]], own[second[k]]
-        p, q, v, w = moved[a], moved[b], rate[a], rate[b]
-        x1, y1 = _moved(m, p, angle[a, 0], angle[a, 1])
-        x2, y2 = _moved(n, q, angle[b, 0], angle[b, 1])
-        rx, ry = apart[k, 0] + x1 - x2, apart[k, 1] + y1 - y2
-        stiffness, reach = stiffness_and_reach(COLLISION, radii[k], law)
+                acceleration[b, i] += island.mobility[b, i, j] * work.net_force[b, j]
+    fastest, quickest = _approach_bound(twist, work.arm), _approach_bound(acceleration, work.arm)
+    for k in range(island.first.size):
+        i, j = island.first[k], island.second[k]
+        m, n, a, b = levers[i], levers[j], body_of[i], body_of[j]
+        p, q, v, w = path[a], path[b], twist[a], twist[b]
+        x1, y1 = _element_path(m, p, rotation[a, 0], rotation[a, 1])
+        x2, y2 = _element_path(n, q, rotation[b, 0], rotation[b, 1])
+        rx, ry = island.separation[k, 0] + x1 - x2, island.separation[k, 1] + y1 - y2
+        stiffness, reach = stiffness_and_reach(COLLISION, island.sum_radii[k], law)
         d = rx * rx + ry * ry
         if d >= reach * reach:
-            room.was[k] = False
-        if d > (reach + ahead * (fastest + 0.5 * ahead * quickest)) ** 2:
-            continue  # it cannot be the first to touch
+            work.was_active[k] = False
+        if d > (reach + max_dt * (fastest + 0.5 * max_dt * quickest)) ** 2:
+            continue  # too far to touch within the longest step so far
         d = math.sqrt(d)
-        mx, my = _swung(m, angle[a, 0], angle[a, 1])
-        nx, ny = _swung(n, angle[b, 0], angle[b, 1])
+        mx, my = _spin_lever(m, rotation[a, 0], rotation[a, 1])
+        nx, ny = _spin_lever(n, rotation[b, 0], rotation[b, 1])
         du = n[0] * w[0] + n[1] * w[1] + nx * w[2] - (m[0] * v[0] + m[1] * v[1] + mx * v[2])
         dv = n[3] * w[0] + n[4] * w[1] + ny * w[2] - (m[3] * v[0] + m[4] * v[1] + my * v[2])
+        resolving = _resolving_dt(stiffness * pair_mass[k], min(inertia[a, 0, 0], inertia[b, 0, 0]))
         if d < reach:
             touched[k] = True
-            stiff[a] += stiffness * smaller[k]
-            stiff[b] += stiffness * smaller[k]
-            ahead = min(ahead, _resolved(stiffness * smaller[k], min(inertia[a, 0, 0], inertia[b, 0, 0])))
-            fx, fy, c11, c12, c22 = pair_terms(COLLISION, rx, ry, radii[k], smaller[k], du, dv, du, dv, law)
-            near[found] = k
-            t = pairs[found]
+            stiffness_sum[a] += stiffness * pair_mass[k]
+            stiffness_sum[b] += stiffness * pair_mass[k]
+            max_dt = min(max_dt, resolving)
+            fx, fy, c11, c12, c22 = pair_terms(
+                COLLISION, rx, ry, island.sum_radii[k], pair_mass[k], du, dv, du, dv, law
+            )
+            work.active[count] = k
+            t, levers_now = work.law[count], work.spin_levers[count]
             t[0], t[1], t[2], t[3], t[4] = fx, fy, c11, c12, c22
-            t[5], t[6], t[7], t[8], t[9] = mx, my, nx, ny, (1.0 if room.was[k] else 0.0)
-            room.was[k] = True
-            found += 1
+            levers_now[0], levers_now[1], levers_now[2], levers_now[3] = mx, my, nx, ny
+            work.is_old[count] = work.was_active[k]
+            work.was_active[k] = True
+            count += 1
             continue
-        # Bodies that close in on each other, or are driven together, reach each other no sooner than this.
+        # Time to contact. A pair that closes in at speed c and is driven together with acceleration g at most crosses its
+        # gap no sooner than the smallest root t of gap = c t + g t^2 / 2, that is
+        #     t = (sqrt(c^2 + 2 g gap) - c) / g = 2 gap / (c + sqrt(c^2 + 2 g gap)),
+        # written without a difference so that it holds for g = 0 and loses no digits for small g.
         closing = max((rx * du + ry * dv) / d, 0.0)
-        v, w = pace[a], pace[b]
+        v, w = acceleration[a], acceleration[b]
         au = n[0] * w[0] + n[1] * w[1] + nx * w[2] - (m[0] * v[0] + m[1] * v[1] + mx * v[2])
         av = n[3] * w[0] + n[4] * w[1] + ny * w[2] - (m[3] * v[0] + m[4] * v[1] + my * v[2])
         gap, driven = d - reach, math.sqrt(au * au + av * av)
-        pressed = closing + math.sqrt(closing * closing + 2.0 * driven * gap)
-        resolved = _resolved(stiffness * smaller[k], min(inertia[a, 0, 0], inertia[b, 0, 0]))
-        if pressed > 0.0:
-            entry = min(1.0, max(ENTRY, GENTLE / pressed)) * resolved
-            ahead = min(ahead, max(2.0 * gap / pressed, entry))
-    for b in range(rate.shape[0]):
-        ahead = min(ahead, _resolved(stiff[b], inertia[b, 0, 0]))
-    return found, ahead
+        impact = closing + math.sqrt(closing * closing + 2.0 * driven * gap)  # closing speed plus speed at contact
+        if impact > 0.0:
+            # Without a least step the sub-steps would become ever shorter before a contact that is never reached. So a
+            # body may enter another for a part of the step that resolves their contact: a tenth, as the damping force sets
+            # in at once with the speed; up to all of it where the speed, and so that force, is small.
+            entry = min(1.0, max(MAX_PENETRATION, SOFT_IMPACT_SPEED / impact)) * resolving
+            max_dt = min(max_dt, max(2.0 * gap / impact, entry))
+    for b in range(twist.shape[0]):
+        max_dt = min(max_dt, _resolving_dt(stiffness_sum[b], inertia[b, 0, 0]))
+    return count, max_dt
 
 
 @stage
-def kick_bodies(
-    own: Ints, inertia: Floats, mobility: Floats, floor: Floats, slope: Floats, total: Floats, first: Ints, second: Ints,
-    motion: Floats, found: int, before: float, step: float, rate: Floats, change: Floats, room: MeetingRoom,
-) -> bool:  # fmt: skip
-    """Solve for the change of the velocities over half the steps before and after, in place; returns whether it settled.
+def solve_kick(
+    island: Island, jacobian: Floats, count: int, before: float, step: float, twist: Floats, work: IslandWorkspace
+) -> bool:
+    """Solve for ``work.increment`` of the twists over half the steps before and after; returns whether it converged.
 
-    Elements that have just touched did not do so in the step before: their contact acts over half the next one. Damping
-    couples bodies that touch. Their equations are met by sweeps (Gauss-Seidel), in the order of the bodies.
+    Damping couples bodies in contact; their equations are solved by Gauss-Seidel sweeps, in the order of the bodies.
     """
-    count = rate.shape[0]
-    right, block, begin, near, pairs = room.right, room.block, room.begin, room.near, room.pairs
+    bodies, body_of, levers = twist.shape[0], island.body_of, island.levers
+    right, block, begin, active = work.right, work.block, work.begin, work.active
     h = 0.5 * (before + step)
     begin[0] = 0
-    for b in range(count):
+    for b in range(bodies):
         begin[b + 1] = 0
         for i in range(3):
-            right[b, i] = total[b, i]
+            right[b, i] = work.net_force[b, i]
             for j in range(3):
-                block[b, i, j] = 0.5 * slope[b, i, j] + floor[b, i, j]
-    for k in range(found):
-        i, j = first[near[k]], second[near[k]]
-        a, b, t = own[i], own[j], pairs[k]
+                block[b, i, j] = 0.5 * jacobian[b, i, j] + island.floor_drag[b, i, j]
+    for k in range(count):
+        i, j = island.first[active[k]], island.second[active[k]]
+        a, b, t, s = body_of[i], body_of[j], work.kick_law[k], work.spin_levers[k]
         begin[a + 1] += 1
         begin[b + 1] += 1
-        m, n = lever(motion[i], t[5], t[6]), lever(motion[j], t[7], t[8])
-        share = 0.5 * (before * t[9] + step) / h
+        m, n = lever(levers[i], s[0], s[1]), lever(levers[j], s[2], s[3])
+        # A pair that has just come into contact was not so in the step before: it acts over half the next step alone.
+        share = 0.5 * (before * (1.0 if work.is_old[k] else 0.0) + step) / h
         for c in range(5):
-            t[ACTS + c] = share * t[c]
-        du, dv = lever_speed(n, rate[b]), lever_speed(m, rate[a])
+            t[c] = share * work.law[k, c]
+        du, dv = lever_velocity(n, twist[b]), lever_velocity(m, twist[a])
         wx, wy = du[0] - dv[0], du[1] - dv[1]
-        fx = t[ACTS] + t[ACTS + 2] * wx + t[ACTS + 3] * wy
-        fy = t[ACTS + 1] + t[ACTS + 3] * wx + t[ACTS + 4] * wy
+        fx = t[0] + t[2] * wx + t[3] * wy
+        fy = t[1] + t[3] * wx + t[4] * wy
         for c in range(3):
             right[a, c] += m[c] * fx + m[3 + c] * fy
             right[b, c] -= n[c] * fx + n[3 + c] * fy
         _add_damping(block[a], m, t)
         _add_damping(block[b], n, t)
-    for b in range(count):
+    for b in range(bodies):
         begin[b + 1] += begin[b]
-    _lone_changes(mobility, h, change, room)
-    return found == 0 or _sweep(own, inertia, first, second, motion, found, h, rate, change, room)
+    _solve_uncoupled(island.mobility, h, work)
+    return count == 0 or _gauss_seidel(island, count, h, twist, work)
 
 
 @stage
-def _lone_changes(mobility: Floats, h: float, change: Floats, room: MeetingRoom) -> None:
-    """Change of the velocities of each body by itself, and what it answers to a force with where it touches others."""
-    right, block, begin, held = room.right, room.block, room.begin, room.held
-    matrix, used, x = room.small[0], room.small[1], room.small[2, 0]
-    for b in range(change.shape[0]):
+def _solve_uncoupled(mobility: Floats, h: float, work: IslandWorkspace) -> None:
+    """Increment of each body by itself, and its compliance where it touches others."""
+    right, block, begin, compliance, increment = work.right, work.block, work.begin, work.compliance, work.increment
+    matrix, used, x = work.scratch[0], work.scratch[1], work.scratch[2, 0]
+    for b in range(increment.shape[0]):
         for i in range(3):
             for j in range(3):
                 matrix[i, j] = 1.0 if i == j else 0.0
@@ -241,99 +276,102 @@ def _lone_changes(mobility: Floats, h: float, change: Floats, room: MeetingRoom)
                 x[i] = h * (
                     mobility[b, i, 0] * right[b, 0] + mobility[b, i, 1] * right[b, 1] + mobility[b, i, 2] * right[b, 2]
                 )
-            change[b, 0], change[b, 1], change[b, 2] = solve_three(matrix, x)
+            increment[b, 0], increment[b, 1], increment[b, 2] = solve(matrix, x)
             continue
         for j in range(3):
             for i in range(3):
                 x[i] = mobility[b, i, j]
                 for k in range(3):
                     used[i, k] = matrix[i, k]
-            held[b, 0, j], held[b, 1, j], held[b, 2, j] = solve_three(used, x)
+            compliance[b, 0, j], compliance[b, 1, j], compliance[b, 2, j] = solve(used, x)
         for i in range(3):
-            change[b, i] = h * (held[b, i, 0] * right[b, 0] + held[b, i, 1] * right[b, 1] + held[b, i, 2] * right[b, 2])
+            increment[b, i] = h * (
+                compliance[b, i, 0] * right[b, 0]
+                + compliance[b, i, 1] * right[b, 1]
+                + compliance[b, i, 2] * right[b, 2]
+            )
 
 
 @kernel
 def lever(m: Floats, sx: float, sy: float) -> tuple[float, float, float, float, float, float]:
-    """How an element moves with its body, with the part of the spin as it is now."""
+    """Levers of an element for its velocity (two rows of B), with the column of the spin as it is now."""
     return m[0], m[1], sx, m[3], m[4], sy
 
 
 @kernel
-def lever_speed(
+def lever_velocity(
     m: tuple[float, float, float, float, float, float], q: Floats | tuple[float, float, float]
 ) -> tuple[float, float]:
-    """Velocity (m s-1) of an element that moves by ``m`` (`lever`) with its body's velocity ``q``."""
+    """Velocity (m s-1) of an element with levers ``m`` (`lever`) by the twist of its body."""
     return m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
 
 
 @kernel
-def half_way(q: Floats, change: Floats) -> tuple[float, float, float]:
-    """Velocity of a body half-way through a change of it."""
-    return q[0] + 0.5 * change[0], q[1] + 0.5 * change[1], q[2] + 0.5 * change[2]
+def midpoint_twist(q: Floats, increment: Floats) -> tuple[float, float, float]:
+    """Twist of a body halfway through an increment."""
+    return q[0] + 0.5 * increment[0], q[1] + 0.5 * increment[1], q[2] + 0.5 * increment[2]
 
 
 @borrower
 def _add_damping(block: Floats, m: tuple[float, float, float, float, float, float], t: Floats) -> None:
-    """Add half of B^T C B, which damps the change by half of it."""
+    """Add ``B^T C B / 2``, as damping acts at the midpoint of the kick; C stands in the columns 2 to 4 of ``t``."""
     for i in range(3):
-        x, y = t[ACTS + 2] * m[i] + t[ACTS + 3] * m[3 + i], t[ACTS + 3] * m[i] + t[ACTS + 4] * m[3 + i]
+        x, y = t[2] * m[i] + t[3] * m[3 + i], t[3] * m[i] + t[4] * m[3 + i]
         for j in range(3):
             block[i, j] += 0.5 * (x * m[j] + y * m[3 + j])
 
 
 @stage
-def _sweep(
-    own: Ints, inertia: Floats, first: Ints, second: Ints, motion: Floats, found: int, h: float, rate: Floats,
-    change: Floats, room: MeetingRoom,
-) -> bool:  # fmt: skip
-    """Sweep over the bodies that touch until the change of their velocities has settled; see `kick_bodies`."""
-    count, begin, base, block, other, size = rate.shape[0], room.begin, room.right, room.coupled, room.other, room.size
-    _couple(own, first, second, motion, found, h, room)
+def _gauss_seidel(island: Island, count: int, h: float, twist: Floats, work: IslandWorkspace) -> bool:
+    """Sweep over the bodies in contact until their increments no longer change; see `solve_kick`."""
+    bodies, begin, base, increment = twist.shape[0], work.begin, work.right, work.increment
+    coupling, other, size = work.coupling, work.other, work.size
+    _assemble_coupling(island, count, h, work)
     scale = 0.0
-    for b in range(count):
-        size[b] = math.sqrt(inertia[b, 2, 2] / inertia[b, 0, 0])
-        scale = max(scale, abs(rate[b, 0]), abs(rate[b, 1]), size[b] * abs(rate[b, 2]))
-        scale = max(scale, abs(change[b, 0]), abs(change[b, 1]), size[b] * abs(change[b, 2]))
+    for b in range(bodies):
+        size[b] = math.sqrt(island.inertia[b, 2, 2] / island.inertia[b, 0, 0])  # radius of gyration
+        scale = max(scale, abs(twist[b, 0]), abs(twist[b, 1]), size[b] * abs(twist[b, 2]))
+        scale = max(scale, abs(increment[b, 0]), abs(increment[b, 1]), size[b] * abs(increment[b, 2]))
         for i in range(3):
-            base[b, i] = change[b, i]
-    for _ in range(MOST_SWEEPS):
+            base[b, i] = increment[b, i]
+    for _ in range(MAX_SWEEPS):
         most = 0.0
-        for b in range(count):
+        for b in range(bodies):
             if begin[b] == begin[b + 1]:
                 continue
             x, y, w = base[b, 0], base[b, 1], base[b, 2]
             for n in range(begin[b], begin[b + 1]):
-                d, q = block[n], change[other[n]]
+                d, q = coupling[n], increment[other[n]]
                 x += d[0, 0] * q[0] + d[0, 1] * q[1] + d[0, 2] * q[2]
                 y += d[1, 0] * q[0] + d[1, 1] * q[1] + d[1, 2] * q[2]
                 w += d[2, 0] * q[0] + d[2, 1] * q[1] + d[2, 2] * q[2]
-            most = max(most, abs(x - change[b, 0]), abs(y - change[b, 1]), size[b] * abs(w - change[b, 2]))
-            change[b, 0], change[b, 1], change[b, 2] = x, y, w
-        if most <= SETTLED * scale:
+            most = max(most, abs(x - increment[b, 0]), abs(y - increment[b, 1]), size[b] * abs(w - increment[b, 2]))
+            increment[b, 0], increment[b, 1], increment[b, 2] = x, y, w
+        if most <= SWEEP_RTOL * scale:
             return True
     return False
 
 
 @stage
-def _couple(
-    own: Ints, first: Ints, second: Ints, motion: Floats, found: int, h: float, room: MeetingRoom
-) -> None:  # fmt: skip
-    """List for each body its contacts: the other body, and by which matrix its change of velocity makes one of its own."""
-    pairs, place, block, held = room.pairs, room.place, room.coupled, room.held
-    for b in range(place.size):
-        place[b] = room.begin[b]
-    for k in range(found):
-        i, j, t = first[room.near[k]], second[room.near[k]], pairs[k]
-        one, two = lever(motion[i], t[5], t[6]), lever(motion[j], t[7], t[8])
+def _assemble_coupling(island: Island, count: int, h: float, work: IslandWorkspace) -> None:
+    """List for each body its contacts: the other body, and the matrix from its increment to one of this body."""
+    fill, coupling, compliance, body_of = work.fill, work.coupling, work.compliance, island.body_of
+    for b in range(fill.size):
+        fill[b] = work.begin[b]
+    for k in range(count):
+        i, j = island.first[work.active[k]], island.second[work.active[k]]
+        t, s = work.kick_law[k], work.spin_levers[k]
+        one, two = lever(island.levers[i], s[0], s[1]), lever(island.levers[j], s[2], s[3])
         for end in range(2):
-            b, mine, theirs = (own[i], one, two) if end == 0 else (own[j], two, one)
-            n = place[b]
-            place[b], room.other[n] = n + 1, own[j] if end == 0 else own[i]
+            b, here, there = (body_of[i], one, two) if end == 0 else (body_of[j], two, one)
+            n = fill[b]
+            fill[b], work.other[n] = n + 1, body_of[j] if end == 0 else body_of[i]
             for c in range(3):
-                # By a velocity of one in direction c of the other body: the force of damping, half of it over a kick.
-                fx = 0.5 * (t[ACTS + 2] * theirs[c] + t[ACTS + 3] * theirs[3 + c])
-                fy = 0.5 * (t[ACTS + 3] * theirs[c] + t[ACTS + 4] * theirs[3 + c])
-                x, y, w = mine[0] * fx + mine[3] * fy, mine[1] * fx + mine[4] * fy, mine[2] * fx + mine[5] * fy
+                # By an increment of 1 in direction c of the other body: half the force of damping, as in `_add_damping`.
+                fx = 0.5 * (t[2] * there[c] + t[3] * there[3 + c])
+                fy = 0.5 * (t[3] * there[c] + t[4] * there[3 + c])
+                x, y, w = here[0] * fx + here[3] * fy, here[1] * fx + here[4] * fy, here[2] * fx + here[5] * fy
                 for r in range(3):
-                    block[n, r, c] = h * (held[b, r, 0] * x + held[b, r, 1] * y + held[b, r, 2] * w)
+                    coupling[n, r, c] = h * (
+                        compliance[b, r, 0] * x + compliance[b, r, 1] * y + compliance[b, r, 2] * w
+                    )

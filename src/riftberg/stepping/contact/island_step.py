@@ -1,18 +1,18 @@
-"""Sub-steps of bodies that meet: each island goes through the long step by itself.
+"""Sub-steps of bodies in contact: each island goes through the step by itself.
 
-Leapfrog steps are as short as the stiffest contact at hand asks, and as long as none is near. What a sub-step needs are
-three numbers a body; water, air, ice and floor are those of the start of the long step, at the velocities of the moment:
+Leapfrog sub-steps are as short as the stiffest contact demands, and as long as the step where none is near. They work on
+three numbers a body; the media and the sea floor are those of the start of the step, at the velocities of the moment:
 
     M dq = H (G(q) - S dq / 2 - L (q + dq) + B^T (F - C B (q + dq / 2)))
 
 with the forces G by the media, S minus their derivative, the drag L of the sea floor, springs F and damping C of contact.
-H is the mean of the steps before and after. Impulses of contact are equal and opposite, so they conserve momentum.
+H is the mean of the sub-steps before and after. Impulses of contact are equal and opposite, so they conserve momentum.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,225 +20,215 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.rigid_bodies import Loading, add_forces, add_totals_and_slopes, drag_and_slope
+from riftberg.stepping.bodies.dynamics import (
+    ElementForcing,
+    add_forces,
+    assemble_force_and_jacobian,
+    drag_and_jacobian,
+    element_velocity,
+)
 from riftberg.stepping.contact.impulses import (
-    MeetingRoom,
-    allocate_meeting_room,
+    Island,
+    IslandResult,
+    IslandWorkspace,
+    allocate_island_workspace,
     find_contacts,
-    half_way,
-    kick_bodies,
     lever,
-    lever_speed,
+    lever_velocity,
+    midpoint_twist,
+    solve_kick,
 )
 from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR
 from riftberg.stepping.forces.pair_law import PairLaw
 
-FRESH: Final = 1.0 / 32.0
-"""Part of the step after which forces of the media are found anew at the velocities of the moment; between, they are linear."""
+REFRESH_FRACTION: Final = 1.0 / 32.0
+"""Part of the step after which the forces of the media are evaluated anew; between, they are linear in the velocities.
+
+Media change over hours and velocities by contact within minutes: 32 times a step of half an hour is once a minute.
+"""
+
+
+class Linearisation(NamedTuple):
+    """The forces of the media, linear about the twists at which they were evaluated last."""
+
+    twist: Floats  # shape (bodies, 3)
+    force: Floats  # G at these; shape (bodies, 3)
+    jacobian: Floats  # S; shape (bodies, 3, 3)
+    twist_integral: Floats  # Integral of the twists over the time since, m, m, rad; shape (bodies, 3)
 
 
 @kernel
-def cross_islands(
-    start: Ints, row_start: Ints, own: Ints, first: Ints, second: Ints, pair_start: Ints, motion: Floats, load: Loading,
-    inertia: Floats, mobility: Floats, floor: Floats, rate: Floats, bonded: NDArray[np.bool_], x1: Floats, y1: Floats,
-    x2: Floats, y2: Floats, radii: Floats, smaller: Floats, span: float, law: PairLaw,
+def integrate_islands(
+    start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,
+    forcing: ElementForcing, inertia: Floats, mobility: Floats, floor_drag: Floats, twist: Floats,
+    bonded: NDArray[np.bool_], x1: Floats, y1: Floats, x2: Floats, y2: Floats, sum_radii: Floats, pair_mass: Floats,
+    dt: float, law: PairLaw,
 ) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float]:  # fmt: skip
-    """Take all islands through the step and return what makes a `riftberg.stepping.contact.islands.Meeting`.
+    """Take all islands through a step of ``dt`` s; see `riftberg.stepping.contact.islands.Islands` for the lists.
 
-    Returns ``moved, after``: paths (m, m, rad) and velocities at the end; returns ``applied``: changes of velocity by
-    all forces but contact, m s-1; returns ``shortest``: shortest sub-step, s.
+    Returns which pairs touched, paths (m, m, rad) and twists of the bodies, what else `IslandResult` has, and the shortest
+    sub-step (s; not positive where velocities did not converge).
     """
     touched, apart = np.zeros(first.size, np.bool_), np.empty((first.size, 2))
     for k in range(first.size):
         apart[k, 0], apart[k, 1] = separation(x1[k], y1[k], x2[k], y2[k], law.latlon, law.earth_radius, law.period)
-    moved, after = np.zeros(rate.shape), rate.copy()
-    applied = np.zeros((own.size, load.media.shape[1] + 1, 2))
-    force, turn, spin = np.zeros((own.size, 3)), motion[:, 9:11].copy(), np.zeros(rate.shape[0])
-    shortest = span
+    path, after = np.zeros(twist.shape), twist.copy()
+    applied = np.zeros((body_of.size, forcing.media.shape[1] + 1, 2))
+    force, axes, spin = np.zeros((body_of.size, 3)), levers[:, 9:11].copy(), np.zeros(twist.shape[0])
+    shortest, f = dt, forcing
     for k in range(start.size - 1):
-        b, e, n = (
-            slice(start[k], start[k + 1]),
-            slice(row_start[k], row_start[k + 1]),
-            slice(pair_start[k], pair_start[k + 1]),
+        b, e = slice(start[k], start[k + 1]), slice(row_start[k], row_start[k + 1])
+        n = slice(pair_start[k], pair_start[k + 1])
+        of_island = ElementForcing(
+            f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
+            f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
+        )  # fmt: skip
+        island = Island(
+            body_of[e], levers[e], of_island, inertia[b], mobility[b], floor_drag[b], bonded[b], first[n], second[n],
+            apart[n], sum_radii[n], pair_mass[n],
+        )  # fmt: skip
+        result = IslandResult(after[b], path[b], touched[n], applied[e], force[e], axes[e], spin[b])
+        bodies = island.bonded.size
+        work = allocate_island_workspace(bodies, island.first.size, island.body_of.size, forcing.media.shape[1] + 1)
+        for i in range(island.body_of.size):
+            m, a = island.levers[i], island.body_of[i]
+            work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]))
+        about = Linearisation(
+            result.twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3))
         )
-        some = Loading(
-            load.media[e], load.coriolis[e], load.mass[e], load.inertia[e], load.floor[e], load.floor_spin[e],
-            load.aground[e], load.spinning[e], load.water_spin[e], load.push_x[e], load.push_y[e], load.surrounded,
-            load.touches,
-        )  # fmt: skip
-        short = _cross(
-            own[e], motion[e], some, inertia[b], mobility[b], floor[b], bonded[b], first[n], second[n], apart[n], radii[n],
-            smaller[n], span, law, after[b], moved[b], touched[n], applied[e], force[e], turn[e], spin[b],
-        )  # fmt: skip
-        shortest = min(shortest, short)
-    return touched, moved, after, applied, force, turn, spin, shortest
-
-
-@kernel
-def _cross(
-    own: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, bonded: NDArray[np.bool_],
-    first: Ints, second: Ints, apart: Floats, radii: Floats, smaller: Floats, span: float, law: PairLaw, rate: Floats,
-    moved: Floats, touched: NDArray[np.bool_], applied: Floats, blow: Floats, turn: Floats, spin: Floats,
-) -> float:  # fmt: skip
-    """Take one island through the step; returns its shortest sub-step (s), -1 where velocities did not settle.
-
-    From ``rate`` on the arguments are changed in place: velocities, paths (m, m, rad), which pairs touched, changes of
-    velocity by the forces, and the heaviest load of each bonded body as in `Blow`.
-    """
-    count = rate.shape[0]
-    room = allocate_meeting_room(count, first.size, own.size)
-    heaviest, change = np.zeros(count), np.zeros((count, 3))
-    acted, force = np.zeros((own.size, load.media.shape[1] + 1, 2)), np.zeros((own.size, 3))
-    given, slope, total = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3))
-    for e in range(own.size):
-        room.arm[own[e]] = max(room.arm[own[e]], math.hypot(motion[e, 2], motion[e, 5]))
-    known, way = rate.copy(), np.zeros((count, 3))
-    return _take_substeps(
-        own, motion, load, inertia, mobility, floor, bonded, first, second, apart, radii, smaller, span, law, rate, moved,
-        touched, applied, blow, turn, spin, heaviest, change, acted, force, given, slope, total, known, way, room,
-    )  # fmt: skip
+        shortest = min(shortest, _integrate_island(island, result, about, dt, law, work))
+    return touched, path, after, applied, force, axes, spin, shortest
 
 
 @borrower
-def _take_substeps(
-    own: Ints, motion: Floats, load: Loading, inertia: Floats, mobility: Floats, floor: Floats, bonded: NDArray[np.bool_],
-    first: Ints, second: Ints, apart: Floats, radii: Floats, smaller: Floats, span: float, law: PairLaw, rate: Floats,
-    moved: Floats, touched: NDArray[np.bool_], applied: Floats, blow: Floats, turn: Floats, spin: Floats, heaviest: Floats,
-    change: Floats, acted: Floats, force: Floats, given: Floats, slope: Floats, total: Floats, known: Floats, way: Floats,
-    room: MeetingRoom,
-) -> float:  # fmt: skip
-    """Take the sub-steps of an island in the room that `_cross` has made; the same is returned."""
-    left, before, shortest, since = span, 0.0, span, np.inf
+def _integrate_island(
+    island: Island, result: IslandResult, about: Linearisation, dt: float, law: PairLaw, work: IslandWorkspace
+) -> float:
+    """Take one island through the step; returns its shortest sub-step (s), -1 where velocities did not converge."""
+    body_of, levers, forcing, twist = island.body_of, island.levers, island.forcing, result.twist
+    left, before, shortest, elapsed = dt, 0.0, dt, np.inf
     while True:
-        if since >= FRESH * span or left <= 0.0:
-            _keep(own, motion, load, known, way, since, applied)
-            given[:, :], slope[:, :, :], way[:, :], since = 0.0, 0.0, 0.0, 0.0
-            for b in range(rate.shape[0]):
+        if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
+            _accumulate_impulse(island, about, elapsed, result.applied)
+            about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :], elapsed = 0.0, 0.0, 0.0, 0.0
+            for b in range(twist.shape[0]):
                 for i in range(3):
-                    known[b, i] = rate[b, i]
-            add_totals_and_slopes(own, motion, rate, load, room.everybody, given, slope)
-            total[:, :] = 0.0
-            add_forces(own, motion, rate, load, acted, force, total)
-        _linear(given, slope, floor, rate, known, total)
-        found, ahead = find_contacts(
-            own, motion, inertia, mobility, total, first, second, apart, radii, smaller, law, rate, moved, touched, room
-        )  # fmt: skip
+                    about.twist[b, i] = twist[b, i]
+            assemble_force_and_jacobian(body_of, levers, twist, forcing, work.everyone, about.force, about.jacobian)
+            work.net_force[:, :] = 0.0
+            add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
+        _linearised_force(about, island.floor_drag, twist, work.net_force)
+        count, max_dt = find_contacts(island, law, twist, result.path, result.touched, work)
         step = 0.0
         if left > 0.0:
-            # Parts of one length, so that the last is no shorter than needs be.
-            step = left / math.ceil(left / ahead - 1e-9) if ahead < left else left
+            # The rest in equal parts, so that the last one is no shorter than it must be.
+            step = left / math.ceil(left / max_dt - 1e-9) if max_dt < left else left
             shortest = min(shortest, step)
+        # Leapfrog: a kick over half the steps before and after, then the drift. The first kick has no step before it, the
+        # last one none after, and ends the loop.
         h = 0.5 * (before + step)
-        if not kick_bodies(
-            own, inertia, mobility, floor, slope, total, first, second, motion, found, before, step, rate, change, room
-        ):
+        if not solve_kick(island, about.jacobian, count, before, step, twist, work):
             return -1.0
-        _remember(
-            own, motion, load, bonded, first, second, found, force, rate, change, moved, heaviest, blow, turn, spin, room
-        )  # fmt: skip
-        _move(rate, change, h, step, way, moved)
-        since += h
-        _slow(own, motion, load, rate, h, applied)
+        _record_peak_load(island, count, result, work)
+        for b in range(twist.shape[0]):
+            for i in range(3):
+                about.twist_integral[b, i] += h * (twist[b, i] + 0.5 * work.increment[b, i])
+                twist[b, i] += work.increment[b, i]
+                result.path[b, i] += step * twist[b, i]
+        elapsed += h
+        _accumulate_floor_impulse(island, twist, h, result.applied)
         if left <= 0.0:
-            _keep(own, motion, load, known, way, since, applied)
+            _accumulate_impulse(island, about, elapsed, result.applied)
             return shortest
         left -= step
-        if left < 1e-9 * span:
+        if left < 1e-9 * dt:
             left = 0.0
         before = step
 
 
-@stage
-def _move(rate: Floats, change: Floats, h: float, step: float, way: Floats, moved: Floats) -> None:
-    """Give the bodies their new velocities and let them go on by a step with these; ``way`` is that of the velocities alone."""
-    for b in range(rate.shape[0]):
-        for i in range(3):
-            way[b, i] += h * (rate[b, i] + 0.5 * change[b, i])
-            rate[b, i] += change[b, i]
-            moved[b, i] += step * rate[b, i]
-
-
 @borrower
-def _keep(own: Ints, motion: Floats, load: Loading, known: Floats, way: Floats, time: float, applied: Floats) -> None:
-    """Add what the media did in ``time`` s in which the bodies went ``way``, linear about the velocities ``known``."""
+def _accumulate_impulse(island: Island, about: Linearisation, time: float, applied: Floats) -> None:
+    """Add what the media did in the ``time`` s since they were evaluated, by the integral of the twists since."""
     if not 0.0 < time < np.inf:
         return
-    for e in range(own.size):
-        m, q, p = motion[e], known[own[e]], way[own[e]]
+    forcing = island.forcing
+    for e in range(island.body_of.size):
+        m, q, p = island.levers[e], about.twist[island.body_of[e]], about.twist_integral[island.body_of[e]]
         u, v = m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
         du = m[0] * p[0] + m[1] * p[1] + m[2] * p[2] - time * u
         dv = m[3] * p[0] + m[4] * p[1] + m[5] * p[2] - time * v
-        if load.surrounded:
-            applied[e, CORIOLIS, 0] += load.coriolis[e] * (time * v + dv)
-            applied[e, CORIOLIS, 1] -= load.coriolis[e] * (time * u + du)
+        if forcing.media_act:
+            applied[e, CORIOLIS, 0] += forcing.coriolis[e] * (time * v + dv)
+            applied[e, CORIOLIS, 1] -= forcing.coriolis[e] * (time * u + du)
         for k in range(len(MEDIA)):
-            if load.surrounded or (k == SEA_FLOOR and load.touches):
-                ax, ay, xx, xy, yy = drag_and_slope(load.media[e, k], u, v)
+            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+                ax, ay, xx, xy, yy = drag_and_jacobian(forcing.media[e, k], u, v)
                 applied[e, k, 0] += time * ax - xx * du - xy * dv
                 applied[e, k, 1] += time * ay - xy * du - yy * dv
 
 
 @stage
-def _linear(given: Floats, slope: Floats, floor: Floats, rate: Floats, known: Floats, total: Floats) -> None:
-    """Forces on the bodies at the velocities ``rate``, from those that were found at the velocities ``known``."""
-    for b in range(rate.shape[0]):
+def _linearised_force(about: Linearisation, floor_drag: Floats, twist: Floats, net_force: Floats) -> None:
+    """Find the forces on the bodies at ``twist``, with the linear drag of the sea floor and without contact."""
+    for b in range(twist.shape[0]):
         for i in range(3):
-            total[b, i] = given[b, i]
+            net_force[b, i] = about.force[b, i]
             for j in range(3):
-                total[b, i] -= slope[b, i, j] * (rate[b, j] - known[b, j]) + floor[b, i, j] * rate[b, j]
+                net_force[b, i] -= (
+                    about.jacobian[b, i, j] * (twist[b, j] - about.twist[b, j]) + floor_drag[b, i, j] * twist[b, j]
+                )
 
 
 @stage
-def _remember(
-    own: Ints, motion: Floats, load: Loading, bonded: NDArray[np.bool_], first: Ints, second: Ints, found: int, force: Floats,
-    rate: Floats, change: Floats, moved: Floats, heaviest: Floats, blow: Floats, turn: Floats, spin: Floats, room: MeetingRoom,
-) -> None:  # fmt: skip
-    """Keep the loads of the bonded bodies that are pressed harder than before in this step."""
-    if found == 0:
+def _record_peak_load(island: Island, count: int, result: IslandResult, work: IslandWorkspace) -> None:
+    """Keep the loads of the bonded bodies that contact presses harder in this kick than before in the step."""
+    if count == 0:
         return
-    size, push, near, pairs, some = room.size, room.push, room.near, room.pairs, False
+    body_of, levers, bonded, twist, forcing = island.body_of, island.levers, island.bonded, result.twist, island.forcing
+    size, contact_force, active, peak, harder = work.size, work.contact_force, work.active, work.peak, False
     size[:] = 0.0
-    push[:, :] = 0.0
-    for k in range(found):
-        i, j, t = first[near[k]], second[near[k]], pairs[k]
-        a, b = own[i], own[j]
+    contact_force[:, :] = 0.0
+    for k in range(count):
+        i, j, t, s = island.first[active[k]], island.second[active[k]], work.law[k], work.spin_levers[k]
+        a, b = body_of[i], body_of[j]
         if not (bonded[a] or bonded[b]):
             continue
-        wx, wy = lever_speed(lever(motion[j], t[7], t[8]), half_way(rate[b], change[b]))
-        ux, uy = lever_speed(lever(motion[i], t[5], t[6]), half_way(rate[a], change[a]))
+        wx, wy = lever_velocity(lever(levers[j], s[2], s[3]), midpoint_twist(twist[b], work.increment[b]))
+        ux, uy = lever_velocity(lever(levers[i], s[0], s[1]), midpoint_twist(twist[a], work.increment[a]))
         fx = t[0] + t[2] * (wx - ux) + t[3] * (wy - uy)
         fy = t[1] + t[3] * (wx - ux) + t[4] * (wy - uy)
-        push[i, 0] += fx
-        push[i, 1] += fy
-        push[j, 0] -= fx
-        push[j, 1] -= fy
+        contact_force[i, 0] += fx
+        contact_force[i, 1] += fy
+        contact_force[j, 0] -= fx
+        contact_force[j, 1] -= fy
         for c in (a, b):
             size[c] += math.sqrt(fx * fx + fy * fy)
-            some = some or (bonded[c] and size[c] > heaviest[c])
-    if not some:
+            harder = harder or (bonded[c] and size[c] > peak[c])
+    if not harder:
         return
-    for e in range(own.size):
-        b = own[e]
-        if not (bonded[b] and size[b] > heaviest[b]):
+    for e in range(body_of.size):
+        b = body_of[e]
+        if not (bonded[b] and size[b] > peak[b]):
             continue
-        m, q = motion[e], rate[b]
-        mass = load.mass[e] * load.floor[e]
-        u, v = m[0] * q[0] + m[1] * q[1] + m[2] * q[2], m[3] * q[0] + m[4] * q[1] + m[5] * q[2]
-        w = m[6] * q[0] + m[7] * q[1] + m[8] * q[2]
-        blow[e, 0], blow[e, 1] = force[e, 0] + push[e, 0] - mass * u, force[e, 1] + push[e, 1] - mass * v
-        blow[e, 2] = force[e, 2] - load.inertia[e] * load.floor_spin[e] * w
-        c, s = math.cos(moved[b, 2]), math.sin(moved[b, 2])
-        turn[e, 0], turn[e, 1] = motion[e, 9] * c - motion[e, 10] * s, motion[e, 10] * c + motion[e, 9] * s
-        spin[b] = q[2]
+        m, q = levers[e], twist[b]
+        floor = forcing.mass[e] * forcing.floor_rate[e]
+        u, v, w = element_velocity(m, q)
+        result.peak_force[e, 0] = work.force[e, 0] + contact_force[e, 0] - floor * u
+        result.peak_force[e, 1] = work.force[e, 1] + contact_force[e, 1] - floor * v
+        result.peak_force[e, 2] = work.force[e, 2] - forcing.inertia[e] * forcing.floor_spin_rate[e] * w
+        c, s = math.cos(result.path[b, 2]), math.sin(result.path[b, 2])
+        result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
+        result.peak_spin[b] = q[2]
     for b in range(size.size):
-        heaviest[b] = max(heaviest[b], size[b])
+        peak[b] = max(peak[b], size[b])
 
 
 @stage
-def _slow(own: Ints, motion: Floats, load: Loading, rate: Floats, h: float, applied: Floats) -> None:
-    """Add what the linear drag of the sea floor did in ``h`` s that ended with ``rate``."""
-    for e in range(own.size):
-        if load.floor[e] > 0.0:
-            m, q, f = motion[e], rate[own[e]], h * load.floor[e]
+def _accumulate_floor_impulse(island: Island, twist: Floats, h: float, applied: Floats) -> None:
+    """Add what the linear drag of the sea floor did in ``h`` s: it is implicit, so at the velocities that it ended with."""
+    forcing = island.forcing
+    for e in range(island.body_of.size):
+        if forcing.floor_rate[e] > 0.0:
+            m, q, f = island.levers[e], twist[island.body_of[e]], h * forcing.floor_rate[e]
             applied[e, SEA_FLOOR, 0] -= f * (m[0] * q[0] + m[1] * q[1] + m[2] * q[2])
             applied[e, SEA_FLOOR, 1] -= f * (m[3] * q[0] + m[4] * q[1] + m[5] * q[2])

@@ -1,8 +1,9 @@
-"""Fragments that meet in a quasi-static step: only they take short steps, island by island.
+"""Fragments in contact within a quasi-static step: only they take sub-steps, island by island.
 
-Bodies that may touch each other in a step, directly or by way of others, make an island. Each island goes through the step
-by itself (`riftberg.stepping.contact.island_step`). Bodies that touch nothing on the way take the long step as if nobody were
-near; the others get their velocities at its end, and what that makes of the forces, here.
+Bodies that may touch each other in a step, directly or by way of others, form an island, and each island goes through the
+step by itself (`riftberg.stepping.contact.island_step`). Bodies that touch nothing on the way keep the result of the whole
+step, as if nobody were near. The others get their twist from the sub-steps, corrected here for the forces of the media at
+the end of the step.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
-from riftberg.stepping.bodies.rigid_bodies import BodyMotion, Loading, add_forces, add_totals_and_slopes
-from riftberg.stepping.contact.island_step import cross_islands
+from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
+from riftberg.stepping.contact.island_step import integrate_islands
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes
@@ -23,70 +24,60 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 
 
 class Islands(NamedTuple):
-    """Bodies that may meet, island by island.
+    """Bodies that may touch each other, island by island; those of island k from ``start[k]`` to ``start[k + 1]``."""
 
-    ``members`` are bodies, those of island k from ``start[k]`` to ``start[k + 1]``; ``rows`` their elements, from
-    ``row_start[k]``; ``own`` the place of each element's body in its island. ``first`` and ``second`` are places in the rows
-    of the island of the pairs that may meet, those of island k from ``pair_start[k]``; ``order`` are their places in the list
-    that was given.
-    """
-
-    members: Ints
-    start: Ints
-    rows: Ints
-    row_start: Ints
-    own: Ints
-    first: Ints
+    members: Ints  # Bodies
+    start: Ints  # Where the islands begin in ``members``
+    rows: Ints  # Elements of the bodies
+    row_start: Ints  # Where the islands begin in ``rows``
+    body_of: Ints  # Place of each element's body in its island; shape (rows,)
+    first: Ints  # Candidate pairs, as places in the rows of their island
     second: Ints
-    pair_start: Ints
-    order: Ints
+    pair_start: Ints  # Where the islands begin among the pairs
+    order: Ints  # Places of the pairs in the list that was given
 
 
-class Blow(NamedTuple):
-    """The heaviest load by contact that each bonded fragment bore in a step, on its elements ``rows`` (N, N, N m).
+class PeakContactLoad(NamedTuple):
+    """The loads of each bonded fragment in the sub-step in which contact pressed it hardest."""
 
-    ``turn`` are cosine and sine of the fragment's axis against east then, for each row; ``spin`` is that of each of
-    ``bodies`` (rad s-1).
-    """
-
-    rows: Ints
-    force: Floats
-    turn: Floats
-    bodies: Ints
-    spin: Floats
+    rows: Ints  # Elements of these fragments
+    force: Floats  # N, N, N m; shape (rows, 3)
+    axes: Floats  # Cosine and sine of the fragment's axis from local east then; shape (rows, 2)
+    bodies: Ints  # The fragments
+    spin: Floats  # Theirs then, rad s-1; shape (bodies,)
 
 
-class Meeting(NamedTuple):
-    """What contact made of a step, for the ``bodies`` that touched others and their elements ``rows``."""
+class ContactPhase(NamedTuple):
+    """What contact made of a step, for the bodies that touched others."""
 
     bodies: Ints
-    rows: Ints
-    mean: Floats  # Velocities on the way and at the end; shape (bodies, 3)
-    rate: Floats  # Velocities on the way and at the end; shape (bodies, 3)
+    rows: Ints  # Their elements
+    mean: Floats  # Twists on the way; shape (bodies, 3)
+    twist: Floats  # Twists at the end; shape (bodies, 3)
     applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (rows, forces, 2)
     first: Ints  # Elements of the pairs that touched, each once
-    second: Ints  # Elements of the pairs that touched, each once
-    shortest: float  # Shortest sub-step, s
-    blow: Blow
+    second: Ints
+    shortest_substep: float  # s
+    peak_load: PeakContactLoad
 
 
 def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
-    """Find the islands among ``count`` bodies by the pairs of elements that may meet, each once."""
+    """Find the islands among ``count`` bodies: connected components by the candidate pairs of elements, each given once."""
     part = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
-    some = np.zeros(count, bool)
-    some[body[first]] = some[body[second]] = True
-    members = np.flatnonzero(some)
+    involved = np.zeros(count, bool)
+    involved[body[first]] = involved[body[second]] = True
+    members = np.flatnonzero(involved)
     members = members[np.argsort(part[members], kind="stable")]
     numbers, start = np.unique(part[members], return_index=True)
     place = np.zeros(count, np.int64)
     place[members] = np.arange(members.size) - np.repeat(start, np.diff(np.append(start, members.size)))
-    rows = np.flatnonzero(some[body])
+    rows = np.flatnonzero(involved[body])
     rows = rows[np.argsort(part[body[rows]], kind="stable")]
     row_start = np.searchsorted(part[body[rows]], numbers)
     at = np.zeros(body.size, np.int64)
     at[rows] = np.arange(rows.size) - np.repeat(row_start, np.diff(np.append(row_start, rows.size)))
     island = part[body[first]]
-    # Within an island in the order of the rows: what happens elsewhere has no say.
+    # Within an island in the order of the rows, so that its sums do not depend on what is elsewhere.
     order = np.lexsort((second, first, island))
     return Islands(
         members, np.append(start, members.size), rows, np.append(row_start, rows.size), place[body[rows]],
@@ -94,27 +85,32 @@ def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
     )  # fmt: skip
 
 
-def meet(
-    el: Elements, motion: BodyMotion, rate: Floats, first: Ints, second: Ints, span: float, sizes: Sizes,
+def resolve_contacts(
+    el: Elements,
+    op: BodyOperators,
+    twist: Floats,
+    first: Ints,
+    second: Ints,
+    dt: float,
+    sizes: Sizes,
     p: KernelParameters,
-) -> Meeting | None:  # fmt: skip
-    """Take the bodies that may meet through ``span`` s.
+) -> ContactPhase | None:
+    """Take the bodies of the candidate pairs through ``dt`` s of sub-steps; None where no pair touched.
 
-    ``rate``: velocities at the start (shape (bodies, 3)).
+    ``twist``: at the start (bodies, 3).
     """
     if first.size == 0:
         return None
-    count = motion.mobility.shape[0]
-    i = find_islands(motion.body, count, first, second)
-    one, other = first[i.order], second[i.order]
-    members, rows = i.members, i.rows
-    bonded = np.bincount(motion.body, minlength=count)[members] > 1
+    count = op.mobility.shape[0]
+    i = find_islands(op.body, count, first, second)
+    first, second = first[i.order], second[i.order]
+    bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     shown = el.shown
-    touched, moved, after, applied, force, turn, spin, shortest = cross_islands(
-        i.start, i.row_start, i.own, i.first, i.second, i.pair_start, motion.elements[rows], _on(rows, motion.load),
-        motion.inertia[members], motion.mobility[members], motion.floor[members], rate[members], bonded,
-        shown.lon_pair[one], shown.lat_pair[one], shown.lon_pair[other], shown.lat_pair[other],
-        sizes.radius[one] + sizes.radius[other], np.minimum(sizes.mass[one], sizes.mass[other]), span,
+    touched, path, after, applied, force, axes, spin, shortest = integrate_islands(
+        i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows], _of_rows(i.rows, op.forcing),
+        op.inertia[i.members], op.mobility[i.members], op.floor_drag[i.members], twist[i.members], bonded,
+        shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second],
+        sizes.radius[first] + sizes.radius[second], np.minimum(sizes.mass[first], sizes.mass[second]), dt,
         plain(pair_law)(p),
     )  # fmt: skip
     if not shortest > 0.0:
@@ -122,70 +118,63 @@ def meet(
     if not touched.any():
         return None
     took_part = np.zeros(count, bool)
-    took_part[motion.body[one[touched]]] = took_part[motion.body[other[touched]]] = True
-    mine, inside = took_part[members], took_part[motion.body[rows]]
-    struck = mine & bonded
-    hit = np.zeros(count, bool)
-    hit[members[struck]] = True
-    beaten = hit[motion.body[rows]]
-    blow = Blow(rows[beaten], force[beaten], turn[beaten], members[struck], spin[struck])
-    return Meeting(
-        members[mine], rows[inside], moved[mine] / span, after[mine], applied[inside], one[touched], other[touched],
-        shortest, blow,
+    took_part[op.body[first[touched]]] = took_part[op.body[second[touched]]] = True
+    members, rows = took_part[i.members], took_part[op.body[i.rows]]
+    loaded = np.zeros(count, bool)
+    loaded[i.members[members & bonded]] = True
+    loaded_rows = loaded[op.body[i.rows]]
+    peak = PeakContactLoad(
+        i.rows[loaded_rows], force[loaded_rows], axes[loaded_rows], i.members[members & bonded], spin[members & bonded]
+    )
+    return ContactPhase(
+        i.members[members], i.rows[rows], path[members] / dt, after[members], applied[rows], first[touched],
+        second[touched], shortest, peak,
     )  # fmt: skip
 
 
-def caught_up(
-    meeting: Meeting, before: BodyMotion, after: BodyMotion, rate: Floats, span: float
-) -> tuple[Floats, Meeting]:
-    """Give bodies that met their velocities, with half of what the media at the end of the step make different.
+def trapezoidal_correction(
+    contact: ContactPhase, start: BodyOperators, end: BodyOperators, twist: Floats, dt: float
+) -> tuple[Floats, ContactPhase]:
+    """Put the twists of bodies in contact into ``twist``, with half the difference that the media at the end make.
 
-    Held media are those of the start; with this, they are taken by the trapezoidal rule.
-
-    ``rate``: velocities at the end of the bodies that did not meet (shape (bodies, 3)); ``span``: length of the step,
-    s.
+    In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.
     """
-    some, rows, half = meeting.bodies, meeting.rows, 0.5 * span
-    place = np.empty(rate.shape[0], np.int64)
-    place[some] = np.arange(some.size)
-    own, everybody = place[after.body[rows]], np.ones(some.size, np.bool_)
-    start, end = (_OfSome(own, m.elements[rows], _on(rows, m.load)) for m in (before, after))
-    new, mobility = meeting.rate.copy(), after.mobility[some]
-    (old, was), (acted, now) = _forces(start, new), _forces(end, new)
-    for _ in range(2):  # Newton's method, from what is nearly right
-        unused, slope = np.zeros(new.shape), np.zeros((*new.shape, 3))
-        add_totals_and_slopes(own, end.elements, new, end.load, everybody, unused, slope)
-        matrix = np.eye(3) + half * mobility @ slope
-        pushed = half * mobility @ (now - was)[:, :, None]
-        new += np.linalg.solve(matrix, pushed + (meeting.rate - new)[:, :, None])[:, :, 0]
-        acted, now = _forces(end, new)
-    rate[some] = new
-    return rate, meeting._replace(rate=new, applied=meeting.applied + half * (acted - old))
+    bodies, rows, half_dt = contact.bodies, contact.rows, 0.5 * dt
+    place = np.empty(twist.shape[0], np.int64)
+    place[bodies] = np.arange(bodies.size)
+    body_of = place[end.body[rows]]
+    new, mobility = contact.twist.copy(), end.mobility[bodies]
+
+    def forces(op: BodyOperators) -> tuple[Floats, Floats]:
+        """Accelerations of the elements by each force, and net forces on the bodies, at the twists ``new``."""
+        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(new.shape)
+        force = np.empty((rows.size, 3))
+        add_forces(body_of, op.levers[rows], new, _of_rows(rows, op.forcing), accelerations, force, net_force)
+        return accelerations, net_force
+
+    (old_accelerations, old_force), (accelerations, net_force) = forces(start), forces(end)
+    for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
+        jacobian, everyone = np.zeros((*new.shape, 3)), np.ones(bodies.size, np.bool_)
+        assemble_force_and_jacobian(
+            body_of, end.levers[rows], new, _of_rows(rows, end.forcing), everyone, np.zeros(new.shape), jacobian
+        )
+        matrix = np.eye(3) + half_dt * mobility @ jacobian
+        change = half_dt * mobility @ (net_force - old_force)[:, :, None]
+        new += np.linalg.solve(matrix, change + (contact.twist - new)[:, :, None])[:, :, 0]
+        accelerations, net_force = forces(end)
+    twist[bodies] = new
+    return twist, contact._replace(twist=new, applied=contact.applied + half_dt * (accelerations - old_accelerations))
 
 
-class _OfSome(NamedTuple):
-    """What moves some bodies at one moment, as in `BodyMotion`: their elements' bodies and motion, and what acts on these."""
-
-    own: Ints
-    elements: Floats
-    load: Loading
-
-
-def _on(rows: Ints, load: Loading) -> Loading:
-    """Return what acts on some elements."""
-    return load._replace(**{name: part[rows] for name, part in load._asdict().items() if not isinstance(part, bool)})
+def _of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
+    """Return the forcing of some elements."""
+    return forcing._replace(
+        **{name: part[rows] for name, part in forcing._asdict().items() if not isinstance(part, bool)}
+    )
 
 
-def _forces(moment: _OfSome, rate: Floats) -> tuple[Floats, Floats]:
-    """Accelerations of the elements by each medium, and the forces on the bodies, at these velocities."""
-    count = moment.own.size
-    acted, force, total = np.zeros((count, len(FORCES), 2)), np.empty((count, 3)), np.zeros(rate.shape)
-    add_forces(moment.own, moment.elements, rate, moment.load, acted, force, total)
-    return acted, total
-
-
-def blow_on_all(blow: Blow, elements: int, bodies: int) -> tuple[Floats, Floats, Floats]:
-    """Force (N, N, N m) on all elements, cosine and sine of their axes, and spins of all bodies (rad s-1); 0 where no blow is."""
-    force, turn, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
-    force[blow.rows], turn[blow.rows], spin[blow.bodies] = blow.force, blow.turn, blow.spin
-    return force, turn, spin
+def scatter_peak_load(peak: PeakContactLoad, elements: int, bodies: int) -> tuple[Floats, Floats, Floats]:
+    """Force (N, N, N m) and axes of all elements, and spins of all bodies (rad s-1); 0 where contact pressed nothing."""
+    force, axes, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
+    force[peak.rows], axes[peak.rows], spin[peak.bodies] = peak.force, peak.axes, peak.spin
+    return force, axes, spin

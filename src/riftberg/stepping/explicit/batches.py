@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from riftberg.state import Ints
 from riftberg.state.population import cut_out, put_back
-from riftberg.stepping.contact.candidates import Neighbourhood
+from riftberg.stepping.contact.broad_phase import NeighbourSearch
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs
 from riftberg.stepping.explicit.substeps import allocate_workspace
 from riftberg.stepping.forces.media import Surroundings
@@ -24,7 +24,7 @@ class Batch:
         # Rows that follow one another are views into the state; others are copied out and back.
         self._block = None if rows is None or rows[-1] - rows[0] + 1 != rows.size else slice(rows[0], rows[-1] + 1)
         self._bond_rows: Ints = np.zeros(0, np.int64)
-        self.near = Neighbourhood()
+        self.near = NeighbourSearch()
         self._inside = 0
         self.gather(run)
         self.work = allocate_workspace(self.elements, self.bonds)

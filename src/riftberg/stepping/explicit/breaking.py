@@ -24,7 +24,7 @@ from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.tiles import BondTiles
 from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.fracture.strengths import limits_left
+from riftberg.stepping.fracture.strengths import residual_strength
 
 OTHER_BERGS, TOUCHED = -2, -3
 """What stands for a bond in pairs of elements of two bergs."""
@@ -80,7 +80,7 @@ def grow_damage(bond: Floats, scratch: Floats, dt: float, p: KernelParameters) -
         rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
         damage = grown_damage(bond[tile.DAMAGE + k], rate, dt)
         bond[tile.DAMAGE + k] = damage
-        bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k] = limits_left(
+        bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k] = residual_strength(
             p.normal_strength, p.shear_strength, bond[tile.STRENGTH + k], damage
         )
 

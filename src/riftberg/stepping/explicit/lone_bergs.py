@@ -21,7 +21,7 @@ from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
-from riftberg.stepping.contact.groups import substeps_of_contact
+from riftberg.stepping.contact.groups import contact_substeps
 from riftberg.stepping.explicit.breaking import add_contact
 from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, drifted, floor_rate_at, kicked, mid_step_velocity
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, SPIN_LINEAR, Surroundings
@@ -83,7 +83,7 @@ def find_islands(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> tupl
     pair_start = np.searchsorted(group[first[pairs]], group[rows[start]])
     place = np.empty(el.size, np.int64)
     place[rows] = np.arange(rows.size)
-    needed = np.maximum.reduceat(substeps_of_contact(run, sizes, first[pairs], second[pairs]), pair_start)
+    needed = np.maximum.reduceat(contact_substeps(run, sizes, first[pairs], second[pairs]), pair_start)
     substeps = np.maximum(needed, el.body.substeps[rows[start]])
     islands = Islands(
         rows, np.append(start, rows.size), place[first[pairs]], place[second[pairs]], np.append(pair_start, pairs.size),

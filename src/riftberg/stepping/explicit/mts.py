@@ -12,8 +12,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import SAME_BERG, no_pairs
 from riftberg.state.order import listed
-from riftberg.stepping.contact.candidates import Neighbourhood, contact_cells, rest_lengths, with_partners
-from riftberg.stepping.contact.groups import NOBODY, joined, meeting_groups, substeps_of_meeting, touching_rows
+from riftberg.stepping.contact.broad_phase import NeighbourSearch, contact_cells, rest_lengths, with_partners
+from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs, contact_groups, contact_rows, group_substeps
 from riftberg.stepping.explicit.batches import Batch
 from riftberg.stepping.explicit.beams import WORTH_THREADS, take_substeps_in_threads, take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list
@@ -33,7 +33,7 @@ from riftberg.stepping.fragments.connectivity import break_after_step
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.stepper import (
     Stateless,
-    apply_land_constraint,
+    apply_boundaries,
     publish_positions,
     sample_between_steps,
     update_fragments,
@@ -50,10 +50,10 @@ class MultipleStepper(Stateless):
 
     def __init__(self, run: RunState) -> None:
         c = run.constants
-        self._near = Neighbourhood()
+        self._near = NeighbourSearch()
         self._cells = contact_cells(run.parameters, run.forcing.grid)
         self._around = allocate_surroundings(run.elements.size)
-        self._touched = NOBODY
+        self._touched = NO_PAIRS
         self._batches: list[Batch] = []
         self._batch_key: tuple[int, bytes] | None = None
         self._needs_rank = c.shared_shear_lever or c.bond_thickness_of_second
@@ -69,13 +69,13 @@ class MultipleStepper(Stateless):
         outer = self._collisions(run, sizes)
 
         # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
-        candidates = self._near.meetings(el, sizes, dt, c) if c.contact_on_substeps else NOBODY
+        candidates = self._near.candidate_pairs(el, sizes, dt, c) if c.contact_on_substeps else NO_PAIRS
         islands, general = find_islands(run, sizes, *candidates)
         candidates = candidates[0][general], candidates[1][general]
         subcycled = np.zeros(el.size)
         if islands is not None:
             subcycled[islands.rows] = 1.0
-        substeps = substeps_of_meeting(run, sizes, *candidates)
+        substeps = group_substeps(run, sizes, *candidates)
         batches = self._split_into_batches(run, substeps)
         for batch in batches:
             self._gather_pairs(batch, dt, c)
@@ -94,19 +94,19 @@ class MultipleStepper(Stateless):
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
-        in_islands = NOBODY
+        in_islands = NO_PAIRS
         if islands is not None:
             in_islands = take_substeps_of_islands(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
             # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
             in_kicks = np.append(self._around.acts, True)
             self._around.applied[:, in_kicks] *= 0.5
-        self._touched = joined(
-            [touching_rows(el, outer.collision, sizes, c), in_islands, *(batch.touched() for batch in batches)]
+        self._touched = concatenate_pairs(
+            [contact_rows(el, outer.collision, sizes, c), in_islands, *(batch.touched() for batch in batches)]
         )
 
         # Positions have moved: land, cells, then the forcing of the next step, then fragments.
-        apply_land_constraint(run)
+        apply_boundaries(run)
         run.time += dt
         self.sample_forcing(run)
         if broken > 0:
@@ -178,7 +178,7 @@ class MultipleStepper(Stateless):
             return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.compatibility.bergs_coupled
-        group = np.zeros(0, np.int64) if one_group else meeting_groups(run.elements, near_by, sizes.radius, c)
+        group = np.zeros(0, np.int64) if one_group else contact_groups(run.elements, near_by, sizes.radius, c)
         return NeighbourLists(none, none, near_by, np.zeros(0), group)
 
     def _split_into_batches(self, run: RunState, substeps: Ints) -> list[Batch]:

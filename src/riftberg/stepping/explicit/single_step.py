@@ -12,8 +12,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, metres_per_unit, move
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, no_pairs
-from riftberg.stepping.contact.candidates import Neighbourhood, contact_cells, rest_lengths
-from riftberg.stepping.contact.groups import NOBODY, touching_rows
+from riftberg.stepping.contact.broad_phase import NeighbourSearch, contact_cells, rest_lengths
+from riftberg.stepping.contact.groups import NO_PAIRS, contact_rows
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     VERLET,
@@ -26,18 +26,18 @@ from riftberg.stepping.forces.media import Surroundings, allocate_surroundings, 
 from riftberg.stepping.forces.pair_law import NeighbourLists, pair_law, pair_view
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.run_state import RunState
-from riftberg.stepping.stepper import Stateless, apply_land_constraint, publish_positions
+from riftberg.stepping.stepper import Stateless, apply_boundaries, publish_positions
 
 
 class SingleStepper(Stateless):
     """What the single-step schemes share: partners by the rules of equations 5.1."""
 
     def __init__(self, run: RunState) -> None:
-        self._near = Neighbourhood()
+        self._near = NeighbourSearch()
         self._cells = contact_cells(run.parameters, run.forcing.grid)
         self._version = -1
         self._around = allocate_surroundings(run.elements.size)
-        self._touched = NOBODY
+        self._touched = NO_PAIRS
 
     @property
     def applied(self) -> Floats:
@@ -59,7 +59,7 @@ class SingleStepper(Stateless):
             return NeighbourLists(none, none, none, np.zeros(0), group)
         bonded, rest = none, np.zeros(0)
         if self._version != run.population.version:
-            near, self._version = Neighbourhood(), run.population.version
+            near, self._version = NeighbourSearch(), run.population.version
             self._near = near
         if c.bonds_on:
             bonded, bond = near.bonded(el, bonds)
@@ -71,7 +71,7 @@ class SingleStepper(Stateless):
         inside = None if cells is None else cells.within(2)
         touching = near.same_berg(el, bonds, reach, c, inside) if c.bonds_on else none
         collisions = near.collisions(el, sizes, c, cells)
-        self._touched = touching_rows(el, collisions, sizes, c)
+        self._touched = contact_rows(el, collisions, sizes, c)
         return NeighbourLists(bonded, touching, collisions, rest, group)
 
 
@@ -89,7 +89,7 @@ class VerletStepper(SingleStepper):
             self._around = allocate_surroundings(el.size)
         self._update_velocities(run, el, self._around)
         update_positions(el, dt, c)
-        apply_land_constraint(run)
+        apply_boundaries(run)
         el.u_pair[:], el.v_pair[:] = el.u, el.v
         run.time += dt
 
@@ -166,7 +166,7 @@ class RungeKuttaStepper(SingleStepper):
             self._locate_stage(run, cells, pair_positions)
         else:
             el.cell_i[:], el.cell_j[:], el.xi[:], el.eta[:] = cells
-        apply_land_constraint(run, cells[:2])
+        apply_boundaries(run, cells[:2])
         el.u_pair[:], el.v_pair[:] = el.u, el.v
         run.time += dt
 

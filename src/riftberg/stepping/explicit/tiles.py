@@ -32,7 +32,7 @@ from riftberg.physics.bonds import damping_constant, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.fracture.strengths import limits_left
+from riftberg.stepping.fracture.strengths import residual_strength
 
 Indices = NDArray[np.uint32]
 """Unsigned, because numba then leaves out the test for negative (wrap-around) indices."""
@@ -218,7 +218,9 @@ def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters)
     bond[at + INTACT] = 1.0
     bond[at + PEAK_STRESS] = bonds.normal_stress[b]
     bond[at + STRENGTH], bond[at + DAMAGE] = strength, damage
-    bond[at + NORMAL_LIMIT], bond[at + SHEAR_LIMIT] = limits_left(p.normal_strength, p.shear_strength, strength, damage)
+    bond[at + NORMAL_LIMIT], bond[at + SHEAR_LIMIT] = residual_strength(
+        p.normal_strength, p.shear_strength, strength, damage
+    )
 
 
 @kernel

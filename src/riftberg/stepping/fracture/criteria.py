@@ -1,7 +1,14 @@
-"""What decides that a bond breaks in equilibrium: its own stress, or the stress averaged over a distance.
+"""Fracture criteria: which bond of a lattice in equilibrium breaks next, by its own stress or by an average over a distance.
 
-Both answer the same questions about the bonds that hold, by their rows in ``alive``: which is the most overloaded
-place, when within a step the first is reached, and which bond breaks there.
+`criterion_for` is the one place where a criterion is chosen, and `riftberg.stepping.quasi_static.step` the one where it is
+called. A criterion sees the whole lattice, never one bond by itself: `Equilibrium` is the lattice with its intact bonds,
+displacements, loads and stresses, `Strengths` what damage has left of the strengths. All else follows from what it answers:
+the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over strength - 1"
+between both ends), how far a crack runs at once, and how damage grows.
+
+To add a criterion: write a class with the two methods of `Criterion`; add its name to `Criterion` in
+`riftberg.config.parameter_groups`, with what it needs as parameters of `Fracture`; and make it in `criterion_for`. Schemes
+other than ``quasi_static`` know the stress of single bonds alone, and `riftberg.parameters` refuses all other criteria there.
 """
 
 from __future__ import annotations
@@ -18,157 +25,175 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_weight, principal
 from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
-from riftberg.stepping.fracture.strengths import Limits, first_break, first_overload, most_overloaded, overload
-from riftberg.stepping.lattice.equilibrium import ElasticLattice, deformations_and_stresses, deformed
+from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
+from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 
-HOLDS = 1.0 - 1e-9
-"""Stress over strength at the end of a step below which nothing has failed in it: stress is largest at one of its ends."""
-
-AT_ONCE = 512
-"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it has as an array."""
+CHUNK = 512
+"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it takes as an array."""
 
 
 class Equilibrium:
-    """A lattice under its loads, with the stress of its bonds, found when it is first asked for.
+    """A lattice under its loads, with the stresses of its bonds, found when they are first asked for."""
 
-    ``bend``: displacements, m, m and rad (shape (elements, 3)).
-    """
-
-    def __init__(self, lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> None:
-        self.lattice, self.alive, self.bend, self._p = lattice, alive, bend, p
+    def __init__(
+        self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, p: KernelParameters
+    ) -> None:
+        self.lattice = lattice
+        self.intact = intact  # rows of the bonds that hold
+        self.displacement = displacement  # m, m and rad; shape (elements, 3)
+        self.load = load  # balanced, N, N and N m; shape (elements, 3)
+        self._p = p
 
     @cached_property
-    def _found(self) -> tuple[Floats, Floats]:
-        return deformations_and_stresses(self.lattice, self.alive, self.bend, self._p)
+    def _deformation_and_stress(self) -> tuple[Floats, Floats]:
+        return deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
 
     @property
     def deformation(self) -> Floats:
-        """Extension, slip (m) and bend (rad) of the bonds that hold, shape (bonds that hold, 3)."""
-        return self._found[0]
+        """Extension, slip (m) and bend (rad) of the intact bonds, shape (intact bonds, 3)."""
+        return self._deformation_and_stress[0]
 
     @property
     def stress(self) -> Floats:
-        """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
-        return self._found[1]
+        """Tensile and shear stress (Pa) of the intact bonds, shape (intact bonds, 2)."""
+        return self._deformation_and_stress[1]
 
 
 class Criterion(Protocol):
-    """When and where bonds break."""
+    """What decides that bonds break; see the text above for how to add one."""
 
-    def first_break(self, before: Floats, now: Equilibrium, limits: Limits) -> tuple[int, float]:
-        """Row of the place that is overloaded first from displacements to an equilibrium (-1: none), and the part of the step."""
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+        """Find which bond breaks next.
 
-    def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
-        """Row of the most overloaded place and its stress over strength; above 1 it breaks (-1 without bonds)."""
+        Parameters
+        ----------
+        moment : Equilibrium
+            The lattice under its loads.
+        strengths : Strengths
+            Strengths of its intact bonds.
 
-    def bond_at(self, row: int, now: Equilibrium, limits: Limits) -> int:
-        """Row of the bond that breaks where the place ``row`` is overloaded."""
+        Returns
+        -------
+        row : int
+            Row among the intact bonds (``moment.intact``) of the one that breaks; -1 without bonds. It counts only where
+            the ratio is above 1.
+        ratio : float
+            Stress over strength in the most critical place; above 1 the bond breaks.
+        """
 
-    def ratios(self, now: Equilibrium, limits: Limits) -> Floats:
-        """Stress over strength for the growth of damage, for each bond that holds."""
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+        """Find what lets the damage of bonds grow.
+
+        Parameters
+        ----------
+        moment : Equilibrium
+            The lattice under its loads, in the middle of a step.
+        strengths : Strengths
+            Strengths of its intact bonds.
+
+        Returns
+        -------
+        Floats
+            Stress over strength of each intact bond.
+        """
+
+
+def criterion_for(
+    fracture: Fracture,
+    lattice: ElasticLattice,
+    intact: Ints,
+    xy: Floats,
+    body: Ints,
+    volume: Floats,
+    p: KernelParameters,
+) -> Criterion:
+    """Make the criterion that the parameters name, for a lattice with these intact bonds.
+
+    ``xy``: reference coordinates, m; ``body``: fragments; ``volume``: of the ice, m3; all of the elements.
+    """
+    if fracture.criterion == "bond":
+        return BondStress()
+    distance = fracture.distance
+    if fracture.criterion == "toughness":
+        distance = critical_distance(fracture.toughness, fracture.normal_strength)
+    return AveragedStress(lattice, intact, xy, body, volume, distance, p)
 
 
 class BondStress:
     """Each bond by its own stress."""
 
-    def __init__(self, lattice: ElasticLattice, p: KernelParameters) -> None:
-        self._lattice, self._p = lattice, p
-
-    def first_break(self, before: Floats, now: Equilibrium, limits: Limits) -> tuple[int, float]:
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        if most_overloaded(now.stress, limits)[1] < HOLDS:
-            return -1, 1.0
-        return first_break(self._lattice, now.alive, before, now.bend, limits, self._p)
+        return most_overloaded(moment.stress, strengths)
 
-    def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return most_overloaded(now.stress, limits)
-
-    def bond_at(self, row: int, now: Equilibrium, limits: Limits) -> int:
-        """See `Criterion`."""
-        return row
-
-    def ratios(self, now: Equilibrium, limits: Limits) -> Floats:
-        """See `Criterion`."""
-        return _damage_ratios(now.stress, limits)
+        return _stress_ratios(moment.stress, strengths)
 
 
 class AveragedStress:
     """The largest tension and shear of the stress averaged over a disc (`riftberg.physics.averaging`).
 
-    The disc lies around the middle of each bond that holds and takes in the elements of the same fragment. Where its
-    mean is above the strength, the bond breaks that is itself the most loaded in the disc: the one at the tip.
-
-    ``flat``: places in the fragments, m (shape (elements, 2)); ``body``: fragment of each element (shape (elements,));
-    ``volume``: of the ice, m3 (shape (elements,)); ``distance``: characteristic distance, m.
+    The disc lies around the middle of each intact bond and takes in the elements of the same fragment. Where its mean
+    exceeds the strength, the bond breaks that is itself the most loaded in the disc: the one at the tip of a crack.
+    ``distance`` is the characteristic distance (m), the other arguments those of `criterion_for`.
     """
 
     def __init__(
-        self, lattice: ElasticLattice, alive: Ints, flat: Floats, body: Ints, volume: Floats, distance: float,
+        self, lattice: ElasticLattice, intact: Ints, xy: Floats, body: Ints, volume: Floats, distance: float,
         p: KernelParameters,
     ) -> None:  # fmt: skip
-        self._lattice, self._p, self._volume = lattice, p, volume
-        spacing = float(lattice.rest[alive].max()) if alive.size else 1.0
+        self._volume, self._p = volume, p
+        spacing = float(lattice.rest[intact].max()) if intact.size else 1.0
         self.radius, self._scale = disc_of_lattice(distance, spacing)
-        self._middle = 0.5 * (flat[lattice.first] + flat[lattice.second])
+        self._middle = 0.5 * (xy[lattice.first] + xy[lattice.second])
         self._body = body[lattice.first]
-        self._start, self._member, self._weight = self._discs(alive, flat, body)
 
-    def _discs(self, alive: Ints, flat: Floats, body: Ints) -> tuple[Ints, Ints, Floats]:
-        """Elements in the disc of each bond and their weights; a row for each bond of the state."""
-        far = 4.0 * (float(np.abs(flat).max(initial=0.0)) + self.radius)  # fragments have frames of their own
-        tree = cKDTree(np.column_stack([flat, far * body]))
-        places = np.column_stack([self._middle[alive], far * self._body[alive]])
+        # Elements in the disc of each bond and their weights; a row for each bond of the state.
+        far = 4.0 * (float(np.abs(xy).max(initial=0.0)) + self.radius)  # fragments have coordinates of their own
+        tree = cKDTree(np.column_stack([xy, far * body]))
+        places = np.column_stack([self._middle[intact], far * self._body[intact]])
         counts, members = np.zeros(self._middle.shape[0] + 1, np.int64), [np.zeros(0, np.int64)]
-        for begin in range(0, alive.size, AT_ONCE):
-            inside = tree.query_ball_point(places[begin : begin + AT_ONCE], self.radius, return_sorted=True)
-            counts[alive[begin : begin + AT_ONCE] + 1] = [len(near) for near in inside]
+        for begin in range(0, intact.size, CHUNK):
+            inside = tree.query_ball_point(places[begin : begin + CHUNK], self.radius, return_sorted=True)
+            counts[intact[begin : begin + CHUNK] + 1] = [len(near) for near in inside]
             members.extend(np.array(near, np.int64) for near in inside)
-        member, start = np.concatenate(members), np.cumsum(counts)
-        return start, member, _weights(alive, start, member, flat, self._middle, self._volume, self.radius)
+        self._start, self._member = np.cumsum(counts), np.concatenate(members)
+        self._weight = _weights(intact, self._start, self._member, xy, self._middle, volume, self.radius)
 
-    def _means(self, alive: Ints, bend: Floats) -> Floats:
-        stress = element_stresses(self._lattice, alive, bend, self._volume, self._p)
-        return _averaged(alive, self._start, self._member, self._weight, stress)
+    def _mean_stresses(self, moment: Equilibrium) -> Floats:
+        """Largest tension and shear (Pa) of the mean stress around each intact bond, shape (intact bonds, 2)."""
+        stress = element_stresses(moment.lattice, moment.intact, moment.displacement, self._volume, self._p)
+        return _strongest(_averaged(moment.intact, self._start, self._member, self._weight, stress)) / self._scale
 
-    def first_break(self, before: Floats, now: Equilibrium, limits: Limits) -> tuple[int, float]:
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        scaled = Limits(self._scale * limits.normal, self._scale * limits.shear)
-        one, two = self._means(now.alive, before), self._means(now.alive, now.bend)
-        return first_overload(one, two, scaled, True, self._lattice, now.alive, self._p)
+        row, ratio = most_overloaded(self._mean_stresses(moment), strengths)
+        if ratio > 1.0:
+            here = moment.intact[row]
+            row = _most_loaded_near(
+                moment.intact, moment.stress, strengths, self._middle, self._body, here, self.radius
+            )
+        return row, ratio
 
-    def worst(self, now: Equilibrium, limits: Limits) -> tuple[int, float]:
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return most_overloaded(_strongest(self._means(now.alive, now.bend)) / self._scale, limits)
-
-    def bond_at(self, row: int, now: Equilibrium, limits: Limits) -> int:
-        """See `Criterion`."""
-        here = now.alive[row]
-        return _most_loaded_near(now.alive, now.stress, limits, self._middle, self._body, here, self.radius)
-
-    def ratios(self, now: Equilibrium, limits: Limits) -> Floats:
-        """See `Criterion`."""
-        return _damage_ratios(_strongest(self._means(now.alive, now.bend)) / self._scale, limits)
-
-
-def characteristic_distance(fracture: Fracture) -> float:
-    """Distance (m) of the averaging: as it is set, or as strength and toughness of the ice give it."""
-    if fracture.criterion == "toughness":
-        return critical_distance(fracture.toughness, fracture.normal_strength)
-    return fracture.distance
+        return _stress_ratios(self._mean_stresses(moment), strengths)
 
 
 @kernel
-def element_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, volume: Floats, p: KernelParameters) -> Floats:
+def element_stresses(
+    lattice: ElasticLattice, intact: Ints, displacement: Floats, volume: Floats, p: KernelParameters
+) -> Floats:
     """Mean stress (Pa) in each element, in the axes of its fragment: xx, yy, xy; tension is positive.
 
     ``sigma = (1 / V) sum over bonds of sym(r F)`` with r from the middle of the element to the bond and F the pull of the
     bond (Love 1927; Bagi 1996, Mechanics of Materials 22). It is that of a uniform stress exactly, in both packings.
     """
     stress = np.zeros((volume.size, 3))
-    for k in range(alive.size):
-        b = alive[k]
-        e, s, _ = deformed(lattice, bend, b)
+    for k in range(intact.size):
+        b = intact[k]
+        e, s, _ = bond_deformation(lattice, displacement, b)
         fn, fs = lattice.stiffness[b, 0] * e, lattice.stiffness[b, 1] * s
         nx, ny = lattice.nx[b], lattice.ny[b]
         xx, yy, xy = (
@@ -178,7 +203,7 @@ def element_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, volume:
         )
         for end in range(2):
             i = lattice.first[b] if end == 0 else lattice.second[b]
-            arm = lattice.rows[b, 1, 2 if end == 0 else 5] * lattice.radius[i] / volume[i]
+            arm = lattice.strain_operator[b, 1, 2 if end == 0 else 5] * lattice.radius[i] / volume[i]
             stress[i, 0] += arm * xx
             stress[i, 1] += arm * yy
             stress[i, 2] += arm * xy
@@ -187,15 +212,15 @@ def element_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, volume:
 
 @kernel
 def _weights(
-    alive: Ints, start: Ints, member: Ints, flat: Floats, middle: Floats, volume: Floats, radius: float
+    intact: Ints, start: Ints, member: Ints, xy: Floats, middle: Floats, volume: Floats, radius: float
 ) -> Floats:
     """Weights of the elements of each disc, by their volume; they add to 1."""
     weight = np.zeros(member.size)
-    for b in alive:
+    for b in intact:
         total = 0.0
         for n in range(start[b], start[b + 1]):
             e = member[n]
-            away = np.hypot(flat[e, 0] - middle[b, 0], flat[e, 1] - middle[b, 1])
+            away = np.hypot(xy[e, 0] - middle[b, 0], xy[e, 1] - middle[b, 1])
             weight[n] = volume[e] * disc_weight(away, radius)
             total += weight[n]
         for n in range(start[b], start[b + 1]):
@@ -204,11 +229,11 @@ def _weights(
 
 
 @kernel
-def _averaged(alive: Ints, start: Ints, member: Ints, weight: Floats, stress: Floats) -> Floats:
-    """Averaged stress tensor around each bond that holds, shape (bonds that hold, 3)."""
-    mean = np.zeros((alive.size, 3))
-    for k in range(alive.size):
-        for n in range(start[alive[k]], start[alive[k] + 1]):
+def _averaged(intact: Ints, start: Ints, member: Ints, weight: Floats, stress: Floats) -> Floats:
+    """Averaged stress tensor around each intact bond, shape (intact bonds, 3)."""
+    mean = np.zeros((intact.size, 3))
+    for k in range(intact.size):
+        for n in range(start[intact[k]], start[intact[k] + 1]):
             for c in range(3):
                 mean[k, c] += weight[n] * stress[member[n], c]
     return mean
@@ -225,25 +250,25 @@ def _strongest(mean: Floats) -> Floats:
 
 @kernel
 def _most_loaded_near(
-    alive: Ints, own: Floats, limits: Limits, middle: Floats, body: Ints, here: int, radius: float
+    intact: Ints, stress: Floats, strengths: Strengths, middle: Floats, body: Ints, here: int, radius: float
 ) -> int:
     """Row of the bond within the disc around the bond ``here`` that is the most loaded for its strength."""
     best, highest = -1, -np.inf
-    for k in range(alive.size):
-        b = alive[k]
+    for k in range(intact.size):
+        b = intact[k]
         if body[b] != body[here]:
             continue
         away = np.hypot(middle[b, 0] - middle[here, 0], middle[b, 1] - middle[here, 1])
-        ratio = overload(own[k, 0], own[k, 1], limits.normal[k], limits.shear[k])
+        ratio = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
         if away < radius and ratio > highest:
             best, highest = k, ratio
     return best
 
 
 @kernel
-def _damage_ratios(stress: Floats, limits: Limits) -> Floats:
-    """Stress over strength as the growth of damage takes it."""
+def _stress_ratios(stress: Floats, strengths: Strengths) -> Floats:
+    """Stress over strength of each bond as the growth of damage takes it."""
     ratios = np.empty(stress.shape[0])
     for k in range(stress.shape[0]):
-        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], limits.normal[k], limits.shear[k])
+        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
     return ratios

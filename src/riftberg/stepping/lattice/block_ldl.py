@@ -1,9 +1,9 @@
-"""Factors of the stiffness matrix of a lattice in blocks of 3 by 3, one for each pair of elements: ``K = L D L^T``.
+"""Sparse factors ``K = L D L^T`` of the stiffness matrix of a lattice, in blocks of 3 by 3: one for each pair of elements.
 
-Elements are eliminated in the order of the minimum degree (Liu 1985, ACM Trans. Math. Softw. 11), which keeps L small. As ``K``
-is symmetric and positive definite, nothing has to be exchanged on the way, L alone is kept, and an index serves nine numbers.
+Elements are eliminated in the order of minimum degree (Liu 1985, ACM Trans. Math. Softw. 11), which keeps L sparse. As ``K``
+is symmetric and positive definite, no pivoting is needed, L alone is kept, and one index stands for nine numbers.
 
-The factors are found row by row (Davis 2006, Direct Methods for Sparse Linear Systems, chapter 4).
+The factors are found row by row (up-looking; Davis 2006, Direct Methods for Sparse Linear Systems, chapter 4).
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from scipy.sparse import csc_matrix
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.state import Floats, Ints
+from riftberg.stepping.mat3 import invert_symmetric, subtract_product
 
 
 def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:
     """Return the elements in the order in which they are to be eliminated.
 
-    SuperLU finds it, for a matrix with a number instead of a block: that takes as long as the factors of a berg of some
-    hundred elements. So it is kept: ice that melts changes the matrix in each step, and which bonds hold in few of them.
+    SuperLU finds it, for a matrix with a number in place of each block. That takes as long as the factors of a berg of some
+    hundred elements, so it is cached: melt changes the matrix in each step, but the set of intact bonds changes in few.
     """
     return _minimum_degree(count, first.tobytes(), second.tobytes())
 
@@ -42,12 +43,11 @@ def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
     return order
 
 
-class BlockFactors:
+class BlockLDL:
     """Factors of a symmetric positive definite matrix of 3 by 3 blocks.
 
-    ``first``, ``second``: ends of the bonds (shape (bonds,)); ``diagonal``: blocks of the elements (shape (elements, 3,
-    3)); ``between``: blocks of the bonds, in the row of the first end and the column of the second (shape (bonds, 3,
-    3)).
+    ``diagonal`` are the blocks of the elements (elements, 3, 3), ``between`` those of the bonds, in the row of the first
+    end and the column of the second (bonds, 3, 3).
     """
 
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
@@ -55,16 +55,6 @@ class BlockFactors:
         self._start, self._row, self._lower, self._inverse = _factored(self._order, first, second, diagonal, between)
         count = self._order.size
         self._work, self._one, self._free = np.empty((count, 3)), np.ones(count), np.ones(3 * count)
-
-    @property
-    def blocks(self) -> int:
-        """Number of blocks below the diagonal."""
-        return int(self._row.size)
-
-    @property
-    def memory(self) -> int:
-        """Bytes that they take."""
-        return sum(a.nbytes for a in (self._order, self._start, self._row, self._lower, self._inverse))
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution for a right-hand side, shape (3 elements,)."""
@@ -74,11 +64,9 @@ class BlockFactors:
         return out.ravel()
 
     def solve_scaled(self, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
-        """Solve for loads (N, N, N m), whose moments act at the rims ``radius`` (m) of the elements.
+        """Solve for loads ``right`` (N, N, N m), whose moments act at the rims ``radius`` (m); returns the largest load, N.
 
-        ``right``:  (shape (elements, 3)); ``radius``:  (shape (elements,)); ``free``: 0 where there is no load whatever
-        ``right`` says, else 1 (shape (3 elements,)); ``out``: takes the solution (shape (elements, 3)); returns the
-        largest load, N.
+        ``free`` is 0 where loads are left out, else 1 (3 elements,); ``out`` takes the solution (elements, 3).
         """
         return float(
             _solve(
@@ -143,29 +131,6 @@ def _reach(
 
 
 @kernel
-def _inverted(a: Floats, out: Floats) -> None:
-    """Inverse of a symmetric 3 by 3 matrix."""
-    c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[1, 2]
-    c01 = a[0, 2] * a[1, 2] - a[0, 1] * a[2, 2]
-    c02 = a[0, 1] * a[1, 2] - a[0, 2] * a[1, 1]
-    scale = 1.0 / (a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02)
-    out[0, 0] = scale * c00
-    out[0, 1] = out[1, 0] = scale * c01
-    out[0, 2] = out[2, 0] = scale * c02
-    out[1, 1] = scale * (a[0, 0] * a[2, 2] - a[0, 2] * a[0, 2])
-    out[1, 2] = out[2, 1] = scale * (a[0, 1] * a[0, 2] - a[0, 0] * a[1, 2])
-    out[2, 2] = scale * (a[0, 0] * a[1, 1] - a[0, 1] * a[0, 1])
-
-
-@kernel
-def _take_product(from_: Floats, a: Floats, b: Floats) -> None:
-    """Subtract ``a b^T`` of 3 by 3 matrices, in place."""
-    for i in range(3):
-        for j in range(3):
-            from_[i, j] -= a[i, 0] * b[j, 0] + a[i, 1] * b[j, 1] + a[i, 2] * b[j, 2]
-
-
-@kernel
 def _factored(
     order: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats
 ) -> tuple[Ints, Ints, Floats, Floats]:
@@ -197,10 +162,10 @@ def _factored(
 def _eliminate(
     order: Ints, place: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats, near: Ints, bond: Ints,
     parent: Ints, seen: Ints, stack: Ints, start: Ints, end: Ints, row: Ints, lower: Floats, inverse: Floats, work: Floats,
-    small: Floats,
+    scratch: Floats,
 ) -> None:  # fmt: skip
-    """Fill rows, blocks of L and inverse blocks of D, element by element; ``work`` is zero, ``small`` room for two blocks."""
-    count, pivot, scaled = order.size, small[0], small[1]
+    """Fill rows, blocks of L and inverse blocks of D, element by element; ``work`` is zero, ``scratch`` holds two blocks."""
+    count, pivot, scaled = order.size, scratch[0], scratch[1]
     for k in range(count):
         for n in range(near[k], near[k + 1]):
             b = bond[n]
@@ -220,14 +185,14 @@ def _eliminate(
                     z = here[x, 0] * inverse[i, 0, y] + here[x, 1] * inverse[i, 1, y] + here[x, 2] * inverse[i, 2, y]
                     scaled[x, y] = z
             for p in range(start[i], end[i]):
-                _take_product(work[row[p]], here, lower[p])
-            _take_product(pivot, scaled, here)
+                subtract_product(work[row[p]], here, lower[p])
+            subtract_product(pivot, scaled, here)
             row[end[i]] = k
             for x in range(3):
                 for y in range(3):
                     lower[end[i], x, y], here[x, y] = scaled[x, y], 0.0
             end[i] += 1
-        _inverted(pivot, inverse[k])
+        invert_symmetric(pivot, inverse[k])
 
 
 @borrower
@@ -235,7 +200,7 @@ def _solve(
     order: Ints, start: Ints, row: Ints, lower: Floats, inverse: Floats, right: Floats, radius: Floats, free: Floats,
     x: Floats, out: Floats,
 ) -> float:  # fmt: skip
-    """See `BlockFactors.solve_scaled`: forward by columns, then backward; ``x`` is room."""
+    """See `BlockLDL.solve_scaled`: forward substitution by columns, then back; ``x`` is workspace."""
     count, most = order.size, 0.0
     for k in range(count):
         e = order[k]

@@ -1,4 +1,4 @@
-"""Static equilibrium of the lattices of all fragments under their loads, inertia included.
+"""Static equilibrium of the lattices of all fragments under their loads, inertia included (D'Alembert).
 
 For each bond with direction n (from the second end to the first), length l, section w H and rest length l_0:
 
@@ -6,13 +6,14 @@ For each bond with direction n (from the second end to the first), length l, sec
     slip       s = t . (d1 - d2) + r1 th1 + r2 th2        k_s = k_n / (2 (1 + nu)),  t = (n_y, -n_x),  r1 + r2 = l
     bend       b = th1 - th2                              k_b = k_n w^2 / 12
 
-``K d = b`` with the loads b in balance. The matrix is singular by the rigid motions of each fragment, so three springs
-hold one element of each: as the loads are in balance they carry nothing, which is the check of every solve. Turns are
-measured as paths at the rim of the element (m), so that all unknowns are of one size.
+With the strain operator B of a bond, which gives (e, s, b) from the displacements of its ends, the stiffness matrix is
+``K = sum B^T diag(k_n, k_s, k_b) B``, and ``K d = b`` under balanced loads b. K is singular by the rigid motions of each
+fragment, so three gauge springs hold one element of each: as the loads are in balance they carry nothing, and what they
+carry is the residual of every solve. Rotations are measured as paths at the rim of the element (m), so that all unknowns
+are of one size.
 
-The matrix is factored by blocks of one element (`riftberg.stepping.lattice.block_ldl`).
-A bond that breaks takes three columns off it. The factors are kept and corrected for it (Woodbury's formula);
-springs that hold a piece that parts are columns of the same kind.
+K is factored by blocks of one element (`riftberg.stepping.lattice.block_ldl`). A bond that breaks takes three columns off
+it: the factors are kept and corrected for these (a downdate of low rank by Woodbury's formula).
 """
 
 from __future__ import annotations
@@ -27,75 +28,66 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.lattice.block_ldl import BlockFactors
+from riftberg.stepping.lattice.block_ldl import BlockLDL
 
-BALANCE = 1e-5
-"""Largest force on a holding spring, as a part of the largest load, before a solve counts as failed."""
+EQUILIBRIUM_RTOL = 1e-5
+"""Largest force on a gauge spring, as a part of the largest load, before a solve counts as failed."""
 
-NO_GIVE = 1e-9
-"""A spring that gives less than this (m) carries nothing but round-off: a berg that goes with the water has no loads."""
+GAUGE_ATOL = 1e-9
+"""Displacement (m) of a gauge spring that counts as round-off: a berg that goes with the water has no loads to compare with."""
 
 
 class ElasticLattice(NamedTuple):
-    """Bonds as springs between elements; all arrays have one row for each bond of the state, broken ones too.
+    """Bonds as springs between elements; a row for each bond of the state, broken ones too."""
 
-    ``rows`` are the 3 x 6 matrices that give extension, slip and bend of a bond from the displacements of its ends;
-    ``stiffness`` its three springs; ``nx``, ``ny`` its direction in the frame of its fragment; ``length``, ``rest``,
-    ``width``, ``thickness`` in metres; ``radius`` of the elements (m) scales their turns, ``arm_first`` and
-    ``arm_second`` (m) are the slip by a turn of either end.
-    """
-
-    first: Ints
-    second: Ints
-    nx: Floats
-    ny: Floats
-    length: Floats
-    rest: Floats
-    width: Floats
-    thickness: Floats
-    rows: Floats
-    stiffness: Floats
-    radius: Floats
-    arm_first: Floats
-    arm_second: Floats
+    first: Ints  # First end; shape (bonds,)
+    second: Ints  # Second end; shape (bonds,)
+    nx: Floats  # Direction from the second end to the first, in the frame of the fragment; shape (bonds,)
+    ny: Floats  # shape (bonds,)
+    length: Floats  # Without load, m; shape (bonds,)
+    rest: Floats  # Rest length, m; shape (bonds,)
+    width: Floats  # Of the section, m; shape (bonds,)
+    thickness: Floats  # Of the section, m; shape (bonds,)
+    strain_operator: Floats  # B: extension, slip and bend by the displacements of both ends; shape (bonds, 3, 6)
+    stiffness: Floats  # Of extension and slip (N m-1) and of bend (N m); shape (bonds, 3)
+    radius: Floats  # Of the elements, which scales their rotations, m; shape (elements,)
+    arm_first: Floats  # Slip by a rotation of the first end, m; shape (bonds,)
+    arm_second: Floats  # Slip by a rotation of the second end, m; shape (bonds,)
 
 
-def find_lattice(bonds: Bonds, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
-    """Describe all bonds as springs, at the places ``flat`` (m) of the elements in their fragments.
-
-    Section and levers are those of the bond law of the sub-steps (`riftberg.stepping.explicit.tile_kernels`): of the sizes
-    with which a bond formed. Levers of sides that melt since would not add up to its length, and its shear would turn
-    the berg.
-    """
+def find_lattice(bonds: Bonds, xy: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters) -> ElasticLattice:
+    """Describe all bonds as springs, with the elements at their reference coordinates ``xy`` (m)."""
+    # Section and levers are of the sizes with which a bond formed, as in the explicit schemes. Levers of sides that have
+    # melted since would not add up to its length, and its shear would turn the berg.
     rest = sizes.bond_radius[bonds.first] + sizes.bond_radius[bonds.second]
     if not p.rest_length_from_sizes:
         rest = np.where(np.isnan(bonds.rest_length), rest, bonds.rest_length)
-    return ElasticLattice(*_find_lattice(bonds.first, bonds.second, rest, flat, thickness, sizes, p))
+    return ElasticLattice(*_find_lattice(bonds.first, bonds.second, rest, xy, thickness, sizes, p))
 
 
 @kernel
 def _find_lattice(
-    first: Ints, second: Ints, rest: Floats, flat: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
+    first: Ints, second: Ints, rest: Floats, xy: Floats, thickness: Floats, sizes: Sizes, p: KernelParameters
 ) -> tuple[Ints, Ints, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Return the fields of `ElasticLattice`; see `riftberg.compiled.kernels` why no named tuple."""
+    """Return the fields of `ElasticLattice` (no named tuple: see `riftberg.compiled.kernels`)."""
     count = first.size
     nx, ny, length = np.zeros(count), np.zeros(count), np.zeros(count)
     width, height = np.zeros(count), np.zeros(count)
-    rows, stiffness = np.zeros((count, 3, 6)), np.zeros((count, 3))
+    strain_operator, stiffness = np.zeros((count, 3, 6)), np.zeros((count, 3))
     arm_first, arm_second = np.zeros(count), np.zeros(count)
     radius = sizes.bond_radius
     for b in range(count):
         i, j = first[b], second[b]
         formed = rest[b] / (radius[i] + radius[j])
         r1, r2, t1, t2 = formed * radius[i], formed * radius[j], thickness[i], thickness[j]
-        rx, ry = flat[i, 0] - flat[j, 0], flat[i, 1] - flat[j, 1]
+        rx, ry = xy[i, 0] - xy[j, 0], xy[i, 1] - xy[j, 1]
         length[b] = np.sqrt(rx * rx + ry * ry)
         nx[b], ny[b] = rx / length[b], ry / length[b]
         half = overlap(rest[b], length[b])
         small, other = (t1, t2) if r1 <= r2 else (t2, t1)
         width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, 1.0 / length[b])
         arm_first[b], arm_second[b] = r1 - half, r2 - half
-        m = rows[b]
+        m = strain_operator[b]
         m[0, 0], m[0, 1], m[0, 3], m[0, 4] = nx[b], ny[b], -nx[b], -ny[b]
         m[1, 0], m[1, 1], m[1, 3], m[1, 4] = ny[b], -nx[b], -ny[b], nx[b]
         m[1, 2], m[1, 5] = arm_first[b] / radius[i], arm_second[b] / radius[j]
@@ -103,21 +95,21 @@ def _find_lattice(
         stiffness[b, 0] = p.youngs_modulus * height[b] * width[b] / rest[b]
         stiffness[b, 1] = stiffness[b, 0] * 0.5 / (1.0 + p.poisson)
         stiffness[b, 2] = stiffness[b, 0] * width[b] ** 2 / 12.0
-    return first, second, nx, ny, length, rest, width, height, rows, stiffness, radius, arm_first, arm_second
+    return first, second, nx, ny, length, rest, width, height, strain_operator, stiffness, radius, arm_first, arm_second
 
 
 @kernel
-def _blocks(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) -> tuple[Floats, Floats]:
-    """Blocks of the matrix: of the elements, and of the bonds that hold in the row of the first and the column of the second end.
+def _blocks(lattice: ElasticLattice, intact: Ints, free: Floats, added: Floats) -> tuple[Floats, Floats]:
+    """Blocks of K: of the elements, and of the intact bonds in the row of their first and the column of their second end.
 
-    Freedoms that are not free stand alone with the stiffness of their bonds; ``held`` is added to the diagonal.
+    ``added`` goes on the diagonal. Freedoms that are not ``free`` are uncoupled: they keep their diagonal alone.
     """
-    diagonal, between = np.zeros((free.size // 3, 3, 3)), np.zeros((alive.size, 3, 3))
+    diagonal, between = np.zeros((free.size // 3, 3, 3)), np.zeros((intact.size, 3, 3))
     for x in range(free.size):
-        diagonal[x // 3, x % 3, x % 3] = held[x]
-    for k in range(alive.size):
-        b = alive[k]
-        m, at = lattice.rows[b], (3 * lattice.first[b], 3 * lattice.second[b])
+        diagonal[x // 3, x % 3, x % 3] = added[x]
+    for k in range(intact.size):
+        b = intact[k]
+        m, at = lattice.strain_operator[b], (3 * lattice.first[b], 3 * lattice.second[b])
         for a in range(6):
             x = at[a // 3] + a % 3
             for c in range(6):
@@ -134,44 +126,44 @@ def _blocks(lattice: ElasticLattice, alive: Ints, free: Floats, held: Floats) ->
 
 
 @kernel
-def deformed(lattice: ElasticLattice, bend: Floats, b: int) -> tuple[float, float, float]:
+def bond_deformation(lattice: ElasticLattice, displacement: Floats, b: int) -> tuple[float, float, float]:
     """Extension, slip (m) and bend (rad) of a bond, with turns of the ends in rad."""
     i, j = lattice.first[b], lattice.second[b]
-    nx, ny, x, y = lattice.nx[b], lattice.ny[b], bend[i, 0] - bend[j, 0], bend[i, 1] - bend[j, 1]
+    nx, ny, x, y = (
+        lattice.nx[b],
+        lattice.ny[b],
+        displacement[i, 0] - displacement[j, 0],
+        displacement[i, 1] - displacement[j, 1],
+    )
     s = ny * x - nx * y
-    s += lattice.arm_first[b] * bend[i, 2] + lattice.arm_second[b] * bend[j, 2]
-    return nx * x + ny * y, s, bend[i, 2] - bend[j, 2]
-
-
-def bond_stresses(lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters) -> Floats:
-    """Tensile and shear stress (Pa) of the bonds that hold, shape (bonds that hold, 2)."""
-    return deformations_and_stresses(lattice, alive, bend, p)[1]
+    s += lattice.arm_first[b] * displacement[i, 2] + lattice.arm_second[b] * displacement[j, 2]
+    return nx * x + ny * y, s, displacement[i, 2] - displacement[j, 2]
 
 
 def deformations_and_stresses(
-    lattice: ElasticLattice, alive: Ints, bend: Floats, p: KernelParameters
+    lattice: ElasticLattice, intact: Ints, displacement: Floats, p: KernelParameters
 ) -> tuple[Floats, Floats]:
-    """Extension, slip (m) and bend (rad) of the bonds that hold, and their tensile and shear stress (Pa), a row for each."""
-    deformation, stress = np.empty((alive.size, 3)), np.empty((alive.size, 2))
-    # Two numbers instead of all parameters: these take as long to hand over as the stresses of a small berg.
-    _stresses(lattice, alive, bend, p.youngs_modulus, p.poisson, deformation, stress)
+    """Extension, slip (m) and bend (rad) of the intact bonds, and their tensile and shear stress (Pa), a row for each."""
+    deformation, stress = np.empty((intact.size, 3)), np.empty((intact.size, 2))
+    # Two numbers instead of all parameters: to pass those takes as long as the stresses of a small berg.
+    _stresses(lattice, intact, displacement, p.youngs_modulus, p.poisson, deformation, stress)
     return deformation, stress
 
 
 @borrower
 def _stresses(
     lattice: ElasticLattice,
-    alive: Ints,
-    bend: Floats,
+    intact: Ints,
+    displacement: Floats,
     youngs: float,
     poisson: float,
     deformation: Floats,
     stress: Floats,
 ) -> None:
     """Fill what `deformations_and_stresses` returns."""
-    for k in range(alive.size):
-        b = alive[k]
-        e, s, angle = deformed(lattice, bend, b)
+    for k in range(intact.size):
+        b = intact[k]
+        e, s, angle = bond_deformation(lattice, displacement, b)
         deformation[k, 0], deformation[k, 1], deformation[k, 2] = e, s, angle
         stress[k, 0] = tensile_stress(youngs / lattice.rest[b], -0.5 * e, angle, lattice.width[b])
         stress[k, 1] = shear_stress_of(youngs / lattice.rest[b], poisson, abs(s))
@@ -179,32 +171,26 @@ def _stresses(
 
 @kernel
 def balanced_loads(
-    body: Ints, flat: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats, spin: Floats
+    body: Ints, xy: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats, spin: Floats
 ) -> Floats:
-    """Loads on the lattice in the axes of its fragment: forces less those that move it as a rigid body.
+    """Loads on the lattice in the axes of its fragment: forces less those that move it as a rigid body (D'Alembert).
 
-    ``body``:  (shape (elements,)); ``flat``: places in the fragment, m (shape (elements, 2)); ``turn``: cosine and sine
-    of the angle of the fragment's axis against local east (shape (elements, 2)); ``force``: east, north (N) and torque
-    (N m) (shape (elements, 3)); ``mass``, ``inertia``:  (shape (elements,)); ``spin``: rad s-1 (shape (fragments,));
-    returns n, N and N m.
+    ``xy``: reference coordinates, m; ``turn``: cosine and sine of the angle of the fragment's axis from local east (elements,
+    2); ``force``: N, N, N m (elements, 3); ``mass``, ``inertia``: kg, kg m2; ``spin``: rad s-1 (fragments,).
     """
-    load, rate = np.empty((body.size, 3)), np.zeros((spin.size, 3))
-    rate[:, 2] = spin
-    balance_loads(body, flat, turn, 0, force, mass, inertia, rate, np.empty((spin.size, 7)), load)
+    load, twist = np.empty((body.size, 3)), np.zeros((spin.size, 3))
+    twist[:, 2] = spin
+    balance_loads(body, xy, turn, 0, force, mass, inertia, twist, np.empty((spin.size, 7)), load)
     return load
 
 
 @kernel
 def balance_loads(
-    body: Ints, flat: Floats, turn: Floats, column: int, force: Floats, mass: Floats, inertia: Floats, rate: Floats,
+    body: Ints, xy: Floats, turn: Floats, column: int, force: Floats, mass: Floats, inertia: Floats, twist: Floats,
     sums: Floats, load: Floats,
 ) -> None:  # fmt: skip
-    """Fill what `balanced_loads` returns.
-
-    ``turn`` stands in two columns from ``column`` on, the spin in the last one of ``rate``; ``sums`` (fragments, 7) is
-    room.
-    """
-    # Columns: sums of the loads (3), centre of mass (2), mass, moment of inertia.
+    """Find `balanced_loads`, with ``turn`` in two columns from ``column`` on and the spin in the last one of ``twist``."""
+    # Columns of sums: acceleration of the centre (2), angular acceleration, centre of mass (2), mass, moment of inertia.
     sums[:, :] = 0.0
     for e in range(body.size):
         b, c, s = body[e], turn[e, column], turn[e, column + 1]
@@ -212,7 +198,7 @@ def balance_loads(
         load[e, 0], load[e, 1], load[e, 2] = c * fx + s * fy, c * fy - s * fx, force[e, 2]
         sums[b, 5] += mass[e]
         for i in range(2):
-            sums[b, 3 + i] += mass[e] * flat[e, i]
+            sums[b, 3 + i] += mass[e] * xy[e, i]
             sums[b, i] += load[e, i]
     for b in range(sums.shape[0]):
         for i in range(2):
@@ -220,24 +206,24 @@ def balance_loads(
             sums[b, i] /= sums[b, 5]
     for e in range(body.size):
         b = body[e]
-        x, y = flat[e, 0] - sums[b, 3], flat[e, 1] - sums[b, 4]
+        x, y = xy[e, 0] - sums[b, 3], xy[e, 1] - sums[b, 4]
         sums[b, 6] += mass[e] * (x * x + y * y) + inertia[e]
         sums[b, 2] += x * load[e, 1] - y * load[e, 0] + load[e, 2]
     for b in range(sums.shape[0]):
         sums[b, 2] /= sums[b, 6]
     for e in range(body.size):
         b, m = body[e], mass[e]
-        x, y = flat[e, 0] - sums[b, 3], flat[e, 1] - sums[b, 4]
-        turning, square = sums[b, 2], rate[b, 2] ** 2
+        x, y = xy[e, 0] - sums[b, 3], xy[e, 1] - sums[b, 4]
+        turning, square = sums[b, 2], twist[b, 2] ** 2
         load[e, 0] -= m * (sums[b, 0] - turning * y - square * x)
         load[e, 1] -= m * (sums[b, 1] + turning * x - square * y)
         load[e, 2] -= inertia[e] * turning
 
 
-class Holds:
-    """Freedoms that supports hold, and those that springs hold so that the matrix can be solved.
+class Supports:
+    """Freedoms that supports take from the elements, and where gauge springs go so that K can be factored.
 
-    ``free``: 0 where a support holds the freedom, else 1 (shape (3 elements,)).
+    ``free``: 0 where a support takes the freedom, else 1 (3 elements,).
     """
 
     def __init__(self, static: Floats, free_y: Floats) -> None:
@@ -248,38 +234,33 @@ class Holds:
         self._supported = (free < 1.0).any(axis=1)
         self.any = bool(self._supported.any())
 
-    def springs(self, body: Ints, flat: Floats) -> Ints:
-        """Freedoms to hold by springs: of each fragment those that its supports leave to it as a rigid body.
+    def gauge_springs(self, body: Ints, xy: Floats) -> Ints:
+        """Freedoms for gauge springs: of each fragment as many as it has rigid motions left.
 
-        Those of the element nearest to the middle of the fragment; with supports, of the first supported one.
+        Those of the element nearest to its centre; with supports, those of the first supported element.
         """
         count = int(body.max()) + 1
-        far = np.hypot(flat[:, 0], flat[:, 1])
-        order = np.lexsort((far, body))
-        middle = order[np.searchsorted(body[order], np.arange(count))]
-        held = np.ones(count, bool)
+        distance = np.hypot(xy[:, 0], xy[:, 1])
+        order = np.lexsort((distance, body))
+        central = order[np.searchsorted(body[order], np.arange(count))]
+        unsupported = np.ones(count, bool)
         chosen: list[int] = []
         for b in np.unique(body[self._supported]):
-            held[b] = False
+            unsupported[b] = False
             inside = np.flatnonzero((body == b) & self._supported)
-            chosen += self._left(inside, flat)
-        plain = (3 * middle[held][:, None] + np.arange(3)).ravel()
-        return np.sort(np.concatenate([plain, np.array(chosen, np.int64)])).astype(np.int64)
+            rows = [rigid_mode_row(xy[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
+            for k in range(3):
+                # A spring that would take nothing beyond what the supports take is left out: it would carry load.
+                trial = [*rows, rigid_mode_row(xy[inside[0]], k)]
+                if self.free[3 * inside[0] + k] > 0.0 and _rank(trial) > _rank(rows):
+                    chosen.append(int(3 * inside[0] + k))
+                    rows = trial
+        whole = (3 * central[unsupported][:, None] + np.arange(3)).ravel()
+        return np.sort(np.concatenate([whole, np.array(chosen, np.int64)])).astype(np.int64)
 
-    def _left(self, inside: Ints, flat: Floats) -> list[int]:
-        """Freedoms of the first supported element that the supports of this fragment do not settle."""
-        rows = [rigid_row(flat[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
-        chosen: list[int] = []
-        for k in range(3):
-            trial = [*rows, rigid_row(flat[inside[0]], k)]
-            if self.free[3 * inside[0] + k] > 0.0 and _rank(trial) > _rank(rows):
-                chosen.append(int(3 * inside[0] + k))
-                rows = trial
-        return chosen
-
-    def modes(self, inside: Ints, flat: Floats) -> Floats:
+    def rigid_modes(self, inside: Ints, xy: Floats) -> Floats:
         """Rigid motions (columns: east, north, turn) that the supports of one fragment allow."""
-        rows = [rigid_row(flat[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
+        rows = [rigid_mode_row(xy[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
         if not rows:
             return np.eye(3)
         scaled = np.array(rows)
@@ -289,7 +270,7 @@ class Holds:
         return np.asarray(axes[rank:].T / np.array([1.0, 1.0, length])[:, None])
 
 
-def rigid_row(place: Floats, freedom: int) -> Floats:
+def rigid_mode_row(place: Floats, freedom: int) -> Floats:
     """How a freedom of an element at a place (m) moves with a rigid motion (east, north, turn)."""
     return np.array([[1.0, 0.0, -place[1]], [0.0, 1.0, place[0]], [0.0, 0.0, 1.0]][freedom])
 
@@ -301,77 +282,62 @@ def _rank(rows: list[Floats]) -> int:
     return int(np.linalg.matrix_rank(a / np.maximum(np.abs(a).max(axis=0), 1.0), tol=1e-9))
 
 
-class Factors:
-    """Factors of the stiffness matrix, with corrections for bonds that have broken since."""
+class StiffnessSolver:
+    """Solves ``K d = b`` with factors of K, corrected for bonds that have broken since."""
 
-    def __init__(self, lattice: ElasticLattice, alive: Ints, holds: Holds, springs: Ints) -> None:
-        self._lattice, self._free = lattice, holds.free
-        self.spring = float(lattice.stiffness[alive, 0].mean()) if alive.size else 1.0
-        held = np.where(holds.free > 0.0, 0.0, self.spring)
-        held[springs] += self.spring
-        # An element without bonds has nothing else to hold it.
-        lone = np.ones(holds.free.size // 3, bool)
-        lone[lattice.first[alive]] = lone[lattice.second[alive]] = False
-        held[np.repeat(lone, 3)] = self.spring
-        # What it carries is rounding, which is all that there is where every element stands alone.
-        self._springs = springs[~lone[springs // 3]]
-        diagonal, between = _blocks(lattice, alive, holds.free, held)
-        self._factors = BlockFactors(lattice.first[alive], lattice.second[alive], diagonal, between)
-        self._columns: list[Floats] = []
-        self._solved: list[Floats] = []
-        self._signs: list[float] = []
+    def __init__(self, lattice: ElasticLattice, intact: Ints, supports: Supports, gauge_springs: Ints) -> None:
+        self._lattice, self._free = lattice, supports.free
+        # Three kinds of springs are added on the diagonal, all of the mean stiffness of the bonds: soft ones would let
+        # round-off in the loads move a fragment far, stiff ones would worsen the condition of K.
+        #
+        # Freedoms that supports take: uncoupled and without load, so their displacement is 0 and any stiffness will do.
+        # Gauge springs: carry nothing where the loads are in balance, which `solve` checks.
+        # Elements without bonds: nothing else couples them, so each is held by all three freedoms. What these springs
+        # carry is the imbalance of the load of one element, which is round-off; in a berg of single elements there are no
+        # other loads to compare it with, so the check leaves them out.
+        self.gauge_stiffness = float(lattice.stiffness[intact, 0].mean()) if intact.size else 1.0
+        added = np.where(supports.free > 0.0, 0.0, self.gauge_stiffness)
+        added[gauge_springs] += self.gauge_stiffness
+        bondless = np.ones(supports.free.size // 3, bool)
+        bondless[lattice.first[intact]] = bondless[lattice.second[intact]] = False
+        added[np.repeat(bondless, 3)] = self.gauge_stiffness
+        self._gauge = gauge_springs[~bondless[gauge_springs // 3]]
+        diagonal, between = _blocks(lattice, intact, supports.free, added)
+        self._ldl = BlockLDL(lattice.first[intact], lattice.second[intact], diagonal, between)
+        self._columns: list[Floats] = []  # w of K + sum of -w w^T
+        self._solved: list[Floats] = []  # K^-1 w
 
     @property
-    def corrections(self) -> int:
-        """Columns by which the factors are corrected."""
+    def update_rank(self) -> int:
+        """Rank of the correction for broken bonds."""
         return len(self._columns)
 
-    @property
-    def memory(self) -> int:
-        """Bytes of the factors, which a solve reads twice."""
-        return self._factors.memory
-
-    def without(self, bond: int) -> None:
-        """Take a bond out."""
+    def downdate(self, bond: int) -> None:
+        """Take a bond out of K."""
         i, j = self._lattice.first[bond], self._lattice.second[bond]
         at = np.concatenate([3 * i + np.arange(3), 3 * j + np.arange(3)])
         for s in range(3):
             column = np.zeros(self._free.size)
-            column[at] = np.sqrt(self._lattice.stiffness[bond, s]) * self._lattice.rows[bond, s]
-            self._add(column * self._free, -1.0)
-
-    def hold(self, freedom: int) -> None:
-        """Hold a freedom by a spring."""
-        column = np.zeros(self._free.size)
-        column[freedom] = np.sqrt(self.spring)
-        self._springs = np.append(self._springs, freedom)
-        self._add(column, 1.0)
-
-    def _add(self, column: Floats, sign: float) -> None:
-        self._columns.append(column)
-        self._solved.append(self._factors.solve(column))
-        self._signs.append(sign)
+            column[at] = np.sqrt(self._lattice.stiffness[bond, s]) * self._lattice.strain_operator[bond, s]
+            column *= self._free
+            self._columns.append(column)
+            self._solved.append(self._ldl.solve(column))
 
     def solve(self, load: Floats) -> Floats:
-        """Displacements (m, m, rad), shape (elements, 3), under loads in balance (N, N, N m)."""
-        bend = np.empty(load.shape)
-        size = self._factors.solve_scaled(load, self._lattice.radius, self._free, bend)
+        """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m)."""
+        displacement = np.empty(load.shape)
+        largest = self._ldl.solve_scaled(load, self._lattice.radius, self._free, displacement)
         if self._columns:
-            self._correct(bend)
-        self._check(float(give_of(bend, self._springs)), size, load)
-        bend[:, 2] /= self._lattice.radius
-        return bend
+            # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with d = K^-1 b and A = K^-1 W^T.
+            d, w, a = displacement.reshape(-1), np.array(self._columns), np.array(self._solved)
+            d -= a.T @ np.linalg.solve(w @ a.T - np.eye(len(w)), w @ d)
+        self._check_residual(float(max_gauge_displacement(displacement, self._gauge)), largest, load)
+        displacement[:, 2] /= self._lattice.radius
+        return displacement
 
-    def _correct(self, bend: Floats) -> None:
-        """Take account of the bonds that have broken, in place (Woodbury)."""
-        x = bend.reshape(-1)
-        w, a = np.array(self._columns), np.array(self._solved)
-        small = np.diag(self._signs) + w @ a.T
-        x -= a.T @ np.linalg.solve(small, w @ x)
-
-    def _check(self, give: float, size: float, load: Floats) -> None:
-        force = give * self.spring
-        if not (force <= BALANCE * size or give <= NO_GIVE):
+    def _check_residual(self, give: float, largest: float, load: Floats) -> None:
+        force = give * self.gauge_stiffness
+        if not (force <= EQUILIBRIUM_RTOL * largest or give <= GAUGE_ATOL):
             unknown = np.flatnonzero(~np.isfinite(load).all(axis=1))
             if unknown.size:
                 raise RunError(
@@ -379,16 +345,16 @@ class Factors:
                 )
             raise RunError(
                 f"the lattice is not in equilibrium: a freedom that should be free carries {force:.3g} N of loads of up to "
-                f"{size:.3g} N; bonds without shear stiffness or a mechanism cannot be held (stepping.scheme: mts can)"
+                f"{largest:.3g} N; bonds without shear stiffness or a mechanism cannot be held (stepping.scheme: mts can)"
             )
 
 
 @borrower
-def give_of(bend: Floats, springs: Ints) -> float:
+def max_gauge_displacement(displacement: Floats, gauge_springs: Ints) -> float:
     """Largest displacement (m) of the freedoms that springs hold; not a number where one is none."""
     most = 0.0
-    for n in range(springs.size):
-        x = abs(bend[springs[n] // 3, springs[n] % 3])
+    for n in range(gauge_springs.size):
+        x = abs(displacement[gauge_springs[n] // 3, gauge_springs[n] % 3])
         if not x <= most:
             most = x
             if x != x:
@@ -396,6 +362,6 @@ def give_of(bend: Floats, springs: Ints) -> float:
     return most
 
 
-def elastic_energy(bend: Floats, load: Floats) -> float:
+def elastic_energy(displacement: Floats, load: Floats) -> float:
     """Energy (J) that the lattice stores: half the work of its loads."""
-    return 0.5 * float((bend * load).sum())
+    return 0.5 * float((displacement * load).sum())

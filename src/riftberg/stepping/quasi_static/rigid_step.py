@@ -1,8 +1,7 @@
-"""One step of rigid bodies in a few compiled calls: to its end before the environment is known there, and the moment after it.
+"""Compiled parts of a trial step: predictor, operators at the new place, corrector, and what they leave in the state.
 
-To hand the arrays of a berg of some hundred elements to compiled code takes as long as its laws do, so the parts of a step
-(`riftberg.stepping.bodies.pose`, `riftberg.stepping.bodies.rigid_bodies`) are called together. All room comes from Python
-(`riftberg.compiled.kernels.borrower`).
+To pass the arrays of a berg of some hundred elements to compiled code takes as long as its laws do, so the kernels of
+`riftberg.stepping.bodies` are called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
 """
 
 from __future__ import annotations
@@ -14,235 +13,167 @@ import numpy as np
 from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints, Motion, Shown
-from riftberg.stepping.bodies.pose import Bodies, find_element_motion, mean_bend, move_frames, place, without_mean
-from riftberg.stepping.bodies.rigid_bodies import (
-    Acting,
-    BodyMotion,
-    BodyRoom,
+from riftberg.stepping.bodies.dynamics import (
+    BodyOperators,
+    BodyWorkspace,
     Booleans,
-    Loading,
-    Touching,
-    add_contact,
+    ContactPairs,
+    ElementForcing,
+    ForceTerms,
+    accumulate_forces,
+    add_contact_forces,
     add_forces,
-    add_inertia_and_floor,
-    allocate_loading,
-    check_passes,
-    close_step,
-    fill_loading,
-    find_held,
-    invert,
-    keep_forces,
-    open_step,
-    take_velocities,
+    add_inertia_and_floor_drag,
+    allocate_forcing,
+    evaluate_forcing,
+    half_kick_explicit,
+    half_kick_newton,
+    mean_drag_velocity,
+    scatter_velocities,
 )
-from riftberg.stepping.contact.groups import NOBODY
-from riftberg.stepping.contact.islands import Meeting
-from riftberg.stepping.forces.media import FORCES, MEDIA, ForcedElements
+from riftberg.stepping.bodies.pose import (
+    Bodies,
+    fill_levers,
+    mean_displacement,
+    move_poses,
+    place_elements,
+    subtract_mean,
+)
+from riftberg.stepping.forces.media import MEDIA, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.equilibrium import balance_loads
+from riftberg.stepping.mat3 import invert
 
 
-class Standing(NamedTuple):
-    """All that is known at one time: bodies, forces at their velocities, and the balanced loads of the lattice (N, N, N m).
+class BodyState(NamedTuple):
+    """All that is known at one time level."""
 
-    ``force`` are the forces on the elements (N, N, N m), with the drag of the sea floor.
-    """
-
-    time: float
+    time: float  # s
     bodies: Bodies
-    motion: BodyMotion
-    acting: Acting
-    force: Floats
-    load: Floats
-
-
-def depart(
-    el: Elements, now: Standing, seat: Floats, h: float, p: KernelParameters, room: BodyRoom, met: Meeting | None = None
-) -> Bodies:
-    """Move fragments over ``h`` s, with the velocities that they have in the middle of the step; elements are placed.
-
-    ``seat``: displacements that elements are placed with (shape (elements, 3)).
-    """
-    bodies, motion = now.bodies, now.motion
-    some, mean = (met.bodies, met.mean) if met else (NOBODY[0], bodies.rate[:0])
-    rate, pose = np.empty_like(bodies.rate), np.empty_like(bodies.pose)
-    _depart(
-        bodies, seat, motion.elements, motion.mobility, motion.floor, now.acting.total, h, p.latlon, p.earth_radius,
-        p.period, el.body.static, el.place.lon, el.place.lat, el.motion.rotation, rate, pose, some, mean,
-        room,
-    )  # fmt: skip
-    return Bodies(bodies.body, bodies.shape, pose, rate, bodies.bend)
+    operators: BodyOperators
+    terms: ForceTerms  # At the velocities of the bodies
+    force: Floats  # On the elements, with the drag of the sea floor, N, N, N m; shape (elements, 3)
+    load: Floats  # Balanced loads on the lattice, N, N, N m; shape (elements, 3)
 
 
 @borrower
-def _depart(
-    bodies: Bodies, seat: Floats, motion: Floats, mobility: Floats, floor: Floats, total: Floats, h: float, latlon: bool,
-    radius: float, period: float, static: Floats, lon: Floats, lat: Floats, rotation: Floats, rate: Floats, pose: Floats,
-    met: Ints, mean: Floats, room: BodyRoom,
+def predict(
+    new: Bodies, bodies: Bodies, op: BodyOperators, net_force: Floats, frozen_displacement: Floats, h: float, latlon: bool,
+    radius: float, period: float, lon: Floats, lat: Floats, static: Floats, rotation: Floats, contact_bodies: Ints,
+    contact_mean: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
-    """See `depart`."""
-    body = bodies.body
-    open_step(mobility, floor, bodies.rate, total, 0.5 * h, rate, room)
-    for k in range(met.size):
+    """Take the first half kick and drift over ``h`` s: fill twist and pose of ``new``, and place the elements.
+
+    ``contact_bodies`` drift with the mean twists ``contact_mean`` of their sub-steps in contact instead.
+    """
+    body, twist = bodies.body, new.twist
+    half_kick_explicit(op, bodies.twist, net_force, 0.5 * h, twist, work)
+    for k in range(contact_bodies.size):
         for i in range(3):
-            rate[met[k], i] = mean[k, i]
-    move_frames(bodies.pose, rate, h, latlon, radius, pose, room.small[0])
+            twist[contact_bodies[k], i] = contact_mean[k, i]
+    move_poses(bodies.pose, twist, h, latlon, radius, new.pose, work.scratch[0])
     for e in range(body.size):
-        m, q = motion[e], rate[body[e]]
+        m, q = op.levers[e], twist[body[e]]
         rotation[e] += h * (m[6] * q[0] + m[7] * q[1] + m[8] * q[2])
-    place(Bodies(body, bodies.shape, pose, rate, seat), lon, lat, static, latlon, radius, period)
+    # Displacements lag by the whole time step: those of a trial are known only after its velocities and loads.
+    there = Bodies(body, bodies.reference, new.pose, twist, frozen_displacement)
+    place_elements(there, lon, lat, static, latlon, radius, period)
 
 
-def motion_at(
-    el: Elements, sizes: Sizes, bodies: Bodies, touching: Touching, p: KernelParameters, room: BodyRoom
-) -> BodyMotion:
-    """Find what moves the fragments, from the environment that the elements carry; all of them are free to move."""
+def assemble_operators(
+    el: Elements, sizes: Sizes, bodies: Bodies, contacts: ContactPairs, p: KernelParameters, work: BodyWorkspace
+) -> BodyOperators:
+    """Find what moves the fragments, from the environment that the elements carry; no supports yet."""
     count = bodies.pose.shape[0]
-    load, elements = allocate_loading(el, p), np.empty((el.size, 11))
-    inertia, floor, mobility = np.zeros((3, count, 3, 3))
-    # The groups that it needs: to hand the whole state to compiled code takes longer than the forces of a small berg.
+    forcing, levers = allocate_forcing(el, p), np.empty((el.size, 11))
+    inertia, floor_drag, mobility = np.zeros((3, count, 3, 3))
+    op = BodyOperators(bodies.body, levers, forcing, contacts, inertia, mobility, floor_drag)
+    # The groups that it needs: to pass the whole state to compiled code takes longer than the forces of a small berg.
     seen, acts, nothing = (
         ForcedElements(el.place, el.body, el.environment),
         np.ones(len(MEDIA), np.bool_),
         np.empty((1, 0, 0)),
     )
-    _find_motion(seen, sizes, p, bodies, elements, load, acts, nothing, inertia, floor, mobility, room)
-    return BodyMotion(bodies.body, elements, load, touching, inertia, mobility, floor)
+    _assemble_operators(seen, sizes, p, bodies, acts, nothing, op, work)
+    return op
 
 
 @borrower
-def _find_motion(
-    el: ForcedElements, sizes: Sizes, p: KernelParameters, bodies: Bodies, motion: Floats, load: Loading, acts: Booleans,
-    nothing: Floats, inertia: Floats, floor: Floats, mobility: Floats, room: BodyRoom,
+def _assemble_operators(
+    el: ForcedElements, sizes: Sizes, p: KernelParameters, bodies: Bodies, acts: Booleans, nothing: Floats, op: BodyOperators,
+    work: BodyWorkspace,
 ) -> None:  # fmt: skip
-    """See `motion_at`."""
-    find_element_motion(bodies, p.latlon, p.earth_radius, motion)
-    fill_loading(el, sizes, p, acts, nothing, load)
-    add_inertia_and_floor(bodies.body, motion, load, inertia, floor)
-    invert(inertia, mobility, room.small)
-
-
-def arrive(
-    el: Elements, flat: Floats, bodies: Bodies, motion: BodyMotion, time: float, before: Floats | None, half: float,
-    room: BodyRoom,
-) -> Standing:  # fmt: skip
-    """Find velocities, forces and loads of a moment; all elements take on the velocities of their fragments.
-
-    ``flat``: places of the elements in their fragments, m (shape (elements, 2)); ``before``: velocities at the start of
-    the step (shape (fragments, 3)); ``half``: half the step, s.
-    """
-    opened, closes = bodies.rate, before is not None
-    rate = opened if before is None else 2.0 * opened - before
-    count = el.size
-    acted, total = np.zeros((count, len(FORCES), 2)), np.zeros_like(rate)
-    force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((rate.shape[0], 7))
-    passes = _arrive(
-        bodies.body, motion.elements, motion.load, motion.touching, motion.inertia, motion.mobility, motion.floor, flat,
-        opened, rate, half, closes, acted, total, force, load, el.motion, el.shown, el.kicks.spin_rate, sums, room,
-    )  # fmt: skip
-    check_passes(passes)
-    return Standing(time, bodies._replace(rate=rate), motion, Acting(acted, total), force, load)
+    """Fill the arrays of `assemble_operators`."""
+    fill_levers(bodies, p.latlon, p.earth_radius, op.levers)
+    evaluate_forcing(el, sizes, p, acts, nothing, op.forcing)
+    add_inertia_and_floor_drag(bodies.body, op.levers, op.forcing, op.inertia, op.floor_drag)
+    invert(op.inertia, op.mobility, work.scratch)
 
 
 @borrower
-def _arrive(
-    body: Ints, elements: Floats, load: Loading, touching: Touching, inertia: Floats, mobility: Floats, floor: Floats,
-    flat: Floats, opened: Floats, rate: Floats, half: float, closes: bool, acted: Floats, total: Floats, force: Floats,
-    balanced: Floats, own: Motion, shown: Shown, spin_rate: Floats, sums: Floats, room: BodyRoom,
+def correct(
+    op: BodyOperators, middle: Floats, twist: Floats, half_dt: float, kick: bool, xy: Floats, terms: ForceTerms,
+    force: Floats, load: Floats, motion: Motion, shown: Shown, spin_rate: Floats, sums: Floats, work: BodyWorkspace,
 ) -> int:  # fmt: skip
-    """See `arrive`; returns passes of Newton's method, -1 where velocities do not settle."""
-    passes = 0
-    if closes:
-        room.sought[:] = True
-        passes = close_step(body, elements, load, inertia, mobility, floor, opened, rate, half, room)
-    add_forces(body, elements, rate, load, acted, force, total)
-    if touching.first.size > 0:
-        add_contact(body, elements, rate, touching, force, total)
-    take_velocities(body, elements, rate, load, force, own, shown)
-    for b in range(rate.shape[0]):
-        turning = 0.0
+    """Take the second half kick from ``middle`` (where ``kick``), and find forces and balanced loads at its velocities.
+
+    ``twist`` holds a first guess and takes the velocities; the elements take on those of their fragments. Returns the
+    iterations of Newton's method, -1 where they do not converge.
+    """
+    iterations, body, levers, forcing = 0, op.body, op.levers, op.forcing
+    if kick:
+        work.active[:] = True
+        iterations = half_kick_newton(op, middle, twist, half_dt, work)
+    add_forces(body, levers, twist, forcing, terms.accelerations, force, terms.net_force)
+    if op.contacts.first.size > 0:
+        add_contact_forces(body, levers, twist, op.contacts, force, terms.net_force)
+    scatter_velocities(body, levers, twist, forcing, force, motion, shown)
+    for b in range(twist.shape[0]):
+        angular = 0.0
         for i in range(3):
-            f = total[b, i]
+            f = terms.net_force[b, i]
             for j in range(3):
-                f -= floor[b, i, j] * rate[b, j]
-            turning += mobility[b, 2, i] * f
-        room.miss[b, 2] = turning
+                f -= op.floor_drag[b, i, j] * twist[b, j]
+            angular += op.mobility[b, 2, i] * f
+        work.residual[b, 2] = angular
     for e in range(body.size):
-        spin_rate[e] = room.miss[body[e], 2]
-    balance_loads(body, flat, elements, 9, force, load.mass, load.inertia, rate, sums, balanced)
-    return passes
-
-
-def close_alone(motion: BodyMotion, opened: Floats, before: Floats, half: float, met: Ints, room: BodyRoom) -> Floats:
-    """Find the velocities at the end of a step of the fragments that touched no other, as `arrive` does.
-
-    ``opened``, ``before``: velocities in the middle and at the start of the step (shape (fragments, 3)); ``half``: half
-    the step, s.
-    """
-    rate, m = 2.0 * opened - before, motion
-    room.sought[:] = True
-    room.sought[met] = False
-    check_passes(close_step(m.body, m.elements, m.load, m.inertia, m.mobility, m.floor, opened, rate, half, room))
-    return rate
-
-
-def relax(bodies: Bodies, load: Loading, flat: Floats, bend: Floats, rotation: Floats, shifted: Booleans) -> bool:
-    """Take the mean displacement off the displacements ``bend`` of an equilibrium, in place, and turn the elements by it.
-
-    ``flat``: places of the elements in their fragments, m (shape (elements, 2)); ``bend``:  (shape (elements, 3));
-    ``rotation``: of the elements, rad (shape (elements,)); ``shifted``: fragments that keep their mean displacement:
-    those with supports (shape (fragments,)).
-    """
-    count = bodies.pose.shape[0]
-    mean, first = np.empty((count, 3)), np.empty((count, 4))
-    return bool(_relax(bodies.body, flat, bend, bodies.bend, rotation, load.mass, load.inertia, shifted, mean, first))
+        spin_rate[e] = work.residual[body[e], 2]
+    # The cosine and sine of the fragment's axis stand in columns 9 and 10 of the levers.
+    balance_loads(body, xy, levers, 9, force, forcing.mass, forcing.inertia, twist, sums, load)
+    return iterations
 
 
 @borrower
-def _relax(
-    body: Ints, flat: Floats, bend: Floats, before: Floats, rotation: Floats, mass: Floats, inertia: Floats,
-    shifted: Booleans, mean: Floats, first: Floats,
+def remove_rigid_modes(
+    body: Ints, xy: Floats, displacement: Floats, before: Floats, rotation: Floats, forcing: ElementForcing,
+    supported: Booleans, mean: Floats, moments: Floats,
 ) -> bool:  # fmt: skip
-    """See `relax`."""
+    """Subtract the mean displacement of each fragment, which its pose holds, and rotate the elements by the rest.
+
+    Fragments with supports keep theirs. Returns whether all displacements are finite; ``before`` are those until now.
+    """
     for e in range(body.size):
         for i in range(3):
-            if not np.isfinite(bend[e, i]):
+            if not np.isfinite(displacement[e, i]):
                 return False
-    mean_bend(body, flat, bend, mass, inertia, mean, first)
+    mean_displacement(body, xy, displacement, forcing.mass, forcing.inertia, mean, moments)
     for b in range(mean.shape[0]):
-        if shifted[b]:
+        if supported[b]:
             mean[b, :] = 0.0
-    without_mean(body, flat, bend, mean, first)
+    subtract_mean(body, xy, displacement, mean, moments)
     for e in range(body.size):
-        rotation[e] += bend[e, 2] - before[e, 2]
+        rotation[e] += displacement[e, 2] - before[e, 2]
     return True
 
 
-def keep_applied_forces(
-    before: Standing, after: Standing, half: float, part: float, applied: Floats, room: BodyRoom
-) -> None:
-    """Add to ``applied`` the forces of a step: those of both its ends, by their ``part`` of the long step.
-
-    ``half``: half the step, s.
-    """
-    middle, held = np.empty_like(before.bodies.rate), np.empty_like(before.bodies.rate)
-    first, last = before.motion, after.motion
-    _keep_applied(
-        first.body, first.elements, first.load.floor, first.mobility, first.floor, before.bodies.rate, before.acting,
-        last.elements, last.load.floor, last.mobility, last.floor, after.bodies.rate, after.acting, half, part, middle,
-        held, applied, room,
-    )  # fmt: skip
-
-
 @borrower
-def _keep_applied(
-    body: Ints, motion: Floats, grip: Floats, mobility: Floats, floor: Floats, rate: Floats, acting: Acting,
-    last_motion: Floats, last_grip: Floats, last_mobility: Floats, last_floor: Floats, last_rate: Floats, last: Acting,
-    half: float, part: float, middle: Floats, held: Floats, applied: Floats, room: BodyRoom,
+def accumulate_step_forces(
+    start: BodyOperators, start_terms: ForceTerms, start_twist: Floats, end: BodyOperators, end_terms: ForceTerms,
+    end_twist: Floats, half_dt: float, part: float, middle: Floats, drag_twist: Floats, applied: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
-    """See `keep_applied_forces`."""
-    open_step(mobility, floor, rate, acting.total, half, middle, room)
-    find_held(mobility, floor, acting.total, middle, half, held, room.small)
-    keep_forces(body, motion, acting.acted, grip, held, part, applied)
-    find_held(last_mobility, last_floor, last.total, last_rate, half, held, room.small)
-    keep_forces(body, last_motion, last.acted, last_grip, held, part, applied)
+    """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``part`` of those at each of its ends."""
+    half_kick_explicit(start, start_twist, start_terms.net_force, half_dt, middle, work)
+    mean_drag_velocity(start, start_terms.net_force, middle, half_dt, drag_twist, work.scratch)
+    accumulate_forces(start, start_terms.accelerations, drag_twist, part, applied)
+    mean_drag_velocity(end, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
+    accumulate_forces(end, end_terms.accelerations, drag_twist, part, applied)

@@ -1,15 +1,20 @@
 """Quasi-static stepping: fragments move as rigid bodies, their lattices stand in equilibrium with the loads.
 
-One long step: the fragments move (`riftberg.stepping.bodies.rigid_bodies`), the forces at the new place load the lattice, and
-its equilibrium (`riftberg.stepping.lattice.equilibrium`) gives the stresses. Where a bond is overloaded, the step is cut
-where the first one fails, the crack runs (`riftberg.stepping.fracture.strengths`), the pieces become bodies of their own, and the
-rest of the step follows. Elastic waves are left out: they pass within minutes.
+A time step is a sequence of trial steps, each up to the first event in it (`TimeStep`):
+
+1. checkpoint: what a trial changes in the model is copied;
+2. trial step: contact in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
+3. events: touch-down on the sea floor, fracture by contact, overload; the trial is rolled back and taken again to the first;
+4. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own;
+5. acceptance: forces and peak stresses of the step are recorded.
+
+Elastic waves are left out: they pass within minutes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,100 +27,102 @@ from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
-from riftberg.stepping.bodies.pose import Bodies, flat_shape, free_bodies, place, regrouped
-from riftberg.stepping.bodies.rigid_bodies import BodyMotion, BodyRoom, allocate_body_room, touching_pairs
-from riftberg.stepping.contact.candidates import NEWBORN_CHILD, among, pairs_that_may_meet
-from riftberg.stepping.contact.groups import NOBODY, joined
-from riftberg.stepping.contact.islands import Blow, Meeting, blow_on_all, caught_up, meet
-from riftberg.stepping.contact.land import leaders, led, ways_back
+from riftberg.stepping.bodies.dynamics import (
+    BodyOperators,
+    BodyWorkspace,
+    ForceTerms,
+    allocate_body_workspace,
+    check_converged,
+    find_contact_pairs,
+    half_kick_newton,
+)
+from riftberg.stepping.bodies.pose import (
+    Bodies,
+    bodies_from_elements,
+    place_elements,
+    split_bodies,
+    tangent_coordinates,
+)
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, candidate_pairs, with_both
+from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs
+from riftberg.stepping.contact.islands import (
+    ContactPhase,
+    PeakContactLoad,
+    resolve_contacts,
+    scatter_peak_load,
+    trapezoidal_correction,
+)
+from riftberg.stepping.contact.land import corrected_poses, land_corrections, leading_elements
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
-from riftberg.stepping.fracture.criteria import (
-    AveragedStress,
-    BondStress,
-    Criterion,
-    Equilibrium,
-    characteristic_distance,
+from riftberg.stepping.fracture.criteria import Criterion, Equilibrium, criterion_for
+from riftberg.stepping.fracture.strengths import (
+    Strengths,
+    grow_damage,
+    record_peak_stress,
+    residual_strengths,
+    store_stresses,
 )
-from riftberg.stepping.fracture.strengths import Limits, keep_peaks, limits_of, store_stresses, wear
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.lattice.equilibrium import (
     ElasticLattice,
-    Factors,
-    Holds,
+    StiffnessSolver,
+    Supports,
     balanced_loads,
     elastic_energy,
     find_lattice,
 )
 from riftberg.stepping.quasi_static.rigid_step import (
-    Standing,
-    arrive,
-    close_alone,
-    depart,
-    keep_applied_forces,
-    motion_at,
-    relax,
+    BodyState,
+    accumulate_step_forces,
+    assemble_operators,
+    correct,
+    predict,
+    remove_rigid_modes,
 )
-from riftberg.stepping.quasi_static.sync import Left, followed, left_by
+from riftberg.stepping.quasi_static.sync import StepSnapshot, sync_bodies, take_snapshot
 from riftberg.stepping.run_state import RunState
 
-EVENTS = 64
-"""Cracks begin at most this often in a long step: overloads that follow each other sooner are met together."""
+MAX_CRACKS_PER_STEP = 64
+"""Cracks begin at most this often in a time step: overloads that follow each other sooner are found together."""
 
-TOUCHDOWN = 64
-"""Part of the shortest landing step within which the moment is found at which an element touches down."""
+EVENT_TOLERANCE = 1.0 / 64.0
+"""Events are located to this part of the shortest step in which their cause is resolved.
 
-MOST_CORRECTIONS = 90
-"""Columns of Woodbury's formula beyond which the matrix is factored anew."""
+That is the grounding step for touch-down (a few seconds in a step of half an hour), the shortest sub-step for fracture by
+contact, and the shortest interval between two cracks for overload (under half a second).
+"""
 
+MAX_LOW_RANK_UPDATES = 90
+"""Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
 
-@dataclass
-class Structure:
-    """The lattice between two breaks: places of the elements in their fragments, bonds that hold, factors, criterion."""
+BODY_NAMES = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
+"""Names of the fields of `Bodies` in a restart file."""
 
-    flat: Floats
-    lattice: ElasticLattice
-    alive: Ints
-    holds: Holds
-    factors: Factors
-    criterion: Criterion
-    latest: Equilibrium | None = None
-    known: tuple[tuple[int, bytes, bytes], Limits] | None = None
-
-    def limits(self, bonds: Bonds, p: KernelParameters) -> Limits:
-        """Return the strengths that the bonds that hold have left, found anew where strength or damage has changed."""
-        key = self.alive.size, bonds.strength.tobytes(), bonds.damage.tobytes()
-        if self.known is None or self.known[0] != key:
-            self.known = key, limits_of(bonds, self.alive, p)
-        return self.known[1]
-
-    def under(self, bend: Floats, p: KernelParameters) -> Equilibrium:
-        """Return the equilibrium with these displacements, whose stresses are found once for all that ask one after the other."""
-        known = self.latest
-        if known is None or known.bend is not bend or known.alive is not self.alive:
-            self.latest = known = Equilibrium(self.lattice, self.alive, bend, p)
-        return known
+SNAPSHOT_NAMES = tuple(f"rigid_left_{name}" for name in StepSnapshot._fields)
+"""Names of the fields of `StepSnapshot` there."""
 
 
 class QuasiStaticStepper:
-    """Rigid bodies with lattices in equilibrium."""
+    """The scheme: what it knows from one time step to the next."""
 
     def __init__(self) -> None:
         self._bodies: Bodies | None = None
-        self._structure: Structure | None = None
-        self._now: Standing | None = None
+        self._lattice: FactoredLattice | None = None
+        self._state: BodyState | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
-        self._ice: list[bytes] = []
+        self._topology: list[bytes] = []
         self._sizes: Sizes | None = None
-        self._room: BodyRoom | None = None
-        self._touched = NOBODY
-        self._left: Left | None = None
-        self._began: tuple[float, Bodies | None, Left | None] = math.nan, None, None  # the last step
+        self._work: BodyWorkspace | None = None
+        self._touched = NO_PAIRS
+        self._snapshot: StepSnapshot | None = None
+        # Time, bodies and snapshot at the start of the last step, for a model that takes a failed step back.
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None] = math.nan, None, None
 
     @property
     def applied(self) -> Floats:
-        """See `riftberg.stepping.stepper.Stepper.applied`: means of both ends of each step, by its length."""
+        """See `riftberg.stepping.stepper.Stepper.applied`: by the trapezoidal rule over all parts of the step."""
         return self._applied
 
     @property
@@ -125,17 +132,19 @@ class QuasiStaticStepper:
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        bodies = {} if self._bodies is None else dict(zip(MEMORY, self._bodies, strict=True))
-        return bodies if self._left is None else {**bodies, **dict(zip(MEMORY_LEFT, self._left, strict=True))}
+        bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
+        return (
+            bodies if self._snapshot is None else {**bodies, **dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))}
+        )
 
     def load_state_dict(self, kept: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
-        if all(name in kept for name in MEMORY):
-            body, *rest = (np.asarray(kept[name]) for name in MEMORY)
+        if all(name in kept for name in BODY_NAMES):
+            body, *rest = (np.asarray(kept[name]) for name in BODY_NAMES)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
-        if all(name in kept for name in MEMORY_LEFT):  # files of earlier versions lack it
-            ids, *rest = (np.asarray(kept[name]) for name in MEMORY_LEFT)
-            self._left = Left(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
+        if all(name in kept for name in SNAPSHOT_NAMES):
+            ids, *rest = (np.asarray(kept[name]) for name in SNAPSHOT_NAMES)
+            self._snapshot = StepSnapshot(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
 
     def sample_forcing(self, model: RunState) -> None:
         """Sample at the present positions."""
@@ -146,506 +155,604 @@ class QuasiStaticStepper:
         return model.elements.u_sync.copy(), model.elements.v_sync.copy()
 
     def step(self, model: RunState) -> None:
-        """Advance by one long step."""
-        if self._began[0] == model.time:  # the last step was taken back, after it had been taken here
-            (_, self._bodies, self._left), self._now = self._began, None
-        self._began = model.time, self._bodies, self._left
-        unknown = self._follow_changes(model)
-        step = LongStep(model, self._bodies, self._structure, self._now, self._sizes, unknown)
-        step.room = step.room or self._room
-        self._structure = self._now = None  # a step that fails leaves them half changed
+        """Advance by one time step."""
+        if self._last_start[0] == model.time:  # the model has taken the last step back
+            (_, self._bodies, self._snapshot), self._state = self._last_start, None
+        self._last_start = model.time, self._bodies, self._snapshot
+        unknown = self._sync(model)
+        step = TimeStep(model, self._bodies, self._lattice, self._state, self._sizes, self._work, unknown)
+        self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
-        self._bodies, self._structure, self._now = step.now.bodies, step.structure, (None if step.cracked else step.now)
-        self._applied = step.applied
-        self._touched = joined(step.touched)
-        self._sizes, self._room = step.sizes, step.room
+        # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
+        # restarted run does.
+        self._bodies, self._lattice, self._state = step.state.bodies, step.lattice, None if step.cracked else step.state
+        self._applied, self._touched = step.applied, concatenate_pairs(step.touched)
+        self._sizes, self._work = step.sizes, step.work
         if step.cracked:
-            self._ice = _ice(model)
-        self._left = left_by(model.elements)
+            self._topology = _topology_key(model)
+        self._snapshot = take_snapshot(model.elements)
         model.time = step.start + model.parameters.stepping.time_step
 
-    def _follow_changes(self, model: RunState) -> NDArray[np.bool_] | None:
-        """Forget the lattice where ice, bonds or supports have changed, and follow what happened to the bodies.
+    def _sync(self, model: RunState) -> NDArray[np.bool_] | None:
+        """Discard the lattice where ice, bonds or supports have changed since the last step, and bring the bodies up to date.
 
         Returns which bodies take the velocity of their elements; None where all are as the last step has left them.
         """
-        now, count = _ice(model), model.elements.size
-        rows, same = self._ice[:HANGS] == now[:HANGS], self._ice == now
-        if self._ice and not same:
-            self._structure = self._now = self._sizes = None
-        self._ice = now
+        now, count = _topology_key(model), model.elements.size
+        same_connectivity = self._topology[:N_CONNECTIVITY] == now[:N_CONNECTIVITY]
+        if self._topology and self._topology != now:
+            self._lattice = self._state = self._sizes = None
+        self._topology = now
         if self._bodies is None:
             return None
-        if self._left is None or self._left.id.size != self._bodies.body.size:
+        if self._snapshot is None or self._snapshot.id.size != self._bodies.body.size:
             self._bodies = self._bodies if self._bodies.body.size == count else None
-        elif not (rows and self._left.is_still(model.elements)):
-            bodies, unknown = followed(model.elements, model.bonds, self._bodies, self._left, model.constants)
-            self._now = None  # loads may be other ones
+        elif not (same_connectivity and self._snapshot.is_current(model.elements)):
+            bodies, unknown = sync_bodies(model.elements, model.bonds, self._bodies, self._snapshot, model.constants)
+            self._state = None  # given forces may have changed
             if unknown.any() or not np.array_equal(bodies.body, self._bodies.body):
-                self._bodies, self._structure = bodies, None
+                self._bodies, self._lattice = bodies, None
                 return unknown
         return None
 
 
-def _ice(model: RunState) -> list[bytes]:
-    """What frames and lattice are made of: elements, supports, bonds that hold, and ice; as bytes, which compare quickly."""
+def _topology_key(model: RunState) -> list[bytes]:
+    """What bodies and lattice are made of: elements, supports, bonds that hold, and ice; as bytes, which compare quickly."""
     body, bonds = model.elements.body, model.bonds
     kept = body.id, body.static, body.free_y, bonds.id, bonds.status, body.mass, body.thickness, body.length, body.width
     return [array.tobytes() for array in kept]
 
 
-HANGS = 5
-"""How many of them say which elements there are, and what holds them together and in place."""
-
-MEMORY = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
-"""Names of the fields of `Bodies` in a restart file."""
-
-MEMORY_LEFT = tuple(f"rigid_left_{name}" for name in Left._fields)
-"""Names of the fields of `Left` there."""
+N_CONNECTIVITY = 5
+"""How many of them are about connectivity: which elements there are, and what holds them together and in place."""
 
 
-class LongStep:
-    """One long step of a model."""
+@dataclass
+class Trial:
+    """A trial step from the state at its start; positions, rotation and damage in the model have followed it."""
+
+    h: float  # s
+    state: BodyState  # At its end
+    contact: ContactPhase | None  # What contact did on the way
+    peak: Equilibrium | None = None  # Under the peak contact loads, once they have been asked for
+
+
+class TimeStep:
+    """One time step of a model, from event to event."""
 
     def __init__(
-        self, model: RunState, bodies: Bodies | None, structure: Structure | None, now: Standing | None,
-        sizes: Sizes | None, unknown: NDArray[np.bool_] | None = None,
+        self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
+        state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
+        unknown: NDArray[np.bool_] | None = None,
     ) -> None:  # fmt: skip
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
-        self.sizes: Sizes = sizes or interaction_sizes(self.el, self.c)
-        self.start, self.cracked = model.time, False
-        self.applied = np.zeros((self.el.size, len(FORCES), 2))
-        self.touched: list[tuple[Ints, Ints]] = []
-        self._soon = math.inf  # longest next part, s
-        self._near = no_pairs(self.el.mass.size)
-        self.meeting: Meeting | None = None  # of the last step
-        self._blown: tuple[Meeting, Equilibrium] | None = None
-        self.room: BodyRoom | None = None
+        self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
+        self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
+        self.applied = np.zeros((self.el.size, len(FORCES), 2))  # mean accelerations so far, by their part of the step
+        self.touched: list[tuple[Ints, Ints]] = []  # elements of the pairs in contact so far
+        self._max_dt = self.dt  # longest trial step for the rest of the time step
+        self._none = no_pairs(self.el.mass.size)
         fresh = bodies is None or unknown is not None
-        bodies = self._first_bodies() if bodies is None else bodies
-        self.structure = structure or self._build(bodies)
-        if unknown is not None:
-            bodies = bodies._replace(rate=np.where(unknown[:, None], self._rates(bodies), bodies.rate))
-        self.now = now or self._moment(bodies, model.time)
+        if bodies is None:
+            bodies = self._first_bodies()
+        self.lattice = lattice or self._factored_lattice(bodies)
         if fresh:
-            self._bend()
-        self.seat = self.now.bodies.bend
-        self.bonds.peak_stress[self.structure.alive] = self._equilibrium().stress[:, 0]
+            known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
+            bodies = bodies._replace(twist=np.where(known[:, None], bodies.twist, self._twists_of_elements(bodies)))
+        self.state = state or self._state_at(bodies, model.time)
+        if fresh:
+            self.state = self._in_equilibrium(self.state)
+        self.frozen_displacement = self.state.bodies.displacement
+        self.bonds.peak_stress[self.lattice.intact] = self._equilibrium(self.state).stress[:, 0]
 
     def run(self) -> None:
-        """Go to the end of the long step, over breaks and landings."""
-        p = self.model.parameters
-        end, dt = self.start + p.stepping.time_step, p.stepping.time_step
-        may_break = p.fracture.enabled and not (self.model.step_number == 0 and p.fracture.not_in_first_step)
-        if may_break and self.model.step_number == 0:
-            self._crack(-1)
-        longest = dt
-        while (left := end - self.now.time) > 1e-9 * dt:
-            pieces = math.ceil(left / longest - 1e-9)
-            h, self._soon = min(left / pieces, self._soon), math.inf
-            longest = min(longest, self._go(h, dt, may_break))
-            if self.meeting is not None or end - self.now.time > 1e-9 * dt:  # the last equilibrium is stored below
-                self._peak()
-        self._store(self._equilibrium())
+        """Advance to the end of the time step."""
+        fracture, first_step = self.model.parameters.fracture, self.model.step_number == 0
+        may_break = fracture.enabled and not (first_step and fracture.not_in_first_step)
+        if may_break and first_step:
+            self._propagate_crack()
+        end, next_dt = self.start + self.dt, math.inf
+        while (left := end - self.state.time) > 1e-9 * self.dt:
+            # The rest in equal parts, so that the last one is no shorter than it must be.
+            parts = math.ceil(left / self._max_dt - 1e-9)
+            next_dt = self._advance_to_event(min(left / parts, next_dt), may_break)
+        self._store(self._equilibrium(self.state))
 
-    def _go(self, h: float, dt: float, may_break: bool) -> float:
-        """Take one step of at most ``h`` s, up to the first break; returns the longest step that is right from here on."""
-        landing = dt / self.model.parameters.stepping.landing_steps
-        before, kept = self.now, self._keep()
-        taken = h
-        aground = before.motion.load.aground
-        self._advance(h)
-        if h > landing * (1.0 + 1e-9) and self._touch_changed(aground):
-            # An element has touched down or come off: shorter steps, for the rest of this long step.
-            self._back(before, kept)
-            return landing
-        landed = False
-        if landing < dt and self._landed(aground):
-            h = taken = self._touchdown(before, kept, h, landing / TOUCHDOWN)
-            landed = self._landed(aground)
-        if may_break:
-            s, limits = self.structure, self.structure.limits(self.bonds, self.c)
-            least = dt / EVENTS if self.cracked else 0.0
-            if self._fails(self._struck()):
-                taken = self._broken_by_blow(before, kept, h, least)
-                self._apply(before, taken)
-                self._crack(-1)
-                return dt
-            place, share = s.criterion.first_break(before.bodies.bend, self._equilibrium(), limits)
-            if place >= 0:
-                # The load of a landing sets in at its end, not evenly over the step.
-                if (short := max(share * h, least)) < h * (1.0 - 1e-9) and not landed:
-                    self._back(before, kept)
-                    self._advance(short)
-                    taken = short
-                self._apply(before, taken)
-                self._crack(int(s.alive[s.criterion.bond_at(place, self._equilibrium(), limits)]))
-                return dt
-        self._apply(before, taken)
-        return dt
+    # One step to the first event
 
-    def _landed(self, aground: Floats) -> bool:
-        """Whether an element touches the floor that did not by ``aground``."""
-        now = self.now.motion.load.aground
-        return now.tobytes() != aground.tobytes() and bool(((now > 0.0) & (aground == 0.0)).any())
+    def _advance_to_event(self, h: float, may_break: bool) -> float:
+        """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s).
 
-    def _touch_changed(self, aground: Floats) -> bool:
-        """Whether an element touches the floor that did not by ``aground``, or the other way round."""
-        now = self.now.motion.load.aground
-        # Afloat, as nearly always, the bytes are the same, and compared quickly.
-        return now.tobytes() != aground.tobytes() and bool(((now > 0.0) != (aground > 0.0)).any())
+        The order in which events are looked for is the order in which one invalidates what the trial says about the next:
 
-    def _touchdown(self, before: Standing, kept: list[np.ndarray], h: float, near: float) -> float:
-        """Shorten a step in which an element touches down: it ends before, and the next one just after; returns its length.
+        1. The set of grounded elements changes in a step that is too long to resolve the drag of the sea floor. All loads
+           of the trial are then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in
+           shorter steps. No event is taken: they are looked for again in these.
+        2. Touch-down. The floor acts at once and with full force, and stress is largest at that moment. Before a bond is
+           judged, the step must end either just before the touch or just after it: in a longer step the load at its end
+           would be that of a fragment that the floor has slowed already.
+        3. Fracture by contact. Its loads peak within the step, so it comes before what the end of the step shows.
+        4. Overload under the loads at the end, which grow evenly from the start of the step.
 
-        The force of the floor sets in at once and then slows the fragment: stress is largest at the moment of touching. A
-        step that ends within ``near`` s after it begins is left as it is.
+        A step that ends before a touch-down may still hold a fracture; one that breaks bonds ends the step, as its pieces are
+        other bodies. Overload at the start can not be: the crack of the step before ran until there was none.
         """
-        free, landed = 0.0, h
-        while landed - free > near:
-            middle = 0.5 * (free + landed)
-            self._back(before, kept)
-            self._advance(middle)
-            free, landed = (free, middle) if self._landed(before.motion.load.aground) else (middle, landed)
-        if h <= near:
-            return h
-        self._back(before, kept)
-        self._advance(free or landed)
-        if free:
-            self._soon = 1.5 * (landed - free)
-        return free or landed
+        grounding_dt = self.dt / self.model.parameters.stepping.landing_steps
+        start, checkpoint = self.state, self._checkpoint()
+        aground, next_dt, touched_down = start.operators.forcing.aground, math.inf, False
 
-    def _peak(self) -> None:
-        """Keep the largest stress of each bond within the long step."""
-        for moment in (self._equilibrium(), self._struck()):
-            if moment is not None:
-                keep_peaks(self.bonds.peak_stress, self.structure.alive, moment.stress)
+        def retry(h: float) -> Trial:
+            self._rollback(checkpoint)
+            return self._trial(start, h)
 
-    def _apply(self, before: Standing, taken: float) -> None:
-        """Keep the forces of a step of ``taken`` s: the mean of both ends, by its part of the long step."""
-        dt, met = self.model.parameters.stepping.time_step, self.meeting
-        earlier = self.applied[met.rows] if met else self.applied[:0]
-        part, room = 0.5 * taken / dt, self._room_for(self.now.bodies)
-        keep_applied_forces(before, self.now, 0.5 * taken, part, self.applied, room)
-        self.touched.append((self.now.motion.touching.first, self.now.motion.touching.second))
-        if met is not None:
-            self.applied[met.rows] = earlier + met.applied / dt
-            self.touched.append((met.first, met.second))
+        trial = self._trial(start, h)
+        if h > grounding_dt * (1.0 + 1e-9) and _grounded_set_changed(trial, aground):
+            self._rollback(checkpoint)
+            self._max_dt = grounding_dt
+            return math.inf
 
-    def _keep(self) -> list[np.ndarray]:
-        """Return what a trial step changes and the next trial needs as it was; all else is found anew."""
+        if grounding_dt < self.dt and _newly_grounded(trial, aground):
+            tolerance = grounding_dt * EVENT_TOLERANCE
+            before, after = _bracket(lambda t: _newly_grounded(retry(t), aground), h, tolerance)
+            if h > tolerance:  # else the trial ends just after the touch already
+                trial = retry(before or after)
+                # The next step must reach past the touch, and no farther than it must. From its new start the fragment goes
+                # on a slightly other path than in the trials, so half the bracket is added for it.
+                next_dt = 1.5 * (after - before) if before else math.inf
+            touched_down = _newly_grounded(trial, aground)
+        if not may_break:
+            self._accept(start, trial)
+            return next_dt
+
+        # After a first crack the next one begins no sooner than this: a piece that shatters must not stop the clock.
+        h, least = trial.h, self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
+        if self._overload(self._peak_equilibrium(trial)) > 0.0 and trial.contact is not None:
+            shortest = trial.contact.shortest_substep
+
+            def overloaded(t: float) -> bool:
+                trial = retry(t)
+                return max(self._overload(self._peak_equilibrium(trial)), self._overload(self._end(trial))) > 0.0
+
+            _, after = _bracket(overloaded, h, shortest * EVENT_TOLERANCE)
+            # Cracks by contact may follow each other as quickly as its sub-steps.
+            trial = retry(min(max(after, min(least, shortest)), h))
+            if self._peak_equilibrium(trial) is not None and self._overload(self._end(trial)) <= 0.0:
+                # Contact presses harder within the step than at its end: the crack runs under the peak loads.
+                assert trial.contact is not None
+                peak_load = self._peak_load(trial.state, trial.contact.peak_load)
+                trial.state = self._in_equilibrium(trial.state._replace(load=peak_load))
+            self._accept(start, trial, cracks=True)
+            self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
+            return next_dt
+
+        if self._overload(self._end(trial)) <= 0.0:
+            self._accept(start, trial)
+            return next_dt
+        first = -1
+        if not touched_down:  # the load of a touch-down sets in at its end, not evenly over the step
+            tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
+            _, after = _bracket(lambda t: self._overload(self._between(start, trial, t / h)) > 0.0, h, tolerance)
+            first = self._critical_bond(self._between(start, trial, after / h))[0]
+            if (short := max(after, least)) < h * (1.0 - 1e-9):
+                trial = retry(short)
+        self._accept(start, trial, cracks=True)
+        # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
+        # breaks in any case.
+        self._propagate_crack(first)
+        return next_dt
+
+    def _checkpoint(self) -> list[np.ndarray]:
+        """Copy what a trial step changes in the model and the next trial needs as it was; all else is found anew."""
         el = self.el
         return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage)]
 
-    def _back(self, before: Standing, kept: list[np.ndarray]) -> None:
+    def _rollback(self, checkpoint: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
         el = self.el
-        for array, values in zip((*el.place, *el.shown, el.motion.rotation, self.bonds.damage), kept, strict=True):
+        for array, values in zip(
+            (*el.place, *el.shown, el.motion.rotation, self.bonds.damage), checkpoint, strict=True
+        ):
             array[:] = values
-        self.now, self.meeting = before, None
 
-    def _advance(self, h: float) -> None:
+    def _accept(self, start: BodyState, trial: Trial, cracks: bool = False) -> None:
+        """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
+        end, contact, work = trial.state, trial.contact, self._workspace(trial.state.bodies)
+        self.state = end
+        before = self.applied[contact.rows] if contact else self.applied[:0]
+        part = 0.5 * trial.h / self.dt
+        middle, drag_twist = np.empty_like(start.bodies.twist), np.empty_like(start.bodies.twist)
+        accumulate_step_forces(
+            start.operators, start.terms, start.bodies.twist, end.operators, end.terms, end.bodies.twist, 0.5 * trial.h,
+            part, middle, drag_twist, self.applied, work,
+        )  # fmt: skip
+        self.touched.append((end.operators.contacts.first, end.operators.contacts.second))
+        if contact is not None:
+            # In contact the impulses of all forces were summed over the sub-steps instead.
+            self.applied[contact.rows] = before + contact.applied / self.dt
+            self.touched.append((contact.first, contact.second))
+        if not cracks:
+            self._record_peaks(self._equilibrium(end), self._peak_equilibrium(trial))
+
+    def _record_peaks(self, *moments: Equilibrium | None) -> None:
+        """Keep the largest stress of each bond within the time step."""
+        for moment in moments:
+            if moment is not None:
+                record_peak_stress(self.bonds.peak_stress, self.lattice.intact, moment.stress)
+
+    # The trial step
+
+    def _trial(self, start: BodyState, h: float) -> Trial:
         """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
-        c, now = self.c, self.now
-        met = self.meeting = self._meet(h)
-        bodies = self._place(depart(self.el, now, self.seat, h, c, self._room_for(now.bodies), met))
-        self.model.forcing.sample(self.el, now.time + h)
-        motion = self._motion(bodies)
-        if met is None:
-            self.now = self._loaded(bodies, motion, now.time + h, now.bodies.rate, 0.5 * h)
-        else:
-            rate = close_alone(motion, bodies.rate, now.bodies.rate, 0.5 * h, met.bodies, self._room_for(bodies))
-            rate, self.meeting = caught_up(met, now.motion, motion, rate, h)
-            self.now = self._loaded(bodies._replace(rate=rate), motion, now.time + h)
-        before = now.bodies.bend
-        self._bend()
-        if self.model.parameters.damage.enabled:
-            s = self.structure
-            middle = Equilibrium(s.lattice, s.alive, 0.5 * (before + self.now.bodies.bend), c)
-            wear(self.bonds, s.alive, s.criterion.ratios(middle, limits_of(self.bonds, s.alive, c)), h, c)
+        el, c, bodies = self.el, self.c, start.bodies
+        work = self._workspace(bodies)
 
-    def _meet(self, h: float) -> Meeting | None:
-        """Let the fragments that may touch each other within ``h`` s do so."""
-        now, c = self.now, self.c
-        if now.bodies.pose.shape[0] < 2:
+        # Contact: fragments that may touch each other go through the step in sub-steps, island by island.
+        contact = self._resolve_contacts(start, h)
+
+        # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
+        new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
+        contact_bodies, contact_mean = (contact.bodies, contact.mean) if contact else (NO_PAIRS[0], bodies.twist[:0])
+        predict(
+            new, bodies, start.operators, start.terms.net_force, self.frozen_displacement, h, c.latlon, c.earth_radius,
+            c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation, contact_bodies, contact_mean, work,
+        )  # fmt: skip
+        new = self._constrained_by_land(new)
+
+        # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
+        self.model.forcing.sample(el, start.time + h)
+        op, time, twist = self._operators(new), start.time + h, 2.0 * new.twist - bodies.twist
+        if contact is None:
+            state = self._corrected(new, op, time, twist, 0.5 * h)
+        else:
+            work.active[:] = True
+            work.active[contact.bodies] = False
+            check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
+            twist, contact = trapezoidal_correction(contact, start.operators, op, twist, h)
+            state = self._corrected(new, op, time, twist)
+
+        state = self._in_equilibrium(state)
+        if self.model.parameters.damage.enabled:
+            # By the equilibrium in the middle of the step (explicit midpoint rule).
+            lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
+            middle = Equilibrium(lattice.lattice, lattice.intact, displacement, 0.5 * (start.load + state.load), c)
+            drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
+            grow_damage(self.bonds, lattice.intact, drive, h, c)
+        return Trial(h, state, contact)
+
+    def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
+        """Take the fragments that may touch each other within ``h`` s through sub-steps."""
+        bodies, c = start.bodies, self.c
+        if bodies.pose.shape[0] < 2:
             return None
-        first, second = pairs_that_may_meet(self.el, now.bodies.body, self.sizes, h, c)
+        first, second = candidate_pairs(self.el, bodies.body, self.sizes, h, c)
         try:
-            return meet(self.el, now.motion, now.bodies.rate, first, second, h, self.sizes, c)
+            return resolve_contacts(self.el, start.operators, bodies.twist, first, second, h, self.sizes, c)
         except FloatingPointError:
             raise RunError(
                 f"the velocities of bergs in contact did not settle at {self.model.date:%Y-%m-%d %H:%M}"
             ) from None
 
-    def _place(self, bodies: Bodies) -> Bodies:
-        """Set the cells of the elements; where land stops one, its fragment goes back as a whole, with those in its way."""
+    def _constrained_by_land(self, bodies: Bodies) -> Bodies:
+        """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way."""
         el, c, grid = self.el, self.c, self.model.forcing.grid
-        for n in range(5):
+        for n in range(5):  # a correction may lead onto other land
             if grid is None:
                 break
             if n > 0:
-                # The floor slows an element, it does not throw it back: displacements stay for the whole long step.
-                seated = bodies._replace(bend=self.seat)
-                place(seated, el.lon, el.lat, el.static, c.latlon, c.earth_radius, c.period)
+                place_elements(
+                    bodies._replace(displacement=self.frozen_displacement), el.lon, el.lat, el.static, c.latlon,
+                    c.earth_radius, c.period,
+                )  # fmt: skip
             lon, lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
-            back = ways_back(el, lon, lat, c)
-            if not back.any():
+            correction = land_corrections(el, lon, lat, c)
+            if not correction.any():
                 break
-            lead = leaders(el, lon, lat, back, bodies.body, c)
-            bodies = bodies._replace(pose=led(bodies.pose, el, lon, lat, lead, c))
-        self._show(bodies)
+            leading = leading_elements(el, lon, lat, correction, bodies.body, c)
+            bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
+        self._publish_positions(bodies)
         return bodies
 
-    def _show(self, bodies: Bodies) -> None:
-        """Let fragments see each other as they are without load.
-
-        Displacements lag by one step. A slender piece bends by more than its contact is pressed in: seen bent, it came out of
-        contact in one step and deeper into it in the next.
-        """
+    def _publish_positions(self, bodies: Bodies) -> None:
+        """Let fragments see each other as they are without load."""
+        # A slender piece bends by more than its contact is pressed in, and displacements lag by one step: seen bent, it
+        # came out of contact in one step and deeper into it in the next.
         el, c = self.el, self.c
         el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
         if bodies.pose.shape[0] > 1:
-            straight = bodies._replace(bend=np.zeros_like(bodies.bend))
-            place(straight, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
+            undeformed = bodies._replace(displacement=np.zeros_like(bodies.displacement))
+            place_elements(undeformed, el.lon_pair, el.lat_pair, el.static, c.latlon, c.earth_radius, c.period)
 
-    def _room_for(self, bodies: Bodies) -> BodyRoom:
-        """Return room for the fragments."""
-        if self.room is None or self.room.w.shape != bodies.pose.shape:
-            self.room = allocate_body_room(bodies.pose.shape[0])
-        return self.room
-
-    def _motion(self, bodies: Bodies) -> BodyMotion:
+    def _operators(self, bodies: Bodies) -> BodyOperators:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
-        touching = touching_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
-        motion = motion_at(el, self.sizes, bodies, touching, c, self._room_for(bodies))
-        s = self.structure
+        contacts = find_contact_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
+        op = assemble_operators(el, self.sizes, bodies, contacts, c, self._workspace(bodies))
         for b, inside in self._supported(bodies):
-            # Fragments with supports move only as these allow.
-            z = s.holds.modes(inside, s.flat)
-            motion.mobility[b] = z @ np.linalg.solve(z.T @ motion.inertia[b] @ z, z.T) if z.size else 0.0
-        return motion
+            # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
+            z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
+            op.mobility[b] = z @ np.linalg.solve(z.T @ op.inertia[b] @ z, z.T) if z.size else 0.0
+        return op
 
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
         el, c = self.el, self.c
         if not c.interactions or bodies.pose.shape[0] < 2:
-            return self._near
+            return self._none
         reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
         pairs = find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
         newborn = el.life.fl_k == NEWBORN_CHILD
-        return among(pairs, ~newborn) if newborn.any() else pairs
+        return with_both(pairs, ~newborn) if newborn.any() else pairs
 
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
         """Fragments with supports, and their elements."""
-        if not self.structure.holds.any:
+        if not self.lattice.supports.any:
             return []
-        held = np.unique(bodies.body[(self.el.static >= 0.5) | (self.el.free_y < 0.5)])
-        return [(int(b), np.flatnonzero(bodies.body == b)) for b in held]
+        supported = np.unique(bodies.body[(self.el.static >= 0.5) | (self.el.free_y < 0.5)])
+        return [(int(b), np.flatnonzero(bodies.body == b)) for b in supported]
 
-    def _moment(self, bodies: Bodies, time: float) -> Standing:
-        return self._loaded(bodies, self._motion(bodies), time)
+    def _corrected(
+        self, bodies: Bodies, op: BodyOperators, time: float, twist: Floats, half_dt: float = 0.0
+    ) -> BodyState:
+        """Forces and loads at ``twist``; with ``half_dt`` it is a first guess, and the second half kick is taken before."""
+        el, count = self.el, self.el.size
+        terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist))
+        force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((twist.shape[0], 7))
+        iterations = correct(
+            op, bodies.twist, twist, half_dt, half_dt > 0.0, self.lattice.xy, terms, force, load, el.motion, el.shown,
+            el.kicks.spin_rate, sums, self._workspace(bodies),
+        )  # fmt: skip
+        check_converged(iterations)
+        state = BodyState(time, bodies._replace(twist=twist), op, terms, force, load)
+        self._set_supported_loads(state, load, op.levers[:, 9:11], force)
+        return state
 
-    def _loaded(
-        self, bodies: Bodies, motion: BodyMotion, time: float, before: Floats | None = None, half: float = 0.0
-    ) -> Standing:
-        """Forces and loads of a moment; see `riftberg.stepping.quasi_static.rigid_step.arrive`."""
-        s = self.structure
-        now = arrive(self.el, s.flat, bodies, motion, time, before, half, self._room_for(bodies))
-        self._hold(now, now.load, motion.elements[:, 9:11], now.force)
-        return now
+    def _state_at(self, bodies: Bodies, time: float) -> BodyState:
+        """Forces and loads where the bodies are."""
+        return self._corrected(bodies, self._operators(bodies), time, bodies.twist)
 
-    def _hold(self, now: Standing, balanced: Floats, turn: Floats, force: Floats) -> None:
-        """Put the loads of fragments with supports, which carry a part of them, into those of free fragments."""
-        s, load = self.structure, now.motion.load
-        for _, inside in self._supported(now.bodies):
-            z = s.holds.modes(inside, s.flat)
-            balanced[inside] = _supported_loads(inside, z, s.flat, turn, force, load.mass, load.inertia)
+    def _set_supported_loads(self, state: BodyState, balanced: Floats, turn: Floats, force: Floats) -> None:
+        """Replace the loads of fragments with supports, which carry a part of them, in those of free fragments."""
+        lattice, forcing = self.lattice, state.operators.forcing
+        for _, inside in self._supported(state.bodies):
+            z = lattice.supports.rigid_modes(inside, lattice.xy)
+            balanced[inside] = _supported_loads(inside, z, lattice.xy, turn, force, forcing.mass, forcing.inertia)
 
-    def _bend(self) -> None:
-        """Find the equilibrium under the present loads."""
-        now = self.now
-        bend = self.structure.factors.solve(now.load)
-        shifted = np.zeros(now.bodies.pose.shape[0], np.bool_)
-        for b, _ in self._supported(now.bodies):
-            shifted[b] = True
-        if not relax(now.bodies, now.motion.load, self.structure.flat, bend, self.el.rotation, shifted):
+    def _in_equilibrium(self, state: BodyState) -> BodyState:
+        """Return the state with the displacements of the equilibrium under its loads."""
+        bodies, count = state.bodies, state.bodies.pose.shape[0]
+        displacement = self.lattice.solver.solve(state.load)
+        supported = np.zeros(count, np.bool_)
+        for b, _ in self._supported(bodies):
+            supported[b] = True
+        finite = remove_rigid_modes(
+            bodies.body, self.lattice.xy, displacement, bodies.displacement, self.el.rotation, state.operators.forcing,
+            supported, np.empty((count, 3)), np.empty((count, 4)),
+        )  # fmt: skip
+        if not finite:
             raise RunError(f"the equilibrium of the lattice is not a number at {self.model.date:%Y-%m-%d %H:%M}")
-        self.now = now._replace(bodies=now.bodies._replace(bend=bend))
+        return state._replace(bodies=bodies._replace(displacement=displacement))
 
-    # Blows
+    # Events
 
-    def _struck(self) -> Equilibrium | None:
-        """Return the equilibrium under the heaviest loads of contact in the last step; None where no bonded berg was touched."""
-        met, s = self.meeting, self.structure
-        if met is None or not met.blow.rows.size:
+    def _overload(self, moment: Equilibrium | None) -> float:
+        """Sign function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
+        return -1.0 if moment is None else self._critical_bond(moment)[1] - 1.0
+
+    def _end(self, trial: Trial) -> Equilibrium:
+        """Return the equilibrium at the end of a trial."""
+        return self._equilibrium(trial.state)
+
+    def _between(self, start: BodyState, trial: Trial, share: float) -> Equilibrium:
+        """Return the equilibrium at a part of a trial: loads go evenly from start to end, and displacements with them."""
+        one, two = start.bodies.displacement, trial.state.bodies.displacement
+        load = start.load + share * (trial.state.load - start.load)
+        return Equilibrium(self.lattice.lattice, self.lattice.intact, one + share * (two - one), load, self.c)
+
+    def _peak_equilibrium(self, trial: Trial) -> Equilibrium | None:
+        """Return the equilibrium under the peak contact loads of a trial; None where no bonded fragment was touched."""
+        contact, lattice = trial.contact, self.lattice
+        if contact is None or not contact.peak_load.rows.size:
             return None
-        if self._blown is None or self._blown[0] is not met:
-            self._blown = met, Equilibrium(s.lattice, s.alive, s.factors.solve(self._load(met.blow)), self.c)
-        return self._blown[1]
+        if trial.peak is None:
+            load = self._peak_load(trial.state, contact.peak_load)
+            trial.peak = Equilibrium(lattice.lattice, lattice.intact, lattice.solver.solve(load), load, self.c)
+        return trial.peak
 
-    def _load(self, blow: Blow) -> Floats:
-        """Balanced loads with those of a blow, each fragment's at its own moment."""
-        now, load, s = self.now, self.now.motion.load, self.structure
-        force, turn, spin = blow_on_all(blow, self.el.size, now.bodies.pose.shape[0])
-        struck = balanced_loads(now.bodies.body, s.flat, turn, force, load.mass, load.inertia, spin)
-        self._hold(now, struck, turn, force)
-        balanced = now.load.copy()
-        balanced[blow.rows] = struck[blow.rows]
-        return balanced
+    def _peak_load(self, state: BodyState, peak: PeakContactLoad) -> Floats:
+        """Balanced loads at the end of a trial, those of the touched fragments at the moment of their peak contact load."""
+        forcing, lattice = state.operators.forcing, self.lattice
+        force, axes, spin = scatter_peak_load(peak, self.el.size, state.bodies.pose.shape[0])
+        at_peak = balanced_loads(state.bodies.body, lattice.xy, axes, force, forcing.mass, forcing.inertia, spin)
+        self._set_supported_loads(state, at_peak, axes, force)
+        load = state.load.copy()
+        load[peak.rows] = at_peak[peak.rows]
+        return load
 
-    def _fails(self, moment: Equilibrium | None) -> bool:
-        """Whether a bond is overloaded."""
-        return moment is not None and self._overloaded(moment) >= 0
+    # Fracture
 
-    def _broken_by_blow(self, before: Standing, kept: list[np.ndarray], h: float, least: float) -> float:
-        """Shorten a step in which contact breaks a bond to the moment at which the first is overloaded; returns its length.
+    def _propagate_crack(self, first: int = -1) -> None:
+        """Break bonds under fixed loads until none is overloaded: a crack runs faster than the loads change.
 
-        Sub-steps of contact are resolved to a sixteenth. The lattice then stands under the heaviest loads up to there.
+        The most critical bond breaks, then the next one in the equilibrium without it. ``first`` (a row of the state)
+        begins in any case where none is overloaded.
         """
-        met = self.meeting
-        near = met.shortest / 16.0 if met else h
-        whole, failed, least = 0.0, h, min(least, 16.0 * near)
-        while failed - whole > near and failed > least:
-            middle = 0.5 * (whole + failed)
-            self._back(before, kept)
-            self._advance(middle)
-            fails = self._fails(self._struck()) or self._fails(self._equilibrium())
-            whole, failed = (whole, middle) if fails else (middle, failed)
-        taken = min(max(failed, least), h)
-        self._back(before, kept)
-        self._advance(taken)
-        if self.meeting is not None and self._struck() is not None and not self._fails(self._equilibrium()):
-            self.now = self.now._replace(load=self._load(self.meeting.blow))
-            self._bend()
-        return taken
-
-    # Breaking
-
-    def _crack(self, first: int) -> None:
-        """Break bonds until none is overloaded; ``first`` breaks in any case (-1: only if it is overloaded)."""
-        now = self._equilibrium()
+        now = self._equilibrium(self.state)
         self._store(now)
-        overloaded = self._overloaded(now)
-        bond = overloaded if overloaded >= 0 else first
+        bond, ratio = self._critical_bond(now)
+        bond = bond if ratio > 1.0 else first
         if bond < 0:
             return
-        self.cracked, self.meeting = True, None
-        whole = elastic_energy(self.now.bodies.bend, self.now.load)
-        starter = bond
-        while bond >= 0:
-            self._break(bond)
-            now = self._equilibrium()
-            bond = self._overloaded(now)
-            if bond >= 0:
-                self._store(now)
-        self._released(starter, whole - elastic_energy(self.now.bodies.bend, self.now.load))
-        self._settle_fragments()
+        self.cracked, starter = True, bond
+        energy = elastic_energy(self.state.bodies.displacement, self.state.load)
+        while True:
+            self._break_bond(bond)
+            now = self._equilibrium(self.state)
+            bond, ratio = self._critical_bond(now)
+            if ratio <= 1.0:
+                break
+            self._store(now)
+        self.bonds.released_energy[starter] = energy - elastic_energy(self.state.bodies.displacement, self.state.load)
+        self._renumber()
+        self._record_peaks(self._equilibrium(self.state))
 
-    def _equilibrium(self) -> Equilibrium:
-        """Return the present equilibrium."""
-        return self.structure.under(self.now.bodies.bend, self.c)
+    def _equilibrium(self, state: BodyState) -> Equilibrium:
+        """Return the equilibrium of a state."""
+        return self.lattice.equilibrium(state.bodies.displacement, state.load, self.c)
 
-    def _overloaded(self, now: Equilibrium) -> int:
-        """Row in the state of the bond that breaks next, or -1 where none is overloaded."""
-        criterion, limits = self.structure.criterion, limits_of(self.bonds, now.alive, self.c)
-        row, ratio = criterion.worst(now, limits)
-        return int(now.alive[criterion.bond_at(row, now, limits)]) if ratio > 1.0 else -1
+    def _critical_bond(self, moment: Equilibrium) -> tuple[int, float]:
+        """Row in the state of the bond that breaks next (-1 without bonds), and stress over strength: above 1 it breaks."""
+        row, ratio = self.lattice.criterion.most_critical(moment, self.lattice.strengths(self.bonds, self.c))
+        return (int(moment.intact[row]) if row >= 0 else -1), ratio
 
-    def _released(self, bond: int, energy: float) -> None:
-        """Note the energy (J) that a crack has released with the bond that began it."""
-        self.bonds.released_energy[bond] = energy
-
-    def _break(self, bond: int) -> None:
+    def _break_bond(self, bond: int) -> None:
         """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""
-        el, bonds, s = self.el, self.bonds, self.structure
+        el, bonds, lattice, state, c = self.el, self.bonds, self.lattice, self.state, self.c
         i, j = bonds.first[bond], bonds.second[bond]
-        aground = self.now.motion.load.aground
+        aground = state.operators.forcing.aground
         bonds.status[bond] = 1
-        bonds.break_time[bond] = self.now.time
+        bonds.break_time[bond] = state.time
         bonds.break_grounded[bond] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
         el.bond_count[i] -= 1
         el.bond_count[j] -= 1
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
-        if int(body.max()) + 1 != self.now.bodies.pose.shape[0]:
-            # Pieces part where they stand: a crack runs faster than ice moves. Its last bonds would let them turn by 30 degrees.
-            load, standing = self.now.motion.load, self.now.bodies._replace(bend=self.seat)
-            el.rotation[:] += self.seat[:, 2] - self.now.bodies.bend[:, 2]
-            bodies = regrouped(standing, body, load.mass, load.inertia, self.c.latlon, self.c.earth_radius)
-            self.seat = bodies.bend
-            self.structure = self._build(bodies)
-            self._show(bodies)
-            self.now = self._moment(bodies, self.now.time)
-        elif s.factors.corrections >= MOST_CORRECTIONS:
-            self.structure = self._build(self.now.bodies)
+        if int(body.max()) + 1 != state.bodies.pose.shape[0]:
+            # Pieces part where they are, with the displacements at the start of the time step: held by their last bonds
+            # alone, they would be found turned by up to 30 degrees, for which a crack leaves no time.
+            forcing, frozen = state.operators.forcing, self.frozen_displacement
+            el.rotation[:] += frozen[:, 2] - state.bodies.displacement[:, 2]
+            bodies = split_bodies(
+                state.bodies._replace(displacement=frozen),
+                body,
+                forcing.mass,
+                forcing.inertia,
+                c.latlon,
+                c.earth_radius,
+            )
+            self.frozen_displacement = bodies.displacement
+            self.lattice = self._factored_lattice(bodies)
+            self._publish_positions(bodies)
+            self.state = self._state_at(bodies, state.time)
+        elif lattice.solver.update_rank >= MAX_LOW_RANK_UPDATES:
+            self.lattice = self._factored_lattice(state.bodies)
         else:
-            s.factors.without(bond)
-            s.alive = s.alive[s.alive != bond]
-        self._bend()
+            lattice.solver.downdate(bond)
+            lattice.intact = lattice.intact[lattice.intact != bond]
+        self.state = self._in_equilibrium(self.state)
 
-    def _settle_fragments(self) -> None:
+    def _renumber(self) -> None:
         """Number the fragments anew, and start from fresh factors, which a restarted run has too."""
         model, el, bonds = self.model, self.el, self.bonds
         if self.c.broken_as_contact:
             drop_parted_bonds(bonds, connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status))
         else:
             drop_broken_bonds(bonds)
-        model.fragments.update(el, bonds, self.now.time, self.c)
-        self.structure = self._build(self.now.bodies)
-        self.now = self._moment(self.now.bodies, self.now.time)
+        model.fragments.update(el, bonds, self.state.time, self.c)
+        self.lattice = self._factored_lattice(self.state.bodies)
+        self.state = self._state_at(self.state.bodies, self.state.time)
 
     # Set-up and output
 
     def _first_bodies(self) -> Bodies:
-        """Make bodies of the elements as they stand, free of load, with the rigid motion nearest to their velocities."""
+        """Make bodies of the elements as they are, taken to be free of load."""
         el, bonds, c = self.el, self.bonds, self.c
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
-        bodies = free_bodies(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
-        self.structure = self._build(bodies)
-        return bodies._replace(rate=self._rates(bodies))
+        return bodies_from_elements(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
 
-    def _rates(self, bodies: Bodies) -> Floats:
-        """Return the rigid motions nearest to the velocities of the elements, of the same momentum."""
-        el, body, motion = self.el, bodies.body, self._motion(bodies)
-        m, load = motion.elements, motion.load
-        momentum = load.mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
-        momentum += (load.inertia * el.spin)[:, None] * m[:, 6:9]
-        sums = np.array([np.bincount(body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return np.asarray((motion.mobility @ sums[:, :, None])[:, :, 0])
+    def _twists_of_elements(self, bodies: Bodies) -> Floats:
+        """Return the rigid motions nearest to the velocities of the elements: those of the same momentum."""
+        el, op = self.el, self._operators(bodies)
+        m, mass, inertia = op.levers, op.forcing.mass, op.forcing.inertia
+        momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
+        momentum += (inertia * el.spin)[:, None] * m[:, 6:9]
+        sums = np.array([np.bincount(bodies.body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
+        return np.asarray((op.mobility @ sums[:, :, None])[:, :, 0])
 
-    def _build(self, bodies: Bodies) -> Structure:
+    def _workspace(self, bodies: Bodies) -> BodyWorkspace:
+        """Return a workspace for the fragments."""
+        if self.work is None or self.work.residual.shape != bodies.twist.shape:
+            self.work = allocate_body_workspace(bodies.pose.shape[0])
+        return self.work
+
+    def _factored_lattice(self, bodies: Bodies) -> FactoredLattice:
         """Describe and factor the lattice of the bonds that hold."""
         el, bonds, c = self.el, self.bonds, self.c
-        flat = flat_shape(bodies.shape, c.latlon, c.earth_radius)
-        lattice = find_lattice(bonds, flat, el.thickness, self.sizes, c)
-        alive = np.flatnonzero(bonds.status == 0)
-        holds = Holds(el.static, el.free_y)
-        factors = Factors(lattice, alive, holds, holds.springs(bodies.body, flat))
-        return Structure(flat, lattice, alive, holds, factors, self._criterion(lattice, alive, flat, bodies.body))
-
-    def _criterion(self, lattice: ElasticLattice, alive: Ints, flat: Floats, body: Ints) -> Criterion:
-        """What decides that bonds of this lattice break."""
-        fracture, el = self.model.parameters.fracture, self.el
-        if fracture.criterion == "bond":
-            return BondStress(lattice, self.c)
+        xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
+        lattice = find_lattice(bonds, xy, el.thickness, self.sizes, c)
+        intact = np.flatnonzero(bonds.status == 0)
+        supports = Supports(el.static, el.free_y)
+        solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(bodies.body, xy))
         volume = el.length * el.width * el.thickness
-        return AveragedStress(lattice, alive, flat, body, volume, characteristic_distance(fracture), self.c)
+        criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c)
+        return FactoredLattice(xy, lattice, intact, supports, solver, criterion)
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
-        store_stresses(self.bonds, now.lattice, now.alive, now.deformation, now.stress, self.now.motion.elements)
+        store_stresses(self.bonds, now.lattice, now.intact, now.deformation, now.stress, self.state.operators.levers)
+
+
+@dataclass
+class FactoredLattice:
+    """The lattice between two breaks, with its factors and what decides that its bonds break."""
+
+    xy: Floats  # Reference coordinates of the elements in their fragments, m; shape (elements, 2)
+    lattice: ElasticLattice
+    intact: Ints  # Bonds that hold, as rows of the state
+    supports: Supports
+    solver: StiffnessSolver
+    criterion: Criterion
+    _latest: Equilibrium | None = None
+    _strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
+
+    def strengths(self, bonds: Bonds, p: KernelParameters) -> Strengths:
+        """Return the residual strengths of the intact bonds, found anew where strength or damage has changed."""
+        key = self.intact.size, bonds.strength.tobytes(), bonds.damage.tobytes()
+        if self._strengths is None or self._strengths[0] != key:
+            self._strengths = key, residual_strengths(bonds, self.intact, p)
+        return self._strengths[1]
+
+    def equilibrium(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
+        """Return the equilibrium with these displacements; the latest is kept, so that its stresses are found once."""
+        latest = self._latest
+        if latest is None or latest.displacement is not displacement or latest.intact is not self.intact:
+            self._latest = latest = Equilibrium(self.lattice, self.intact, displacement, load, p)
+        return latest
+
+
+def _bracket(occurred: Callable[[float], bool], h: float, tolerance: float) -> tuple[float, float]:
+    """Bracket the first moment (s) of an event that has occurred by ``h``, to ``tolerance``: before it and after it.
+
+    By bisection, as what the events depend on jumps: the sea floor and other fragments act from one moment to the next.
+    """
+    before, after = 0.0, h
+    while after - before > tolerance:
+        middle = 0.5 * (before + after)
+        before, after = (before, middle) if occurred(middle) else (middle, after)
+    return before, after
+
+
+def _newly_grounded(trial: Trial, aground: Floats) -> bool:
+    """Whether an element touches the floor that did not by ``aground``."""
+    now = trial.state.operators.forcing.aground
+    # Afloat, as nearly always, the bytes are the same, and compared quickly.
+    return now.tobytes() != aground.tobytes() and bool(((now > 0.0) & (aground == 0.0)).any())
+
+
+def _grounded_set_changed(trial: Trial, aground: Floats) -> bool:
+    """Whether an element touches the floor that did not by ``aground``, or the other way round."""
+    now = trial.state.operators.forcing.aground
+    return now.tobytes() != aground.tobytes() and bool(((now > 0.0) != (aground > 0.0)).any())
 
 
 def _supported_loads(
-    inside: Ints, z: Floats, flat: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats
+    inside: Ints, z: Floats, xy: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats
 ) -> Floats:
     """Loads on a fragment with supports: forces less what moves it in the rigid motions ``z`` that they allow."""
     c, s, f, m = turn[inside, 0], turn[inside, 1], force[inside], mass[inside]
     load = np.column_stack([c * f[:, 0] + s * f[:, 1], c * f[:, 1] - s * f[:, 0], f[:, 2]])
     if not z.size:
         return load
-    x, y = flat[inside].T
+    x, y = xy[inside].T
     one, none = np.ones(inside.size), np.zeros(inside.size)
     rows = np.stack([np.array([one, none, -y]), np.array([none, one, x]), np.array([none, none, one])])
     weight = np.stack([m, m, inertia[inside]])

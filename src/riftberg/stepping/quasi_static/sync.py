@@ -1,7 +1,7 @@
 """Bodies of a run in which elements came, went, were moved or parted between two steps.
 
-A fragment to which nothing has happened stays as it is, whatever is born or melts away elsewhere: to make its body anew from
-where its elements stand would take its displacements by load for its shape, again and again.
+A fragment to which nothing has happened keeps its body, whatever is born or melts away elsewhere: a body made anew from the
+positions of its elements would take their displacements by load into its reference coordinates, again and again.
 """
 
 from __future__ import annotations
@@ -14,118 +14,119 @@ from numpy.typing import NDArray
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
-from riftberg.stepping.bodies.pose import Bodies, free_bodies, place, regrouped
+from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, place_elements, split_bodies
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 
 
-class Left(NamedTuple):
-    """Elements as a step has left them: identifiers, places (degrees or m), motion (m s-1, rad s-1), supports, loads (N)."""
+class StepSnapshot(NamedTuple):
+    """The elements at the end of a step; arrays of shape (elements,)."""
 
     id: Ints
-    lon: Floats
+    lon: Floats  # Degrees or m
     lat: Floats
-    u: Floats
+    u: Floats  # m s-1
     v: Floats
-    spin: Floats
-    static: Floats
+    spin: Floats  # rad s-1
+    static: Floats  # Supports
     free_y: Floats
-    load_x: Floats
+    load_x: Floats  # Given forces, N
     load_y: Floats
 
-    def is_still(self, el: Elements) -> bool:
-        """Whether the elements are as they were left."""
-        return all(now.tobytes() == then.tobytes() for now, then in zip(_of(el), self, strict=True))
+    def is_current(self, el: Elements) -> bool:
+        """Whether nothing of this has changed since."""
+        return all(now.tobytes() == then.tobytes() for now, then in zip(_arrays_of(el), self, strict=True))
 
 
-def _of(el: Elements) -> Left:
+def _arrays_of(el: Elements) -> StepSnapshot:
     place, motion, body = el.place, el.motion, el.body
-    return Left(
+    return StepSnapshot(
         body.id, place.lon, place.lat, motion.u, motion.v, motion.spin, body.static, body.free_y, body.load_x, body.load_y
     )  # fmt: skip
 
 
-def left_by(el: Elements) -> Left:
+def take_snapshot(el: Elements) -> StepSnapshot:
     """Return a copy of the elements as they are."""
-    return Left._make([array.copy() for array in _of(el)])
+    return StepSnapshot._make([array.copy() for array in _arrays_of(el)])
 
 
-def followed(
-    el: Elements, bonds: Bonds, old: Bodies, left: Left, p: KernelParameters
+def sync_bodies(
+    el: Elements, bonds: Bonds, old: Bodies, snapshot: StepSnapshot, p: KernelParameters
 ) -> tuple[Bodies, NDArray[np.bool_]]:
-    """Return the bodies of the elements as they are now, from those that a step has left.
+    """Return the bodies of the elements as they are now, and which of them have to take the velocity of their elements.
 
     A fragment that is as it was keeps its body. Where elements went, or bonds broke, the pieces get bodies of their own with
-    the shape that they had. Where elements were born, bonded to others or moved, the fragment is made anew from the places of
-    its elements without the displacements that load had given them.
-
-    Returns ``unknown``: fragments whose velocity is not in ``bodies``: that of their elements counts, which were born,
-    pushed or held.
+    the reference coordinates that they had. Where elements were born, bonded to others or moved, the body is made anew from
+    the positions of its elements, less their displacements by load. The velocity of the elements counts where they were
+    born, pushed or held.
     """
     body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
     count = int(body.max()) + 1
-    row, known = rows_of(left.id, el.body.id)
-    now = _of(el)
-    other = dict(zip(Left._fields, (a != b[row] for a, b in zip(now, left, strict=True)), strict=True))
-    moved = ~known | other["lon"] | other["lat"]
-    pushed = ~known | other["u"] | other["v"] | other["spin"] | other["static"] | other["free_y"]
-    source, anew = _sources(body, count, old.body[row], moved)
+    row, known = rows_of(snapshot.id, el.body.id)
+    now = _arrays_of(el)
+    differs = {name: a != b[row] for name, a, b in zip(StepSnapshot._fields, now, snapshot, strict=True)}
+    moved = ~known | differs["lon"] | differs["lat"]
+    pushed = ~known | differs["u"] | differs["v"] | differs["spin"] | differs["static"] | differs["free_y"]
+
+    # A fragment comes from one old body (``source``), unless some of its elements were moved or came from several.
+    anew, source, last = np.zeros(count, bool), np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+    anew[body[moved]] = True
+    np.minimum.at(source, body, old.body[row])
+    np.maximum.at(last, body, old.body[row])
+    anew |= source != last
     whole = ~anew & (np.bincount(body, minlength=count) == np.bincount(old.body)[source])
+
     new = Bodies(
         body, np.zeros((el.size, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((el.size, 3))
     )  # fmt: skip
     stays = whole[body]
-    new.shape[stays], new.bend[stays] = old.shape[row[stays]], old.bend[row[stays]]
-    new.pose[whole], new.rate[whole] = old.pose[source[whole]], old.rate[source[whole]]
+    new.reference[stays], new.displacement[stays] = old.reference[row[stays]], old.displacement[row[stays]]
+    new.pose[whole], new.twist[whole] = old.pose[source[whole]], old.twist[source[whole]]
     parted = ~anew & ~whole
     if parted.any():
         inside = parted[body]
         kept = row[inside]
-        of_old = Bodies(old.body[kept], old.shape[kept], old.pose, old.rate, old.bend[kept])
+        of_old = Bodies(old.body[kept], old.reference[kept], old.pose, old.twist, old.displacement[kept])
         mass = el.body.mass[inside]
         inertia = 0.5 * mass * interaction_sizes(el, p).bond_radius[inside] ** 2
-        _put(new, parted, regrouped(of_old, _numbers(parted)[body[inside]], mass, inertia, p.latlon, p.earth_radius))
+        _insert(
+            new,
+            parted,
+            split_bodies(of_old, _renumbered(parted)[body[inside]], mass, inertia, p.latlon, p.earth_radius),
+        )
     if anew.any():
         inside = anew[body]
-        lon, lat = _without_load(el, old, left, row, known, p)
-        made = free_bodies(
-            lon[inside], lat[inside], _numbers(anew)[body[inside]], el.body.mass[inside], p.latlon, p.earth_radius, p.period
+        lon, lat = _without_load(el, old, snapshot, row, known, p)
+        made = bodies_from_elements(
+            lon[inside], lat[inside], _renumbered(anew)[body[inside]], el.body.mass[inside], p.latlon, p.earth_radius,
+            p.period,
         )  # fmt: skip
-        _put(new, anew, made)
+        _insert(new, anew, made)
     unknown = anew.copy()
     unknown[body[pushed]] = True
     return new, unknown
 
 
-def _sources(body: Ints, count: int, before: Ints, moved: NDArray[np.bool_]) -> tuple[Ints, NDArray[np.bool_]]:
-    """Body that each fragment was a part of, and which fragments must be made anew: moved ones and those of several bodies."""
-    anew, lowest, highest = np.zeros(count, bool), np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
-    anew[body[moved]] = True
-    np.minimum.at(lowest, body, before)
-    np.maximum.at(highest, body, before)
-    return lowest, anew | (lowest != highest)
-
-
-def _numbers(some: NDArray[np.bool_]) -> Ints:
+def _renumbered(chosen: NDArray[np.bool_]) -> Ints:
     """New numbers 0, 1, ... of some fragments, by their old ones."""
-    return np.asarray(np.cumsum(some) - 1, np.int64)
+    return np.asarray(np.cumsum(chosen) - 1, np.int64)
 
 
-def _put(new: Bodies, some: NDArray[np.bool_], made: Bodies) -> None:
-    """Write the bodies of some fragments where they belong."""
-    inside = some[new.body]
-    new.shape[inside], new.bend[inside] = made.shape, made.bend
-    new.pose[some], new.rate[some] = made.pose, made.rate
+def _insert(new: Bodies, chosen: NDArray[np.bool_], made: Bodies) -> None:
+    """Write the bodies of some fragments to their places among all."""
+    inside = chosen[new.body]
+    new.reference[inside], new.displacement[inside] = made.reference, made.displacement
+    new.pose[chosen], new.twist[chosen] = made.pose, made.twist
 
 
 def _without_load(
-    el: Elements, old: Bodies, left: Left, row: Ints, known: NDArray[np.bool_], p: KernelParameters
+    el: Elements, old: Bodies, snapshot: StepSnapshot, row: Ints, known: NDArray[np.bool_], p: KernelParameters
 ) -> tuple[Floats, Floats]:
-    """Places of the elements now, less the displacements by load with which the step has left them."""
-    lon, lat = left.lon.copy(), left.lat.copy()
-    straight = old._replace(bend=np.zeros_like(old.bend))
-    place(straight, lon, lat, np.zeros(lon.size), p.latlon, p.earth_radius, p.period)
+    """Positions of the elements now, less the displacements by load that they had at the end of the step."""
+    lon, lat = snapshot.lon.copy(), snapshot.lat.copy()
+    undeformed = old._replace(displacement=np.zeros_like(old.displacement))
+    place_elements(undeformed, lon, lat, np.zeros(lon.size), p.latlon, p.earth_radius, p.period)
     return (
-        el.place.lon - np.where(known, (left.lon - lon)[row], 0.0),
-        el.place.lat - np.where(known, (left.lat - lat)[row], 0.0),
+        el.place.lon - np.where(known, (snapshot.lon - lon)[row], 0.0),
+        el.place.lat - np.where(known, (snapshot.lat - lat)[row], 0.0),
     )

@@ -14,9 +14,9 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.contact.candidates import NEWBORN_CHILD
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD
 from riftberg.stepping.contact.islands import find_islands
-from riftberg.stepping.quasi_static.step import LongStep
+from riftberg.stepping.quasi_static.step import TimeStep
 
 SIZE = 3000.0
 BARE: dict[str, Any] = {"only_interactions": True}
@@ -103,12 +103,12 @@ def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
     """Bug: the velocities that bergs show each other stayed those of the trial, and the next search looked by them."""
     model = Model(Iceberg.join([single(0.0, 0.3), single(3300.0, -0.1)]), Steady(current=(0.2, 0.05)), parameters())
     model.advance(steps=1)
-    step = LongStep(model, None, None, None, None)
+    step = TimeStep(model)
     was = {name: getattr(model.elements, name).copy() for name in ("lon", "lat", "u_pair", "v_pair", "rotation")}
-    before, kept = step.now, step._keep()
-    step._advance(900.0)
+    checkpoint = step._checkpoint()
+    step._trial(step.state, 900.0)
     assert (model.elements.u_pair != was["u_pair"]).any()
-    step._back(before, kept)
+    step._rollback(checkpoint)
     for name, values in was.items():
         np.testing.assert_array_equal(getattr(model.elements, name), values, err_msg=name)
 
@@ -185,8 +185,8 @@ def test_islands_are_those_that_hang_together() -> None:
     assert [set(i.members[a:b]) for a, b in zip(i.start[:-1], i.start[1:], strict=True)] == [{0, 1}, {2, 4}]
     for k in range(2):
         rows = i.rows[i.row_start[k] : i.row_start[k + 1]]
-        own = i.own[i.row_start[k] : i.row_start[k + 1]]
-        np.testing.assert_array_equal(i.members[i.start[k] + own], body[rows])
+        body_of = i.body_of[i.row_start[k] : i.row_start[k + 1]]
+        np.testing.assert_array_equal(i.members[i.start[k] + body_of], body[rows])
         pairs = slice(i.pair_start[k], i.pair_start[k + 1])
         assert set(body[rows[i.first[pairs]]]) | set(body[rows[i.second[pairs]]]) == set(
             i.members[i.start[k] : i.start[k + 1]]

@@ -1,4 +1,4 @@
-"""Who acts on whom in a step: partners over bonds, inside a berg and of other bergs."""
+"""Broad phase: partners over bonds, within a berg and of other bergs, and which pairs may come into contact in a step."""
 
 from __future__ import annotations
 
@@ -18,11 +18,18 @@ from riftberg.stepping.forces.sizes import Sizes
 NEWBORN_CHILD = -1.0
 """Foot of a child of footloose calving that takes no part in contact yet."""
 
-NEAR, MISSED = 1.5, 0.3
-"""Pairs may meet that come within so many distances of contact, or within so much of what their speed carries them."""
+REACH_FACTOR = 1.5
+"""Distances of contact within which a pair may come into contact in a step, whatever its speed: forces accelerate it."""
 
-MARGIN = 1.001
-"""Times the distance within which pairs may meet, in which they are looked for: round-off must not hide one."""
+SPEED_MARGIN = 0.3
+"""Part of the path by their relative speed by which two elements may miss each other and still be a candidate pair.
+
+Both are generous rather than derived: a candidate pair that does not touch costs a few distances, one that is missed is
+found a step too late, deep inside another berg.
+"""
+
+SEARCH_MARGIN = 1.001
+"""Factor on the search radius: round-off in the search must not lose a pair."""
 
 
 class CellSearch(NamedTuple):
@@ -57,20 +64,20 @@ def contact_cells(p: Parameters, grid: Grid | None) -> CellSearch | None:
     return CellSearch(columns, max(rows, 1), g.ni if g.cyclic else 0)
 
 
-class Neighbourhood:
-    """Finds partners for the pair law; bonded pairs are listed anew only when bonds have changed."""
+class NeighbourSearch:
+    """Finds the partners of each element; bonded pairs are listed anew only when bonds have changed."""
 
     def __init__(self) -> None:
         self._bonded: tuple[PairList, Ints] | None = None
-        self._standing: tuple[int, int, int] = (-1, -1, -1)
+        self._listed: tuple[int, int, int] = (-1, -1, -1)
 
     def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
         """Partners over unbroken bonds and the bond of each entry."""
         # Bonds only break, and a new one raises the largest identifier; elements that go change the number of elements.
-        standing = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
-        if self._bonded is None or standing != self._standing:
+        listed = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
+        if self._bonded is None or listed != self._listed:
             self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
-            self._standing = standing
+            self._listed = listed
         return self._bonded
 
     def find(
@@ -84,7 +91,7 @@ class Neighbourhood:
             pairs = within_cells(pairs, el, cells)
         # A child of footloose calving lies on the rim of its parent until it has drifted off.
         newborn = el.life.fl_k == NEWBORN_CHILD
-        return among(pairs, ~newborn) if newborn.any() else pairs
+        return with_both(pairs, ~newborn) if newborn.any() else pairs
 
     def collisions(self, el: Elements, sizes: Sizes, c: KernelParameters, cells: CellSearch | None = None) -> PairList:
         """Partners of other bergs within reach of contact."""
@@ -93,47 +100,45 @@ class Neighbourhood:
         # The largest distance at which two elements can be in contact.
         return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c, cells)
 
-    def meetings(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
-        """Pairs of elements of different bergs, each once, that may come into contact during a long step of ``dt`` s.
-
-        `will_touch` decides for each pair by itself, so that bergs elsewhere have no say in it.
-        """
-        return pairs_that_may_meet(el, el.berg, sizes, dt, c)
+    def candidate_pairs(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+        """Pairs of elements of different bergs, each once, that may come into contact during a step of ``dt`` s."""
+        return candidate_pairs(el, el.berg, sizes, dt, c)
 
     def same_berg(
         self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters, cells: CellSearch | None = None
     ) -> PairList:
         """Unbonded partners of the same berg within ``reach``."""
-        return without(self.find(el, reach, SAME_BERG, c, cells), self.bonded(el, bonds)[0])
+        return excluding(self.find(el, reach, SAME_BERG, c, cells), self.bonded(el, bonds)[0])
 
 
-def pairs_that_may_meet(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
-    """Pairs of elements of different bergs by their numbers ``berg``; see `Neighbourhood.meetings`."""
+def candidate_pairs(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
+    """Pairs of elements of different bergs (or fragments, ``berg``), each once, that may come into contact within ``dt`` s."""
     none = np.zeros(0, np.int64)
     if not c.interactions or el.size < 2 or not (berg != berg[0]).any():
         return none, none
     u, v, radius = el.shown.u_pair, el.shown.v_pair, sizes.radius
     touching = np.maximum(radius, 0.5 * c.contact_distance)
     speed = np.hypot(u - u.mean(), v - v.mean())
-    # Each as far as it can come by itself: one that is large or quick must not make all others look far.
-    reach = NEAR * touching + (1.0 + MISSED) * np.where(np.isfinite(speed), speed, 0.0) * dt
+    # Each as far as it can come by itself: one that is large or quick must not widen the search of all others.
+    reach = REACH_FACTOR * touching + (1.0 + SPEED_MARGIN) * np.where(np.isfinite(speed), speed, 0.0) * dt
     shown = el.shown
-    first, second = near_pairs(shown.lon_pair, shown.lat_pair, berg, MARGIN * reach, c.latlon, c.earth_radius, c.period)
+    first, second = near_pairs(
+        shown.lon_pair, shown.lat_pair, berg, SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
+    )
     # A child of footloose calving lies on the rim of its parent until it has drifted off.
     newborn = el.life.fl_k == NEWBORN_CHILD
     if newborn.any():
         grown = ~(newborn[first] | newborn[second])
         first, second = first[grown], second[grown]
-    return will_touch(el, first, second, radius, dt, c)
+    return swept_test(el, first, second, radius, dt, c)
 
 
-def will_touch(
+def swept_test(
     el: Elements, first: Ints, second: Ints, radius: Floats, dt: float, c: KernelParameters
 ) -> tuple[Ints, Ints]:
-    """Return those pairs that may come into contact within ``dt`` s.
+    """Return those pairs that may come into contact within ``dt`` s, on straight paths with margins for a change of velocity.
 
-    Along straight paths they come within `NEAR` distances of contact, or miss that by less than `MISSED` of what their
-    relative speed carries them: velocities change within the step.
+    Each pair is decided by itself, so that the result does not depend on bergs elsewhere.
     """
     shown = el.shown
     metric = Metric(c.latlon, c.earth_radius, c.period)
@@ -145,18 +150,18 @@ def will_touch(
     when = np.clip(-(dx * du + dy * dv) / np.where(squared > 0.0, squared, 1.0), 0.0, dt)
     nearest = np.hypot(dx + when * du, dy + when * dv)
     touching = np.maximum(radius[first] + radius[second], c.contact_distance)
-    near = nearest < NEAR * touching + MISSED * np.sqrt(squared) * dt
+    near = nearest < REACH_FACTOR * touching + SPEED_MARGIN * np.sqrt(squared) * dt
     return first[near], second[near]
 
 
 def with_partners(pairs: PairList, allowed: np.ndarray) -> PairList:
     """Return ``pairs`` with only those partners that are allowed (Q21: partners with fewer than ``max_bonds`` bonds)."""
-    return _kept(pairs, allowed[pairs.partner])
+    return _selected(pairs, allowed[pairs.partner])
 
 
-def among(pairs: PairList, allowed: np.ndarray) -> PairList:
+def with_both(pairs: PairList, allowed: np.ndarray) -> PairList:
     """Return ``pairs`` with only those of which both are allowed."""
-    return _kept(pairs, allowed[pairs.partner] & allowed[_owners(pairs)])
+    return _selected(pairs, allowed[pairs.partner] & allowed[_owners(pairs)])
 
 
 def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
@@ -165,14 +170,14 @@ def within_cells(pairs: PairList, el: Elements, cells: CellSearch) -> PairList:
     across, up = np.abs(i[owner] - i[pairs.partner]), np.abs(j[owner] - j[pairs.partner])
     if cells.around:
         across = np.minimum(across, cells.around - across)
-    return _kept(pairs, (across <= cells.columns) & (up <= cells.rows))
+    return _selected(pairs, (across <= cells.columns) & (up <= cells.rows))
 
 
-def without(pairs: PairList, excluded: PairList) -> PairList:
-    """Return ``pairs`` less those that stand in ``excluded``."""
+def excluding(pairs: PairList, excluded: PairList) -> PairList:
+    """Return ``pairs`` without those of ``excluded``."""
     count = pairs.start.size - 1
     taken = _owners(excluded) * count + excluded.partner
-    return _kept(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, taken))
+    return _selected(pairs, ~np.isin(_owners(pairs) * count + pairs.partner, taken))
 
 
 def _owners(pairs: PairList) -> Ints:
@@ -180,7 +185,7 @@ def _owners(pairs: PairList) -> Ints:
     return np.repeat(np.arange(pairs.start.size - 1), np.diff(pairs.start))
 
 
-def _kept(pairs: PairList, keep: NDArray[np.bool_]) -> PairList:
+def _selected(pairs: PairList, keep: NDArray[np.bool_]) -> PairList:
     """Return ``pairs`` with some of their entries."""
     number = np.bincount(_owners(pairs)[keep], minlength=pairs.start.size - 1)
     return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[keep])

@@ -15,7 +15,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.contact.land import turned_along
+from riftberg.stepping.contact.land import rotate_along
 
 SIZE = 3000.0
 CURRENT = 0.3
@@ -156,7 +156,7 @@ def test_on_the_sphere_distances_in_a_berg_stay() -> None:
         return np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)], axis=-1)
 
     start, end = vectors(lon[:1], lat[:1]), vectors(lon[:1] + 0.02, lat[:1] - 0.01)
-    before, after = vectors(lon, lat), turned_along(start, end, vectors(lon, lat))
+    before, after = vectors(lon, lat), rotate_along(start, end, vectors(lon, lat))
     np.testing.assert_allclose(after[0], end[0], rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(after @ after.T, before @ before.T, rtol=0.0, atol=1e-14)
 

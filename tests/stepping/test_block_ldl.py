@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.stepping.lattice.block_ldl import BlockFactors, minimum_degree
+from riftberg.stepping.lattice.block_ldl import BlockLDL, minimum_degree
 
 
 def lattice(rows: int, columns: int, seed: int, *, slanted: bool = False):
@@ -44,21 +44,21 @@ def test_it_solves_what_a_dense_solver_solves(rows, columns, slanted) -> None:
     parts = lattice(rows, columns, rows + columns, slanted=slanted)
     right = np.random.default_rng(7).normal(size=3 * rows * columns)
     expected = np.linalg.solve(dense(*parts), right)
-    np.testing.assert_allclose(BlockFactors(*parts).solve(right), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(BlockLDL(*parts).solve(right), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_two_bonds_between_the_same_elements_add_up() -> None:
     diagonal = np.tile(9.0 * np.eye(3), (2, 1, 1))
     twice = np.array([0, 1]), np.array([1, 0]), diagonal, np.array([np.eye(3), 0.5 * np.ones((3, 3))])
     right = np.arange(6.0)
-    np.testing.assert_allclose(BlockFactors(*twice).solve(right), np.linalg.solve(dense(*twice), right), rtol=1e-12)
+    np.testing.assert_allclose(BlockLDL(*twice).solve(right), np.linalg.solve(dense(*twice), right), rtol=1e-12)
 
 
 def test_elements_without_bonds_stand_alone() -> None:
     none = np.zeros(0, np.int64)
     diagonal = np.array([2.0 * np.eye(3), 4.0 * np.eye(3)])
-    factors = BlockFactors(none, none, diagonal, np.zeros((0, 3, 3)))
-    assert factors.blocks == 0
+    factors = BlockLDL(none, none, diagonal, np.zeros((0, 3, 3)))
+    assert factors._row.size == 0
     np.testing.assert_array_equal(factors.solve(np.ones(6)), [0.5] * 3 + [0.25] * 3)
 
 
@@ -70,4 +70,4 @@ def test_the_order_keeps_the_factors_small() -> None:
     order = minimum_degree(400, first, second)
     np.testing.assert_array_equal(np.sort(order), np.arange(400))
     diagonal, between = np.tile(5.0 * np.eye(3), (400, 1, 1)), np.tile(-np.eye(3), (first.size, 1, 1))
-    assert BlockFactors(first, second, diagonal, between).blocks < 400 * 9
+    assert BlockLDL(first, second, diagonal, between)._row.size < 400 * 9

@@ -1,0 +1,560 @@
+"""Fragments as rigid bodies under the forces on their elements: one long step of second order, stable aground.
+
+With the velocity q of a fragment (east, north, spin) and that of its elements ``v_k = B_k q``, virtual work gives
+
+    M dq/dt = G(q) - L q,   M = sum m B^T B + I b b^T,   G = sum B^T f,   L = sum m c B^T B
+
+where f are all forces on an element but the drag c of the sea floor (s-1). A step of h seconds is velocity Verlet:
+
+    W q(1/2) = q(0) + (h/2) P M^-1 G(x0, q0)      with z = (h/2) M^-1 L(x0)
+    x1       = x0 moved by h q(1/2)
+    W q(1)   = q(1/2) + (h/2) P M^-1 G(x1, q1)    with z = (h/2) M^-1 L(x1)
+
+``W = 1 + z + z^2 / 2`` and ``P = 1 + z / 2`` are the Pade approximants of exp(z) and of phi_1(z), the mean of exp: the
+drag of the sea floor, which stops an element within a minute, is taken implicitly (L-stable), and with second order
+where the step resolves it. Drag of water, air and ice and the Coriolis force are centred by both halves together. The
+second half is solved by Newton's method. Fragments in contact go through the step in `riftberg.stepping.contact.islands`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import kernel
+from riftberg.errors import RunError
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import separation
+from riftberg.state import Elements, Floats, Ints, Shown
+from riftberg.state import Motion as ElementMotion
+from riftberg.state.neighbours import PairList
+from riftberg.stepping.forces.media import (
+    CORIOLIS,
+    LINEAR,
+    MEDIA,
+    PUSH_X,
+    PUSH_Y,
+    QUADRATIC,
+    SEA_FLOOR,
+    SPIN,
+    SPIN_LINEAR,
+    SPIN_QUADRATIC,
+    WATER,
+    ForcedElements,
+    Medium,
+    Surroundings,
+    U,
+    V,
+    find_surroundings,
+    grounded_part,
+)
+from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_terms
+from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.mat3 import multiply, solve, times
+
+Booleans = NDArray[np.bool_]
+
+MAX_ITERATIONS = 50
+"""Iterations of Newton's method after which a step is given up; two to four are usual."""
+
+NEWTON_RTOL = 1e-8
+"""Relative change of the velocities at which Newton's method ends: the error left is of the order of its square."""
+
+NEWTON_PREDICTED_RTOL = 1e-11
+"""Relative change that the next iteration would bring, judged by the last two, at which it is spared."""
+
+VELOCITY_SCALE = 1e-6
+"""Least speed (m s-1) that changes are measured by: at rest they would be parts of round-off."""
+
+
+class ElementForcing(NamedTuple):
+    """Coefficients of all forces on the elements at one place and time, before velocities are known.
+
+    Media and Coriolis parameter are those of `riftberg.stepping.forces.media.Surroundings`, less the linear drag of the
+    sea floor, which is stiff and stands apart.
+    """
+
+    media: Floats  # Rows of the media; shape (elements, media, columns)
+    coriolis: Floats  # Coriolis parameter, s-1; shape (elements,), as all below
+    mass: Floats  # kg
+    inertia: Floats  # Moment of inertia of an element about its own centre, kg m2
+    floor_rate: Floats  # Rate of the linear drag of the sea floor, s-1
+    floor_spin_rate: Floats  # The same for the spin, s-1
+    aground: Floats  # How far an element is aground, 0 to 1
+    spin_drag: Floats  # Rotational drag of the water, rad-1
+    water_spin: Floats  # Rotation of the water, rad s-1
+    push_x: Floats  # Given force, east, N
+    push_y: Floats  # Given force, north, N
+    media_act: bool  # Whether the media act at all
+    floor_acts: bool  # Whether the sea floor does
+
+
+class ContactPairs(NamedTuple):
+    """Pairs of elements of different fragments in contact."""
+
+    first: Ints  # shape (pairs,)
+    second: Ints  # shape (pairs,)
+    spring: Floats  # Force of the spring on the first of each pair, east and north, N; shape (pairs, 2)
+    damping: Floats  # xx, xy and yy of the damping, kg s-1; shape (pairs, 3)
+
+
+class ForceTerms(NamedTuple):
+    """The forces at the velocities of one moment, without the linear drag of the sea floor."""
+
+    accelerations: (
+        Floats  # By each of `riftberg.stepping.forces.media.FORCES`, without contact, m s-2; (elements, forces, 2)
+    )
+    net_force: Floats  # On the fragments, with contact, N, N, N m; shape (fragments, 3)
+
+
+class BodyOperators(NamedTuple):
+    """What place and time give for the motion of all fragments, before velocities are known."""
+
+    body: Ints  # Fragment of each element; shape (elements,)
+    levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
+    forcing: ElementForcing
+    contacts: ContactPairs
+    inertia: Floats  # M; shape (fragments, 3, 3)
+    mobility: Floats  # Inverse of M, without the freedoms that supports take; shape (fragments, 3, 3)
+    floor_drag: Floats  # L, the linear drag of the sea floor; shape (fragments, 3, 3)
+
+
+def allocate_forcing(el: Elements, p: KernelParameters) -> ElementForcing:
+    """Return arrays for the forces on the elements at one moment."""
+    count, body = el.size, el.body
+    inertia, floor_rate, floor_spin_rate, aground, drag, water_spin = np.zeros((6, count))
+    return ElementForcing(
+        np.empty((count, len(MEDIA), len(Medium._fields))), np.empty(count), body.mass, inertia, floor_rate, floor_spin_rate,
+        aground, drag, water_spin, body.load_x, body.load_y, not p.only_interactions,
+        p.ground_on_substeps or not p.only_interactions,
+    )  # fmt: skip
+
+
+@kernel
+def evaluate_forcing(
+    el: ForcedElements, sizes: Sizes, p: KernelParameters, acts: Booleans, nothing: Floats, forcing: ElementForcing
+) -> None:
+    """Take the coefficients of all forces from the environment that the elements carry.
+
+    ``acts`` (media,) and ``nothing`` (1, 0, 0) stand in for the results of a velocity solve: none is made here.
+    """
+    media, mass, inertia, aground = forcing.media, forcing.mass, forcing.inertia, forcing.aground
+    floor_rate, floor_spin_rate = forcing.floor_rate, forcing.floor_spin_rate
+    find_surroundings(el, sizes, Surroundings(media, forcing.coriolis, acts, nothing[0], nothing), p)
+    thickness, depth, radius = el.body.thickness, el.environment.depth, sizes.bond_radius
+    for e in range(mass.size):
+        inertia[e] = 0.5 * mass[e] * radius[e] ** 2  # a disc
+        aground[e] = grounded_part(thickness[e], depth[e], p)
+        forcing.water_spin[e] = media[e, WATER, SPIN]
+        if forcing.floor_acts:
+            # The linear drag of the sea floor is the one stiff force: it is taken implicitly, apart from the others.
+            floor_rate[e] = media[e, SEA_FLOOR, LINEAR]
+        media[e, SEA_FLOOR, LINEAR] = 0.0
+        floor_spin_rate[e] = media[e, SEA_FLOOR, SPIN_LINEAR]
+        if forcing.media_act:
+            forcing.spin_drag[e] = media[e, WATER, SPIN_QUADRATIC]
+
+
+def find_contact_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> ContactPairs:
+    """Find the pairs of different fragments that touch: the law of contact between bergs, as a force on each pair."""
+    if partners.partner.size == 0:
+        return ContactPairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
+    return ContactPairs(*_find_contact_pairs(el, partners, sizes, law))
+
+
+@kernel
+def _find_contact_pairs(
+    el: Elements, partners: PairList, sizes: Sizes, law: PairLaw
+) -> tuple[Ints, Ints, Floats, Floats]:
+    """Return the fields of `ContactPairs` (no named tuple: see `riftberg.compiled.kernels`)."""
+    size = partners.partner.size // 2 + 1
+    first, second = np.empty(size, np.int64), np.empty(size, np.int64)
+    spring, damping = np.empty((size, 2)), np.empty((size, 3))
+    lon, lat, us, vs = el.shown.lon_pair, el.shown.lat_pair, el.shown.u_pair, el.shown.v_pair
+    count = 0
+    for i in range(partners.start.size - 1):
+        for n in range(partners.start[i], partners.start[i + 1]):
+            j = partners.partner[n]
+            if j <= i:
+                continue
+            rx, ry = separation(lon[i], lat[i], lon[j], lat[j], law.latlon, law.earth_radius, law.period)
+            du, dv = us[j] - us[i], vs[j] - vs[i]
+            sum_radii, pair_mass = sizes.radius[i] + sizes.radius[j], min(sizes.mass[i], sizes.mass[j])
+            ix, iy, p11, p12, p22 = pair_terms(COLLISION, rx, ry, sum_radii, pair_mass, du, dv, du, dv, law)
+            if ix == 0.0 and iy == 0.0 and p11 == 0.0 and p22 == 0.0:
+                continue
+            first[count], second[count] = i, j
+            spring[count, 0], spring[count, 1] = ix, iy
+            damping[count, 0], damping[count, 1], damping[count, 2] = p11, p12, p22
+            count += 1
+    return first[:count], second[:count], spring[:count], damping[:count]
+
+
+@kernel
+def _add_outer(into: Floats, factor: float, a: Floats, b: Floats) -> None:
+    """Add ``factor a b^T`` of three-vectors."""
+    for i in range(3):
+        for j in range(3):
+            into[i, j] += factor * a[i] * b[j]
+
+
+@kernel
+def _add_element_inertia(into: Floats, mass: float, inertia: float, m: Floats) -> None:
+    """Add ``mass (u u^T + v v^T) + inertia w w^T``, with u, v and w one after the other in ``m``."""
+    for i in range(3):
+        for j in range(3):
+            # In one expression: each number is read and written once.
+            into[i, j] = into[i, j] + mass * m[i] * m[j] + mass * m[3 + i] * m[3 + j] + inertia * m[6 + i] * m[6 + j]
+
+
+@kernel
+def add_inertia_and_floor_drag(
+    body: Ints, levers: Floats, forcing: ElementForcing, inertia: Floats, floor_drag: Floats
+) -> None:
+    """Add to the matrices of inertia and of the drag of the sea floor of each fragment, shape (fragments, 3, 3)."""
+    for e in range(body.size):
+        b, m = body[e], levers[e]
+        u, v, w = m[0:3], m[3:6], m[6:9]
+        _add_element_inertia(inertia[b], forcing.mass[e], forcing.inertia[e], m)
+        if forcing.floor_rate[e] > 0.0:
+            _add_outer(floor_drag[b], forcing.mass[e] * forcing.floor_rate[e], u, u)
+            _add_outer(floor_drag[b], forcing.mass[e] * forcing.floor_rate[e], v, v)
+        if forcing.floor_spin_rate[e] > 0.0:
+            _add_outer(floor_drag[b], forcing.inertia[e] * forcing.floor_spin_rate[e], w, w)
+
+
+@kernel
+def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float]:
+    """Acceleration (m s-2) by one medium, and minus its derivatives (s-1): xx, xy, yy."""
+    du, dv = u - row[U], v - row[V]
+    linear, c = row[LINEAR], row[QUADRATIC]
+    if linear == 0.0 and c == 0.0:
+        return row[PUSH_X], row[PUSH_Y], 0.0, 0.0, 0.0
+    speed = math.sqrt(du * du + dv * dv)
+    rate, inverse = linear + c * speed, (c / speed if speed > 0.0 else 0.0)
+    return (
+        row[PUSH_X] - rate * du,
+        row[PUSH_Y] - rate * dv,
+        rate + du * du * inverse,
+        du * dv * inverse,
+        rate + dv * dv * inverse,
+    )
+
+
+@kernel
+def element_velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
+    """Velocity (m s-1) and spin (rad s-1) of an element: B q, from its levers and the velocity of its fragment."""
+    return (
+        m[0] * q[0] + m[1] * q[1] + m[2] * q[2],
+        m[3] * q[0] + m[4] * q[1] + m[5] * q[2],
+        m[6] * q[0] + m[7] * q[1] + m[8] * q[2],
+    )
+
+
+@kernel
+def accumulate_forces(
+    op: BodyOperators, accelerations: Floats, drag_twist: Floats, part: float, applied: Floats
+) -> None:
+    """Add ``part`` of the accelerations by all forces to ``applied`` (elements, forces, 2).
+
+    ``drag_twist``: velocities of the fragments at which the linear drag of the sea floor has acted (`mean_drag_velocity`).
+    """
+    # As rows of numbers, so that the loop vectorises.
+    one, other = accelerations.reshape(accelerations.size), applied.reshape(applied.size)
+    for k in range(one.size):
+        other[k] += part * one[k]
+    body, levers, floor_rate = op.body, op.levers, op.forcing.floor_rate
+    for e in range(body.size):
+        if floor_rate[e] > 0.0:
+            u, v, _ = element_velocity(levers[e], drag_twist[body[e]])
+            applied[e, SEA_FLOOR, 0] -= part * floor_rate[e] * u
+            applied[e, SEA_FLOOR, 1] -= part * floor_rate[e] * v
+
+
+@kernel
+def _torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
+    """Torque (N m) of the water on an element that spins, and minus its derivative."""
+    spin = w - forcing.water_spin[e]
+    drag = forcing.inertia[e] * forcing.spin_drag[e] * abs(spin)
+    return -drag * spin, 2.0 * drag
+
+
+@kernel
+def add_forces(
+    body: Ints,
+    levers: Floats,
+    twist: Floats,
+    forcing: ElementForcing,
+    accelerations: Floats,
+    force: Floats,
+    net_force: Floats,
+) -> None:
+    """Find the forces on all elements but those of contact and the linear drag of the sea floor.
+
+    ``accelerations`` (elements, forces, 2) takes those by each force (m s-2), ``force`` (elements, 3) the force and the
+    torque about the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
+    """
+    media, mass = forcing.media, forcing.mass
+    for e in range(body.size):
+        b, m = body[e], levers[e]
+        u, v, w = element_velocity(m, twist[b])
+        ax = ay = 0.0
+        if forcing.media_act:
+            ax, ay = forcing.coriolis[e] * v, -forcing.coriolis[e] * u
+            accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
+        for k in range(len(MEDIA)):
+            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+                dx, dy, _, _, _ = drag_and_jacobian(media[e, k], u, v)
+                accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
+                ax += dx
+                ay += dy
+        fx, fy, torque = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], _torque(forcing, e, w)[0]
+        force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
+        for i in range(3):
+            net_force[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
+
+
+@kernel
+def scatter_velocities(
+    body: Ints,
+    levers: Floats,
+    twist: Floats,
+    forcing: ElementForcing,
+    force: Floats,
+    motion: ElementMotion,
+    shown: Shown,
+) -> None:
+    """Give the elements the velocities of their fragments, and add to ``force`` the linear drag of the sea floor at these."""
+    for e in range(body.size):
+        u, v, w = element_velocity(levers[e], twist[body[e]])
+        motion.u[e] = motion.u_sync[e] = shown.u_pair[e] = u
+        motion.v[e] = motion.v_sync[e] = shown.v_pair[e] = v
+        motion.spin[e] = w
+        force[e, 0] -= forcing.mass[e] * forcing.floor_rate[e] * u
+        force[e, 1] -= forcing.mass[e] * forcing.floor_rate[e] * v
+        force[e, 2] -= forcing.inertia[e] * forcing.floor_spin_rate[e] * w
+
+
+@kernel
+def assemble_force_and_jacobian(
+    body: Ints,
+    levers: Floats,
+    twist: Floats,
+    forcing: ElementForcing,
+    active: Booleans,
+    net_force: Floats,
+    jacobian: Floats,
+) -> None:
+    """Add to each active fragment ``sum B^T f`` of the forces of `add_forces`, and the Jacobian ``sum B^T J B``.
+
+    B are the levers of an element as a matrix of 3 by 3, with its rows m0 m1 m2 (u), m3 m4 m5 (v) and m6 m7 m8 (spin), and
+    J is minus the derivative of its force by its velocity:
+
+        J = [ weight (jxx      jxy - f)        0 ]
+            [ weight (jxy + f  jyy    )        0 ]
+            [         0        0         turning ]
+
+    The loop over the entries of both products is written out, and all is read before anything is written: the compiler
+    cannot know that the arrays do not overlap, and would read the levers again for each number.
+    """
+    media, mass = forcing.media, forcing.mass
+    for e in range(body.size):
+        b, m, q = body[e], levers[e], twist[body[e]]
+        if not active[b]:
+            continue
+        m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
+        u, v = m0 * q[0] + m1 * q[1] + m2 * q[2], m3 * q[0] + m4 * q[1] + m5 * q[2]
+        ax = ay = jxx = jxy = jyy = f = 0.0
+        if forcing.media_act:
+            f = forcing.coriolis[e]
+            ax, ay = f * v, -f * u
+        for k in range(len(MEDIA)):
+            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+                dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
+                ax += dx
+                ay += dy
+                jxx += dxx
+                jxy += dxy
+                jyy += dyy
+        torque, turning = _torque(forcing, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
+        fx, fy, weight = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], mass[e]
+        t, s = net_force[b], jacobian[b]
+        t0, t1, t2 = m0 * fx + m3 * fy + m6 * torque, m1 * fx + m4 * fy + m7 * torque, m2 * fx + m5 * fy + m8 * torque
+        # (xn, yn, zn) is row n of B^T J. It takes J by columns, and J is not symmetric: f enters with both signs.
+        x0, y0, z0 = weight * (jxx * m0 + (jxy + f) * m3), weight * ((jxy - f) * m0 + jyy * m3), turning * m6
+        x1, y1, z1 = weight * (jxx * m1 + (jxy + f) * m4), weight * ((jxy - f) * m1 + jyy * m4), turning * m7
+        x2, y2, z2 = weight * (jxx * m2 + (jxy + f) * m5), weight * ((jxy - f) * m2 + jyy * m5), turning * m8
+        s00, s01, s02 = x0 * m0 + y0 * m3 + z0 * m6, x0 * m1 + y0 * m4 + z0 * m7, x0 * m2 + y0 * m5 + z0 * m8
+        s10, s11, s12 = x1 * m0 + y1 * m3 + z1 * m6, x1 * m1 + y1 * m4 + z1 * m7, x1 * m2 + y1 * m5 + z1 * m8
+        s20, s21, s22 = x2 * m0 + y2 * m3 + z2 * m6, x2 * m1 + y2 * m4 + z2 * m7, x2 * m2 + y2 * m5 + z2 * m8
+        t[0], t[1], t[2] = t[0] + t0, t[1] + t1, t[2] + t2
+        s[0, 0], s[0, 1], s[0, 2] = s[0, 0] + s00, s[0, 1] + s01, s[0, 2] + s02
+        s[1, 0], s[1, 1], s[1, 2] = s[1, 0] + s10, s[1, 1] + s11, s[1, 2] + s12
+        s[2, 0], s[2, 1], s[2, 2] = s[2, 0] + s20, s[2, 1] + s21, s[2, 2] + s22
+
+
+@kernel
+def add_contact_forces(
+    body: Ints, levers: Floats, twist: Floats, contacts: ContactPairs, force: Floats, net_force: Floats
+) -> None:
+    """Add the forces of contact between fragments at these velocities, in place."""
+    for k in range(contacts.first.size):
+        i, j = contacts.first[k], contacts.second[k]
+        p, q, m, n = twist[body[i]], twist[body[j]], levers[i], levers[j]
+        du = n[0] * q[0] + n[1] * q[1] + n[2] * q[2] - (m[0] * p[0] + m[1] * p[1] + m[2] * p[2])
+        dv = n[3] * q[0] + n[4] * q[1] + n[5] * q[2] - (m[3] * p[0] + m[4] * p[1] + m[5] * p[2])
+        c = contacts.damping[k]
+        fx = contacts.spring[k, 0] + c[0] * du + c[1] * dv
+        fy = contacts.spring[k, 1] + c[1] * du + c[2] * dv
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[j, 0] -= fx
+        force[j, 1] -= fy
+        for a in range(3):
+            net_force[body[i], a] += m[a] * fx + m[3 + a] * fy
+            net_force[body[j], a] -= n[a] * fx + n[3 + a] * fy
+
+
+class BodyWorkspace(NamedTuple):
+    """Workspace of the two half kicks and of Newton's method."""
+
+    exp_factor: Floats  # W, about exp(z); shape (fragments, 3, 3)
+    phi_factor: Floats  # P M^-1; shape (fragments, 3, 3)
+    jacobian: Floats  # Minus the derivatives of the forces; shape (fragments, 3, 3)
+    net_force: Floats  # N, N, N m; shape (fragments, 3)
+    residual: Floats  # Of the equation of the second half kick; shape (fragments, 3)
+    increment: Floats  # Of Newton's method; shape (fragments, 3)
+    last_change: Floats  # Relative size of the last increment; shape (fragments,)
+    active: Booleans  # Fragments whose velocities are still sought; shape (fragments,)
+    scratch: Floats  # shape (4, 3, 3)
+
+
+def allocate_body_workspace(count: int) -> BodyWorkspace:
+    """Return a workspace for ``count`` fragments."""
+    exp_factor, phi_factor, jacobian = np.empty((3, count, 3, 3))
+    net_force, residual, increment = np.empty((3, count, 3))
+    return BodyWorkspace(
+        exp_factor, phi_factor, jacobian, net_force, residual, increment, np.empty(count), np.empty(count, np.bool_),
+        np.empty((4, 3, 3)),
+    )  # fmt: skip
+
+
+@kernel
+def pade_factors(op: BodyOperators, half_dt: float, work: BodyWorkspace) -> None:
+    """Find W and P M^-1 of the text above over half a step of ``half_dt`` seconds, for each fragment."""
+    mobility, floor_drag = op.mobility, op.floor_drag
+    z, square, ahead = work.scratch[0], work.scratch[1], work.scratch[2]
+    for b in range(floor_drag.shape[0]):
+        multiply(mobility[b], floor_drag[b], z)
+        for i in range(3):
+            for j in range(3):
+                z[i, j] *= half_dt
+        multiply(z, z, square)
+        for i in range(3):
+            for j in range(3):
+                one = 1.0 if i == j else 0.0
+                work.exp_factor[b, i, j], ahead[i, j] = one + z[i, j] + 0.5 * square[i, j], one + 0.5 * z[i, j]
+        multiply(ahead, mobility[b], work.phi_factor[b])
+
+
+@kernel
+def half_kick_explicit(
+    op: BodyOperators, twist: Floats, net_force: Floats, half_dt: float, new: Floats, work: BodyWorkspace
+) -> None:
+    """First half kick: velocities ``new`` at mid-step from those at the start, at which the forces are ``net_force``."""
+    pade_factors(op, half_dt, work)
+    right = work.scratch[0, 0]
+    for b in range(twist.shape[0]):
+        x, y, z = times(work.phi_factor[b], net_force[b])
+        right[0], right[1], right[2] = twist[b, 0] + half_dt * x, twist[b, 1] + half_dt * y, twist[b, 2] + half_dt * z
+        new[b, 0], new[b, 1], new[b, 2] = solve(work.exp_factor[b], right)
+
+
+@kernel
+def newton_increment(op: BodyOperators, middle: Floats, new: Floats, half_dt: float, work: BodyWorkspace) -> None:
+    """Find the increment of Newton's method for each active fragment, from the velocities ``new``.
+
+    ``work`` holds W and P M^-1 (`pade_factors`); ``middle`` are the velocities at mid-step.
+    """
+    work.net_force[:, :] = 0.0
+    work.jacobian[:, :, :] = 0.0
+    assemble_force_and_jacobian(op.body, op.levers, new, op.forcing, work.active, work.net_force, work.jacobian)
+    matrix, right = work.scratch[0], work.scratch[1, 0]
+    for b in range(new.shape[0]):
+        if not work.active[b]:
+            continue
+        # residual = q(1/2) + h/2 P M^-1 G(q) - W q, and minus its derivative W + h/2 P M^-1 J.
+        kicked, decayed = times(work.phi_factor[b], work.net_force[b]), times(work.exp_factor[b], new[b])
+        for i in range(3):
+            work.residual[b, i] = right[i] = middle[b, i] + half_dt * kicked[i] - decayed[i]
+        multiply(work.phi_factor[b], work.jacobian[b], matrix)
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] = work.exp_factor[b, i, j] + half_dt * matrix[i, j]
+        work.increment[b, 0], work.increment[b, 1], work.increment[b, 2] = solve(matrix, right)
+
+
+@kernel
+def relative_increment(increment: Floats, new: Floats, inertia: Floats) -> float:
+    """Relative change of the speeds at the rim of a fragment by an increment of its velocities."""
+    # A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
+    arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
+    change = max(abs(increment[0]), abs(increment[1]), arm * abs(increment[2]))
+    return float(change / max(abs(new[0]), abs(new[1]), arm * abs(new[2]), VELOCITY_SCALE))
+
+
+@kernel
+def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: float, work: BodyWorkspace) -> int:
+    """Second half kick: velocities ``new`` at the end from those at mid-step, by Newton's method from a first guess.
+
+    Only ``work.active`` fragments take part. Each goes its own number of iterations, so its result does not depend, to
+    the last digit, on which others there are. Returns the most iterations, -1 where they do not converge.
+    """
+    pade_factors(op, half_dt, work)
+    active, last_change = work.active, work.last_change
+    last_change[:] = 0.0
+    for n in range(MAX_ITERATIONS):
+        newton_increment(op, middle, new, half_dt, work)
+        more = False
+        for b in range(new.shape[0]):
+            if not active[b]:
+                continue
+            for i in range(3):
+                new[b, i] += work.increment[b, i]
+            before, change = last_change[b], relative_increment(work.increment[b], new[b], op.inertia[b])
+            last_change[b] = change
+            # Convergence is superlinear, so the next change is at most change (change / before)^2: where that is
+            # nothing, the iteration that would find it is spared. False at first, with nothing before it.
+            converged = change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * before**2
+            # Velocities that are not numbers end the search; the checks of loads and places then say where they came from.
+            active[b] = not converged and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
+            more = more or active[b]
+        if not more:
+            return n + 1
+    return -1
+
+
+@kernel
+def mean_drag_velocity(
+    op: BodyOperators, net_force: Floats, after: Floats, half_dt: float, drag_twist: Floats, scratch: Floats
+) -> None:
+    """Find the velocities at which the sea floor has acted in half a step to ``after``, under other forces ``net_force``.
+
+    Both half kicks solve ``W v' = v + h P F``, which is ``M (v' - v) = h (F - L (v' + z v' / 2 - h M^-1 F / 2))`` with
+    ``z = h M^-1 L``: the momentum that the floor takes is that of its drag L at the velocities in the brackets.
+    """
+    z = scratch[0]
+    for b in range(after.shape[0]):
+        multiply(op.mobility[b], op.floor_drag[b], z)
+        slowed, pushed = times(z, after[b]), times(op.mobility[b], net_force[b])
+        for i in range(3):
+            drag_twist[b, i] = after[b, i] + 0.5 * half_dt * slowed[i] - 0.5 * half_dt * pushed[i]
+
+
+def check_converged(iterations: int) -> None:
+    """Refuse velocities that have not settled."""
+    if iterations < 0:
+        raise RunError(f"the velocities of the fragments did not settle within {MAX_ITERATIONS} passes")
