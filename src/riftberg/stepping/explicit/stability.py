@@ -21,7 +21,7 @@ from riftberg.state.numbering import numbered
 from riftberg.state.population import cut_out
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.modes import bond_operator, largest_eigenvalue
+from riftberg.stepping.lattice.modes import largest_eigenvalue, substep_matrix
 from riftberg.stepping.run_state import RunState
 
 MAX_SUBSTEPS: Final = 1e15
@@ -62,13 +62,7 @@ def critical_time_step(p: Parameters, elements: Elements, bonds: Bonds, sizes: S
     """
     if p.bonds.law == "none" or not np.any(bonds.status == 0):
         return math.inf
-    operator = bond_operator(p, elements, bonds, sizes)
-    if not operator.root_mass.any():
-        return math.inf
-    try:
-        fastest = largest_eigenvalue(operator)
-    except np.linalg.LinAlgError:  # numbers that overflow
-        return 0.0
+    fastest = largest_eigenvalue(substep_matrix(p, elements, bonds, sizes))
     if not math.isfinite(fastest):
         return 0.0
     return 1.0 / fastest if fastest > 0.0 else math.inf

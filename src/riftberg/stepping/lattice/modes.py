@@ -1,4 +1,4 @@
-"""The fastest mode of a lattice of bonds, which decides how long a sub-step may be.
+"""The fastest mode of a lattice of bonds, which decides how long a sub-step of an explicit scheme may be.
 
 In generalised coordinates X (displacement and rotation of every element) and velocities V the linearised sub-step is
 ``V' = V - h M^-1 (K X + C V)``, ``X' = X + h V'``: leapfrog with the damping at the half-kicked velocity. With symmetric,
@@ -10,125 +10,21 @@ of the symmetric matrix::
     [ 0      S^T / 2 ]
     [ S / 2  C / 2   ]
 
-(mass-weighted), which a few dozen Lanczos steps give without the matrix ever being built.
+(mass-weighted), which a few dozen Lanczos steps give.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from riftberg.compiled.kernels import kernel
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes
 
 ACCURACY = 0.01
-"""Relative accuracy of the largest eigenvalue."""
-
-MOST_STEPS = 400
-
-
-@dataclass(frozen=True)
-class BondOperator:
-    """Stiffness and damping of all unbroken bonds, mass-weighted, applied without building matrices."""
-
-    ends: Ints  # First, then second elements of the bonds; shape (2 n,)
-    count: int  # Number of elements
-    nx: Floats  # Direction from the second to the first element; shape (n,)
-    ny: Floats  # Direction from the second to the first element; shape (n,)
-    lever1: Floats  # m
-    lever2: Floats  # m
-    normal: Floats  # Square roots of the stiffnesses (N m-1, N m-1, N m)
-    shear: Floats  # Square roots of the stiffnesses (N m-1, N m-1, N m)
-    bending: Floats  # Square roots of the stiffnesses (N m-1, N m-1, N m)
-    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
-    # relative spin (kg m2 s-1)
-    damp_normal: Floats
-    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
-    # relative spin (kg m2 s-1)
-    damp_slip: Floats
-    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
-    # relative spin (kg m2 s-1)
-    damp_tangent: Floats
-    # Damping of approach, of slip at the contact, of tangential relative velocity of the centres (kg s-1) and of
-    # relative spin (kg m2 s-1)
-    damp_spin: Floats
-    root_mass: Floats  # ``1 / sqrt(m)`` and ``1 / sqrt(I)``; 0 for elements that never move; shape (count,)
-    root_inertia: Floats  # ``1 / sqrt(m)`` and ``1 / sqrt(I)``; 0 for elements that never move; shape (count,)
-
-    @property
-    def size(self) -> int:
-        """Length of the vectors that `apply` takes."""
-        return 3 * self.nx.size + 3 * self.count
-
-    def apply(self, vector: Floats, image: Floats | None = None) -> Floats:
-        """Multiply by the symmetric matrix whose largest eigenvalue is the inverse of the longest stable sub-step."""
-        image = np.zeros(self.size) if image is None else image
-        multiply: Any = _multiply  # takes all fields as they stand
-        multiply(*vars(self).values(), vector, image)
-        return image
-
-
-@kernel
-def _multiply(
-    ends: Ints, count: int, nx: Floats, ny: Floats, lever1: Floats, lever2: Floats, normal: Floats, shear: Floats,
-    bending: Floats, damp_normal: Floats, damp_slip: Floats, damp_tangent: Floats, damp_spin: Floats, root_mass: Floats,
-    root_inertia: Floats, vector: Floats, image: Floats,
-) -> None:  # fmt: skip
-    """Fill ``image`` with the matrix of a `BondOperator` times ``vector``, bond by bond."""
-    bonds = nx.size
-    z1, z2, z3 = vector[:bonds], vector[bonds : 2 * bonds], vector[2 * bonds : 3 * bonds]
-    to1, to2, to3 = image[:bonds], image[bonds : 2 * bonds], image[2 * bonds : 3 * bonds]
-    u, v, turn = vector[3 * bonds :][:count], vector[3 * bonds + count :][:count], vector[3 * bonds + 2 * count :]
-    fx, fy, torque = image[3 * bonds :][:count], image[3 * bonds + count :][:count], image[3 * bonds + 2 * count :]
-    image[3 * bonds :] = 0.0
-    for b in range(bonds):
-        i, j = ends[b], ends[bonds + b]
-        du, dv = u[i] * root_mass[i] - u[j] * root_mass[j], v[i] * root_mass[i] - v[j] * root_mass[j]
-        turn1, turn2 = turn[i] * root_inertia[i], turn[j] * root_inertia[j]
-        along, across, bend = nx[b] * du + ny[b] * dv, ny[b] * du - nx[b] * dv, turn1 - turn2
-        slip = across + lever1[b] * turn1 + lever2[b] * turn2
-        along_force = normal[b] * z1[b] + damp_normal[b] * along
-        slip_force = shear[b] * z2[b] + damp_slip[b] * slip
-        across_force = slip_force + damp_tangent[b] * across
-        moment = bending[b] * z3[b] + damp_spin[b] * bend
-        x, y = nx[b] * along_force + ny[b] * across_force, ny[b] * along_force - nx[b] * across_force
-        to1[b], to2[b], to3[b] = 0.5 * normal[b] * along, 0.5 * shear[b] * slip, 0.5 * bending[b] * bend
-        fx[i] += x
-        fx[j] -= x
-        fy[i] += y
-        fy[j] -= y
-        torque[i] += lever1[b] * slip_force + moment
-        torque[j] += lever2[b] * slip_force - moment
-    for e in range(count):
-        fx[e] *= 0.5 * root_mass[e]
-        fy[e] *= 0.5 * root_mass[e]
-        torque[e] *= 0.5 * root_inertia[e]
-
-
-@kernel
-def _lanczos_step(vector: Floats, before: Floats, beside: float, image: Floats) -> tuple[float, float]:
-    """Take out of ``image`` what lies along the two latest vectors; returns the part along ``vector`` and the size of the rest.
-
-    ``before`` is overwritten with the rest, of length 1: the next vector.
-    """
-    part = 0.0
-    for k in range(vector.size):
-        image[k] -= beside * before[k]
-        part += image[k] * vector[k]
-    square = 0.0
-    for k in range(vector.size):
-        image[k] -= part * vector[k]
-        square += image[k] * image[k]
-    size = math.sqrt(square)
-    scale = 1.0 / size if size > 0.0 else 0.0
-    for k in range(vector.size):
-        before[k] = scale * image[k]
-    return part, size
+"""Relative accuracy of the largest eigenvalue: far less than the margin of ``stepping.safety``."""
 
 
 def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) -> tuple[Floats, Floats]:
@@ -150,8 +46,8 @@ def _dem_stiffness(
     rest = r1 + r2
     reach = np.minimum(r1, r2) / rest
     width = 2.0 * (np.minimum(r1, r2) + reach * np.abs(r1 - r2))
-    small, other = np.where(r2 <= r1, (thickness[j], thickness[i]), (thickness[i], thickness[j]))
-    height = small + reach * (other - small)
+    of_smaller, of_larger = np.where(r2 <= r1, (thickness[j], thickness[i]), (thickness[i], thickness[j]))
+    height = of_smaller + reach * (of_larger - of_smaller)
     if p.compatibility.bond_thickness_of_second:
         height = np.maximum(thickness[i], thickness[j]) + reach * np.abs(thickness[i] - thickness[j])
     normal = p.bonds.youngs_modulus * height * width / rest
@@ -190,66 +86,70 @@ def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
     return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping * one
 
 
-def bond_operator(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> BondOperator:
-    """Linearise the unbroken bonds about the present positions, without strain."""
+def substep_matrix(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> Any:
+    """Return the sparse matrix whose largest eigenvalue is the inverse of the longest stable sub-step (s-1).
+
+    The intact bonds are linearised about the present positions, without strain.
+    """
+    # SciPy's sparse matrices take a third of a second to import, which runs with a given number of sub-steps do not need.
+    from scipy.sparse import bmat, csr_matrix, diags
+
     on = bonds.status == 0
-    i, j = bonds.first[on], bonds.second[on]
-    nothing = np.zeros(i.size)
-    radii = _radii_when_formed(p, bonds.rest_length[on], sizes.bond_radius[i], sizes.bond_radius[j])
-    moves = np.where(elements.static < 0.5, 1.0, 0.0)
+    i, j, count = bonds.first[on], bonds.second[on], elements.mass.size
+    nothing, one = np.zeros(i.size), np.ones(i.size)
+    r1, r2 = _radii_when_formed(p, bonds.rest_length[on], sizes.bond_radius[i], sizes.bond_radius[j])
+    nx, ny = _directions(p, elements, i, j)
     if p.bonds.law == "dem":
-        normal, shear, bending = _dem_stiffness(p, radii, elements.thickness, i, j)
+        normal, shear, bending = _dem_stiffness(p, (r1, r2), elements.thickness, i, j)
         damper = _dem_damping(p, sizes, i, j)
-        by_slip = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
-        dampers = (damper, by_slip[0], by_slip[1], damper)
+        damp_slip, damp_tangent = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
+        damp_normal = damp_spin = damper
     else:
         least = np.minimum(sizes.bond_mass[i], sizes.bond_mass[j])
-        stiffness = _spring_stiffness(p, radii[0] + radii[1])
+        stiffness = _spring_stiffness(p, r1 + r2)
         normal, shear, bending = stiffness * least, nothing, nothing
         radial, tangential = _spring_damping(p, stiffness)
-        dampers = (radial * least, nothing, tangential * least, nothing)
-    return BondOperator(
-        np.concatenate([i, j]),
-        elements.mass.size,
-        *_directions(p, elements, i, j),
-        *radii,
-        np.sqrt(normal),
-        np.sqrt(shear),
-        np.sqrt(bending),
-        *dampers,
-        moves / np.sqrt(sizes.bond_mass),
-        moves / (np.sqrt(0.5 * sizes.bond_mass) * sizes.bond_radius),
-    )
+        damp_normal, damp_slip, damp_tangent, damp_spin = radial * least, nothing, tangential * least, nothing
+
+    moves = np.where(elements.static < 0.5, 1.0, 0.0)
+    weight = moves / np.sqrt(sizes.bond_mass)
+    spin_weight = moves / (np.sqrt(0.5 * sizes.bond_mass) * sizes.bond_radius)
+    columns = np.stack([i, i + count, i + 2 * count, j, j + count, j + 2 * count], axis=1)
+
+    def strain(*coefficients: Floats) -> Any:
+        """Operator from mass-weighted velocities (u, v, spin of all elements) to a rate of strain of all bonds."""
+        matrix = csr_matrix(
+            (np.stack(coefficients, axis=1).ravel(), columns.ravel(), np.arange(0, columns.size + 1, 6)),
+            shape=(i.size, 3 * count),
+        )
+        return matrix @ diags(np.concatenate([weight, weight, spin_weight]))
+
+    along = strain(nx, ny, nothing, -nx, -ny, nothing)
+    tangent = strain(ny, -nx, nothing, -ny, nx, nothing)
+    slip = strain(ny, -nx, r1, -ny, nx, r2)
+    bend = strain(nothing, nothing, one, nothing, nothing, -one)
+    springs = bmat([[diags(np.sqrt(k)) @ b] for k, b in ((normal, along), (shear, slip), (bending, bend))])
+    dampers = ((damp_normal, along), (damp_slip, slip), (damp_tangent, tangent), (damp_spin, bend))
+    damping = sum(b.T @ diags(c) @ b for c, b in dampers)
+    return bmat([[None, 0.5 * springs], [0.5 * springs.T, 0.5 * damping]]).tocsr()
 
 
-def largest_eigenvalue(operator: BondOperator, accuracy: float = ACCURACY) -> float:
-    """Return an upper estimate of the largest eigenvalue, s-1, by Lanczos steps from a fixed random vector.
+def largest_eigenvalue(matrix: Any) -> float:
+    """Return an upper estimate of the largest eigenvalue (s-1) of a symmetric matrix; not a number where it overflows.
 
-    The residual of the Ritz vector is added to the Ritz value, so that the estimate errs to the safe side by at most
-    ``accuracy``.
+    The residual of the Ritz vector is added to the Ritz value, so that the estimate errs to the safe side by at most some
+    `ACCURACY`; no estimate is above the largest sum over a row.
     """
-    vector = np.random.default_rng(1).standard_normal(operator.size)
-    vector /= np.linalg.norm(vector)
-    before, image = np.zeros_like(vector), np.zeros_like(vector)
-    diagonal: list[float] = []
-    beside: list[float] = []
-    for step in range(1, MOST_STEPS + 1):
-        operator.apply(vector, image)
-        part, rest = _lanczos_step(vector, before, beside[-1] if beside else 0.0, image)
-        diagonal.append(part)
-        beside.append(rest)
-        # A vanishing remainder means that the vectors so far hold all of the matrix.
-        exhausted = rest <= 1e-12 * max(map(abs, diagonal))
-        if exhausted or step % 8 == 0 or step == MOST_STEPS:
-            value, residual = _top(diagonal, beside)
-            if exhausted or residual < accuracy * value:
-                break
-        vector, before = before, vector
-    return value + residual
+    from scipy.sparse.linalg import ArpackNoConvergence, eigsh
 
-
-def _top(diagonal: list[float], beside: list[float]) -> tuple[float, float]:
-    """Largest eigenvalue of the tridiagonal matrix and the residual of its Ritz vector."""
-    matrix = np.diag(diagonal) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1)
-    values, vectors = np.linalg.eigh(matrix)
-    return float(values[-1]), float(beside[-1] * abs(vectors[-1, -1]))
+    bound = float(abs(matrix).sum(axis=1).max())
+    if not 0.0 < bound < np.inf:
+        return 0.0 if bound == 0.0 else np.nan
+    scaled = matrix / bound  # of the order of 1, so that no square overflows
+    start = np.random.default_rng(1).standard_normal(matrix.shape[0])  # fixed: the same lattice, the same sub-step
+    try:
+        (value,), vector = eigsh(scaled, k=1, which="LA", tol=ACCURACY, v0=start)
+    except ArpackNoConvergence:
+        return bound
+    residual = float(np.linalg.norm(scaled @ vector[:, 0] - value * vector[:, 0]))
+    return bound * min(float(value) + residual, 1.0)
