@@ -26,8 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.diagnostics.speed import square_berg
-from riftberg.diagnostics.yardstick import substeps_per_day
+from riftberg.diagnostics.speed import square_berg, substeps_per_day
 
 SIZES = (500, 10_000)
 """Elements of the lattices."""

@@ -9,8 +9,7 @@ import sys
 import time
 from typing import Any
 
-from riftberg.diagnostics.speed import square_berg
-from riftberg.diagnostics.yardstick import yardstick_seconds_per_day
+from riftberg.diagnostics.speed import square_berg, yardstick_seconds_per_day
 from riftberg.experiments import build
 from riftberg.experiments.options import Options
 

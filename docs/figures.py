@@ -60,7 +60,7 @@ def house(path: Path) -> Path:
     package = ROOT / "src" / "riftberg"
     levels = floors(ROOT / "pyproject.toml")
     figure = new_figure(10.5, 0.62 * len(levels) + 0.5, 100)
-    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98))
+    ax = figure.add_subplot()
     for k, rooms in enumerate(levels):
         y, colour = len(levels) - k, FLOOR_COLOURS[k * len(FLOOR_COLOURS) // len(levels)]
         ax.add_patch(Rectangle((0.0, y - 0.92), 10.0, 0.84, fc=colour, ec="#444444", lw=0.8))
@@ -101,7 +101,7 @@ def life(path: Path) -> Path:
     from riftberg.viz.style import new_figure
 
     figure = new_figure(10.5, 4.6, 100)
-    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98))
+    ax = figure.add_subplot()
     for k, (title, text, room) in enumerate(LIFE):
         x, y = 2.6 * (k % 4), 2.4 * (1 - k // 4)
         ax.add_patch(Rectangle((x, y), 2.2, 1.9, fc=FLOOR_COLOURS[k % len(FLOOR_COLOURS)], ec="#444444", lw=0.8))

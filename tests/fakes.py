@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from riftberg import constants
-from riftberg.diagnostics.beam import BeamCase, clamped_line
+from riftberg.diagnostics.cases import BeamCase, clamped_line
 from riftberg.errors import RunError
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save

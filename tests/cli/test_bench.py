@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from fakes import FakeModel
 from riftberg.cli.bench import sizes_between
 from riftberg.cli.main import app
-from riftberg.diagnostics import speed, yardstick
+from riftberg.diagnostics import speed
 from riftberg.errors import InputError
 from riftberg.experiments import Info
 from riftberg.state import copy_state
@@ -72,10 +72,10 @@ def test_sizes_are_timed_with_what_is_set() -> None:
 
 
 def test_the_yardstick_is_the_same_for_all_schemes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(yardstick.clock, "perf_counter", iter(range(100)).__next__)  # type: ignore[attr-defined]
+    monkeypatch.setattr(speed.clock, "perf_counter", iter(range(100)).__next__)  # type: ignore[attr-defined]
     few = FakeModel()
     few.substeps = 10
-    rows = [yardstick.yardstick_seconds_per_day(model, seconds=5.0, repeats=1) for model in (FakeModel(), few)]
+    rows = [speed.yardstick_seconds_per_day(model, seconds=5.0, repeats=1) for model in (FakeModel(), few)]
     assert rows[0] == rows[1] > 0.0
 
 
@@ -88,19 +88,19 @@ def test_line_for_people(fake: FakeModel) -> None:
 def test_yardstick_grows_with_the_number_of_bonds() -> None:
     small, large = FakeModel(20, 10), FakeModel(80, 40)
     ratio = len(large.bonds.first) / len(small.bonds.first)
-    times = [yardstick.yardstick_seconds_per_day(model, seconds=0.1) for model in (small, large)]
+    times = [speed.yardstick_seconds_per_day(model, seconds=0.1) for model in (small, large)]
     assert 0.4 * ratio < times[1] / times[0] < 2.5 * ratio
 
 
 def test_yardstick_leaves_the_model_alone_and_stays_finite() -> None:
     model = FakeModel()
     before = copy_state(model.elements, model.bonds)
-    yardstick.yardstick_seconds_per_day(model, seconds=0.01, repeats=1)
+    speed.yardstick_seconds_per_day(model, seconds=0.01, repeats=1)
     for old, new in zip(before, (model.elements, model.bonds), strict=True):
         for name, array in new.arrays().items():
             np.testing.assert_array_equal(getattr(old, name), array, err_msg=name)
-    state, rest = yardstick._start(model)
-    yardstick._loop(model.bonds.first, model.bonds.second, state, np.zeros((3, 24)), rest, 1.0, 1000)
+    state, rest = speed._start(model)
+    speed._loop(model.bonds.first, model.bonds.second, state, np.zeros((3, 24)), rest, 1.0, 1000)
     assert np.isfinite(state).all()
 
 

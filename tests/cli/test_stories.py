@@ -16,13 +16,12 @@ from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.compiled import kernels
 from riftberg.config.places import area_text, duration_text, place_text
-from riftberg.diagnostics.approach import Approach, approach, words
-from riftberg.diagnostics.beam import BeamCase
+from riftberg.diagnostics.cases import Approach, BeamCase, approach
 from riftberg.experiments import EXPERIMENTS, Info
 from riftberg.experiments.beams import CANTILEVER, CANTILEVER_STORY
 from riftberg.parameters import A68A_2022
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.viz.approach import draw_approach, telling
+from riftberg.viz.cases import contact_records, draw_approach
 
 
 def invoked(model: FakeModel, info: Info, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Any:
@@ -148,17 +147,17 @@ def test_two_bergs_tell_when_they_meet(tmp_path: Path) -> None:
         assert facts["first_contact_s"] == pytest.approx(21_667.0, abs=3600.0)
         assert facts["closing_before_m_s"] == pytest.approx(0.3, rel=0.05)
         assert facts["fastest_parting_m_s"] == pytest.approx(0.05, rel=0.1)
-        assert "the bergs close at 0.29 m/s and press on each other from 7 h on" in words(meeting)[0]
-        records = telling(meeting)
+        assert "the bergs close at 0.29 m/s and are in contact from 7 h on" in meeting.lines()[0]
+        records = contact_records(meeting)
         assert records[0] == 0
         assert meeting.touching[records[1]]
-        assert draw_approach(run, meeting, tmp_path / "story.png", dpi=40).stat().st_size > 5000
+        assert draw_approach(run, tmp_path / "story.png", dpi=40).stat().st_size > 5000
 
 
 def test_bergs_that_miss_each_other_say_so() -> None:
     far = Approach(np.array([0.0, 1.0]), np.array([9e3, 8e3]), np.array([1e3, 1e3]), 780.0)
-    assert words(far) == ["  the bergs do not meet: they come as near as 8000 m between elements"]
-    assert telling(far) == [0, 1]
+    assert far.lines() == ["  no contact: the smallest distance between elements is 8000 m"]
+    assert contact_records(far) == [0, 1]
 
 
 def test_stories_are_there_for_the_test_cases() -> None:

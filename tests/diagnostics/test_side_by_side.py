@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from riftberg.diagnostics.side_by_side import aligned, differences
+from riftberg.diagnostics.compare import aligned, differences
 
 EARTH = {"latlon": True, "radius": 6.371e6}
 

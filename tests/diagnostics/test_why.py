@@ -16,7 +16,7 @@ from matplotlib.image import imread
 
 from fakes import FakeModel
 from riftberg.diagnostics import why
-from riftberg.diagnostics.breakup import Breakup
+from riftberg.diagnostics.cut import Breakup
 from riftberg.diagnostics.forces import FORCES
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run

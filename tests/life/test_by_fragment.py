@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.diagnostics.melt import melt_by_fragment, melt_lines
-from riftberg.diagnostics.summary import summarize
+from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
 from riftberg.diagnostics.why import explain, words
 from riftberg.life.by_fragment import melt_of
 from riftberg.life.ledger import PROCESSES

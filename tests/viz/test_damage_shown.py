@@ -19,9 +19,8 @@ from riftberg.errors import InputError
 from riftberg.parameters import A68A_2022
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
-from riftberg.viz.packing import unpack
 from riftberg.viz.plots import _peak_stress, draw_damage
-from riftberg.viz.replay import ReplayContent, write_replay
+from riftberg.viz.replay import ReplayContent, unpack, write_replay
 from viz.browser import drawn, opened
 
 WORN, RIFT = 20, 11
@@ -84,7 +83,7 @@ def test_bonds_that_are_broken_count_no_more(run: xr.Dataset) -> None:
 
 def test_the_timeline_draws_what_is_left_beside_the_strength(run: xr.Dataset, plain: Path) -> None:
     ax = Figure().add_subplot()
-    _peak_stress(ax, Scene(run))
+    _peak_stress(ax, Scene(run), run["time"].values)
     heights = [np.asarray(line.get_ydata(), float) for line in ax.lines]
     np.testing.assert_allclose(heights[0], Scene(run).tension().max(axis=1) / 1e3)
     assert (heights[1][1:] < heights[0][1:] - 0.4).all()  # at the records: without the ringing
@@ -92,7 +91,7 @@ def test_the_timeline_draws_what_is_left_beside_the_strength(run: xr.Dataset, pl
     np.testing.assert_allclose(heights[3], 18.0 * (1.0 - 0.4 * np.linspace(0.0, 1.0, 9)), rtol=1e-6)
     ax = Figure().add_subplot()
     with open_run(plain) as without:
-        _peak_stress(ax, Scene(without))
+        _peak_stress(ax, Scene(without), without["time"].values)
     assert len(ax.lines) == 3
 
 

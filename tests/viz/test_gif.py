@@ -10,9 +10,8 @@ from PIL import Image
 
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.viz.animate import GIF_FPS, write_film
+from riftberg.viz.animate import COLOURS, GIF_FPS, film_palette, write_film
 from riftberg.viz.colours import FRAGMENTS as FRAGMENT_COLOURS
-from riftberg.viz.gif import COLOURS, film_palette
 
 
 def bytes_of(colour: str) -> tuple[int, ...]:

@@ -159,7 +159,7 @@ def test_the_scale_of_the_current_is_that_of_the_panels(run: tuple[FakeModel, xr
     scene = Scene(ds)
     panel = Panel(figure.add_subplot(), scene, scene.box(), model.forcing)
     panel.draw_currents(0, 0.4)
-    speed_bar(figure, (0.1, 0.05, 0.8, 0.02), 0.4)
+    speed_bar([panel.ax], 0.4)
     (image,), (bar,) = panel.ax.images, figure.axes[1].collections[-1:]
     speeds = np.linspace(0.0, 0.4, 9)
     np.testing.assert_allclose(image.norm(speeds), bar.norm(speeds))

@@ -19,13 +19,13 @@ from matplotlib.text import Text
 from PIL import Image
 
 from fakes import BendingModel, FakeModel
-from riftberg.diagnostics.beam import BeamCase, bent
+from riftberg.diagnostics.cases import BeamCase
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.diagnostics.why import explain
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, plots, style
-from riftberg.viz.beam import draw_beam
+from riftberg.viz.cases import draw_beam
 from riftberg.viz.map import draw_map
 from riftberg.viz.score import draw_score
 from riftberg.viz.why import draw_reasons
@@ -81,7 +81,7 @@ DRAWN: dict[str, Callable[[xr.Dataset, xr.Dataset, Path], object]] = {
     "timeline": lambda run, beam, path: plots.draw_timeline(run, path, dpi=60),
     "why": lambda run, beam, path: draw_reasons(explain(run), path, dpi=60),
     "score": lambda run, beam, path: draw_score(scored(), path, dpi=60),
-    "theory": lambda run, beam, path: draw_beam(beam, bent(beam, BEAM), path, dpi=60),
+    "theory": lambda run, beam, path: draw_beam(beam, path, case=BEAM, dpi=60),
     "film": lambda run, beam, path: film_frame(run, path),
 }
 

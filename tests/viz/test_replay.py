@@ -15,8 +15,7 @@ from matplotlib.image import imread
 from fakes import FakeModel
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.viz.packing import pack, unpack
-from riftberg.viz.replay import ReplayContent, chosen_records, write_replay
+from riftberg.viz.replay import ReplayContent, chosen_records, pack, unpack, write_replay
 from viz.browser import drawn, opened, until
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])

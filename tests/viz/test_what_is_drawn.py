@@ -29,9 +29,9 @@ from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
-from riftberg.viz.moments import moment_texts
 from riftberg.viz.panels import DOT, common_boxes
 from riftberg.viz.replay import ReplayContent
+from riftberg.viz.style import moment_texts
 from riftberg.viz.why import _failures
 
 
@@ -336,8 +336,7 @@ def test_nothing_on_the_map_overprints(picture: Figure) -> None:
     parts.append(figure._suptitle.get_window_extent(renderer))  # type: ignore[attr-defined]
     for (i, a), (j, b) in itertools.combinations(enumerate(parts), 2):
         assert not a.overlaps(b), (i, a, j, b)
-    legend = figure.axes[0].get_legend()
-    assert legend is not None
+    (legend,) = figure.subfigs[0].legends
     assert not legend.get_window_extent(renderer).overlaps(figure.axes[0].get_window_extent(renderer))
     texts = [t.get_window_extent(renderer) for t in figure.axes[0].texts if t.get_text()]
     assert not any(a.overlaps(b) for a, b in itertools.combinations(texts, 2))
@@ -530,7 +529,7 @@ def test_the_score_shows_the_sea_floor_where_it_is_known(tmp_path: Path, monkeyp
         score_picture.draw_score(score, tmp_path / "score.png", dpi=40, water=water)
     filled = [any(isinstance(c, ContourSet) and c.filled for c in figure.axes[0].collections) for figure in figures]
     assert filled == [False, True, False]
-    assert "sea floor" in " ".join(text.get_text() for text in figures[1].axes[0].texts)
+    assert "sea floor" in figures[1].axes[0].get_xlabel()
 
 
 def test_bonds_that_fail_within_a_minute_are_told_apart() -> None:

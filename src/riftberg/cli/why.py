@@ -17,7 +17,7 @@ from riftberg.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from riftberg.diagnostics.breakup import Breakup, Reasons
+    from riftberg.diagnostics.cut import Breakup, Reasons
 
 
 @reported

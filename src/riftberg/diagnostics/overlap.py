@@ -11,12 +11,29 @@ import numpy as np
 import shapely
 from shapely.affinity import translate
 
-from riftberg.diagnostics.assignment import best_pairs
 from riftberg.plane import ConformalPlane
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
+
+
+def best_pairs(cost: Floats, alone: float) -> list[tuple[int, int]]:
+    """Return the pairs of the least total cost, where each row that stays alone costs ``alone``.
+
+    ``cost``: cost of each pair, not negative (shape (rows, columns)); returns row and column of each pair, by row.
+    """
+    rows, columns = cost.shape
+    # Loaded here: it takes a third of a second, and few commands need it.
+    from scipy.optimize import linear_sum_assignment
+
+    # Each row gets a column of its own on which it stays alone.
+    table = np.full((rows, columns + rows), np.inf)
+    table[:, :columns] = cost
+    table[np.arange(rows), columns + np.arange(rows)] = alone
+    pairs = zip(*linear_sum_assignment(table), strict=True)
+    return [(int(row), int(column)) for row, column in pairs if column < columns]
+
 
 TWINS: Final = 0.8
 """Two outlines of a day that overlap more than this (intersection over union) are one piece drawn twice."""

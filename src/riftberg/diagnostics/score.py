@@ -26,13 +26,12 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from riftberg.diagnostics.assignment import best_pairs
-from riftberg.diagnostics.melt import melt_lines
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.diagnostics.overlap import (
     REACH,
     axis_difference,
+    best_pairs,
     distance,
     distances,
     group_fragments,
@@ -42,6 +41,7 @@ from riftberg.diagnostics.overlap import (
     same_pieces,
     without_twins,
 )
+from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from riftberg.config.places import area_text, place_text
-from riftberg.diagnostics.breakup import Breakup, Collision, FirstBond, Reasons
-from riftberg.diagnostics.cut import Cut, iso, members_at_birth
+from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, Reasons, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
-from riftberg.diagnostics.melt import melt_lines
+from riftberg.diagnostics.summary import melt_lines
 from riftberg.runs.scene import SMALL, Scene
 
 if TYPE_CHECKING:

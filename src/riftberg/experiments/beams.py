@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.diagnostics.beam import BeamCase, Held, bent, words
+from riftberg.diagnostics.cases import BeamCase, Held, bent_beam
 from riftberg.experiments.options import Info, Options, Story
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Compatibility, Parameters
@@ -140,13 +140,13 @@ def beam_story(beam: Beam, held: Held, title: str) -> Story:
     case = beam.case(held)
 
     def draw(run: xr.Dataset, path: Path, dpi: int) -> Path:
-        from riftberg.viz.beam import draw_beam
+        from riftberg.viz.cases import draw_beam
 
-        return draw_beam(run, bent(run, case), path, title=f"{title}: deflection against theory", dpi=dpi)
+        return draw_beam(run, path, case=case, title=f"{title}: deflection against theory", dpi=dpi)
 
     return Story(
-        tell=lambda run: words(bent(run, case)),
-        facts=lambda run: bent(run, case).facts(),
+        tell=lambda run: bent_beam(run, case).lines(),
+        facts=lambda run: bent_beam(run, case).facts(),
         draw=draw,
         fits=lambda run: run.sizes["trajectory"] == case.columns * case.rows and run.sizes["time"] > 1,
     )

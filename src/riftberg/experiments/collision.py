@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.diagnostics.approach import approach, words
+from riftberg.diagnostics.cases import approach
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.options import Info, Options, Story
 from riftberg.ocean.analytic import Convergence
@@ -81,13 +81,13 @@ def build(options: Options) -> tuple[Model, Info]:
 
 
 def _draw(run: xr.Dataset, path: Path, dpi: int) -> Path:
-    from riftberg.viz.approach import draw_approach
+    from riftberg.viz.cases import draw_approach
 
-    return draw_approach(run, approach(run), path, title="Two bergs collide in a channel that comes round", dpi=dpi)
+    return draw_approach(run, path, title="Two bergs collide in a periodic channel", dpi=dpi)
 
 
 STORY = Story(
-    tell=lambda run: words(approach(run)),
+    tell=lambda run: approach(run).lines(),
     facts=lambda run: approach(run).facts(),
     draw=_draw,
     fits=lambda run: run.sizes["trajectory"] == 16 and run.sizes["time"] > 1 and "x" in run,

@@ -15,8 +15,7 @@ import numpy as np
 from riftberg.bergs.bonding import Metric
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.forcing import OceanForcing
-from riftberg.coupling.nine_cells import NineCellRules
-from riftberg.coupling.reference import ReferenceExchange, Returned, ReturnRules
+from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
 from riftberg.kid.calving_file import read_stores, write_stores
 from riftberg.kid.checks import check_distances

@@ -1,17 +1,26 @@
 """A run as a film: MP4 where ffmpeg is installed, GIF otherwise.
 
-A GIF is made smaller by default, and its currents are drawn in steps of colour: it compresses by equal pixels only.
+A GIF is smaller by default, and its currents are drawn in steps of colour: it compresses by equal pixels only. It has at most
+256 colours. Found from a frame alone they go to the shades of the water, of which there are many pixels, and a fragment of few
+pixels, or one that breaks off later, gets the colour of something else. So one palette is made for the whole film, in which the
+colours of the fragments are exact. Fewer colours and no dithering also make the file smaller: equal pixels beside each other
+and from frame to frame cost next to nothing.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
 
 from riftberg.errors import InputError
 from riftberg.runs.background import water_of
@@ -19,13 +28,14 @@ from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours, style
-from riftberg.viz.moments import moment_text
-from riftberg.viz.panels import Panel, Water, arrow_key, fragment_colours, fragment_name, speed_bar, speed_top, widened
+from riftberg.viz.basemap import widened
+from riftberg.viz.panels import Panel, Water, arrow_key, fragment_colours, fragment_patches, speed_bar, speed_scale
 from riftberg.viz.plots import figure_title
-from riftberg.viz.style import new_figure
+from riftberg.viz.style import moment_text, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
+
 
 SECONDS = 20.0
 """Length of a film by default."""
@@ -48,17 +58,50 @@ def write_film(
     fps: int | None = None,
     dpi: int | None = None,
     observed: Mapping[str, Sequence[Floats]] | None = None,
-    water: Water | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Write a film of a run."""
+    """Write a film of a run.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.runs.run_file.open_run`, or what `Model.run` returns.
+    path : path
+        Film, ``.mp4`` or ``.gif``.
+    hours : float, optional
+        Time between frames; by default such that the film takes 20 s.
+    fps, dpi : int, optional
+        Frames a second, and resolution.
+    observed : mapping, optional
+        Observed outlines by ISO day.
+    progress : callable, optional
+        Called with the number of frames done, and of all.
+    """
     path = Path(path)
-    gif = _is_gif(path)
+    ending = path.suffix.lower()
+    if ending not in (".gif", ".mp4"):
+        raise InputError(
+            f"cannot write {path.suffix or 'a file without ending'}", where=str(path), remedy="Use .mp4 or .gif"
+        )
+    if ending == ".mp4" and shutil.which("ffmpeg") is None:
+        raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
+    gif = ending == ".gif"
     fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)
     scene = Scene(run)
-    film = _Film(scene, water or water_of(run), observed or {}, dpi, steps=GIF_STEPS if gif else None)
     records = frame_records(scene, hours, fps)
-    writer = _gif_writer(film, records, fps) if gif else _mp4_writer(fps)
+    film = _Film(scene, water_of(run), observed or {}, dpi, steps=GIF_STEPS if gif else None)
+    writer: AbstractMovieWriter
+    if gif:
+        probes = []
+        for place in np.unique(np.linspace(0, len(records) - 1, PALETTE_FRAMES).round().astype(int)):
+            film.draw(int(records[place]))
+            probes.append(figure_image(film.figure))
+        exact = (*film.colours.values(), colours.SMALL, colours.GROUND)
+        writer = GifWriter(fps, film_palette(probes, exact))
+    else:
+        # Every player takes even sizes and 4:2:0 colours.
+        extra = ["-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]
+        writer = FFMpegWriter(fps=fps, codec="libx264", extra_args=extra)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path, ending=True) as part, writer.saving(film.figure, str(part), dpi=dpi):
         for done, record in enumerate(records, start=1):
@@ -85,92 +128,94 @@ def frame_records(scene: Scene, hours: float | None, fps: int) -> Ints:
     return np.unique([int(np.argmin(np.abs(scene.seconds - moment))) for moment in wanted])
 
 
-def _is_gif(path: Path) -> bool:
-    """Return whether a GIF is asked for, and refuse what cannot be written."""
-    ending = path.suffix.lower()
-    if ending not in (".gif", ".mp4"):
-        raise InputError(
-            f"cannot write {path.suffix or 'a file without ending'}", where=str(path), remedy="Use .mp4 or .gif"
-        )
-    if ending == ".mp4" and shutil.which("ffmpeg") is None:
-        raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
-    return ending == ".gif"
-
-
-def _mp4_writer(fps: int) -> AbstractMovieWriter:
-    from matplotlib.animation import FFMpegWriter
-
-    # Even sizes and 4:2:0 colours are what every player takes.
-    return FFMpegWriter(
-        fps=fps, codec="libx264", extra_args=["-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]
-    )
-
-
-def _gif_writer(film: _Film, records: Ints, fps: int) -> AbstractMovieWriter:
-    from riftberg.viz.gif import GifWriter, figure_image, film_palette
-
-    probes = []
-    for place in np.unique(np.linspace(0, len(records) - 1, PALETTE_FRAMES).round().astype(int)):
-        film.draw(int(records[place]))
-        probes.append(figure_image(film.figure))
-    exact = (*film.colours.values(), colours.SMALL, colours.GROUND)
-    return GifWriter(fps, film_palette(probes, exact))
-
-
 class _Film:
     """One figure drawn anew for every frame."""
 
     def __init__(
-        self,
-        scene: Scene,
-        water: Water | None,
-        observed: Mapping[str, Sequence[Floats]],
-        dpi: int,
-        *,
+        self, scene: Scene, water: Water | None, observed: Mapping[str, Sequence[Floats]], dpi: int, *,
         steps: int | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.scene, self.water, self.observed, self.steps = scene, water, observed, steps
-        self.box = widened(scene.grown(scene.box(), 0.06), scene, 1.45)
+        self.box = widened(scene.box(), scene.latlon, 1.6, margin=0.06)
         self.figure = new_figure(9.6, 7.2, dpi)
-        self.ax = self.figure.add_axes((0.075, 0.155, 0.905, 0.745))
-        style.put_title(self.figure, figure_title(scene.run, "drift and break-up"), size=11.0, left=0.72)
+        self.ax = self.figure.subplots()
+        style.put_title(self.figure, figure_title(scene.run, "drift and break-up"), size=11.0)
         self.colours = fragment_colours(scene)
-        self._legend()
+        handles = fragment_patches(scene)
+        columns = 1 if len(handles) <= 4 else 2
+        self.figure.legend(handles=handles, fontsize=8, loc="outside lower left", frameon=False, ncols=columns)
         some = range(0, len(scene.times), max(1, len(scene.times) // 12))
-        panels = [Panel(self.ax, scene, self.box, water)] * len(some)
-        self.top = speed_top(panels, some)
-        self.flows = any(panel.fastest(record) > 0.0 for panel, record in zip(panels, some, strict=True))
-        self.keyed = False
+        self.top, self.flows = speed_scale([self._panel()] * len(some), some)
+        if self.flows:
+            speed_bar([self.ax], self.top)
+        style.lay_out(self.figure)  # once: axes that move from frame to frame would flicker
+
+    def _panel(self) -> Panel:
+        return Panel(self.ax, self.scene, self.box, self.water, ticks=6, labels=not self.scene.latlon)
 
     def draw(self, record: int) -> None:
         """Draw one record."""
         self.ax.clear()
-        panel = Panel(self.ax, self.scene, self.box, self.water, ticks=6, labels=not self.scene.latlon)
-        arrows = panel.draw_currents(record, self.top, arrows=19, steps=self.steps) if self.flows else None
-        panel.draw_floor(shaded=arrows is None)
+        rings = self.observed.get(str(self.scene.times[record])[:10], ())
+        panel = self._panel()
+        quiver = panel.draw_date(record, self.top, self.colours, rings, arrows=19, steps=self.steps, ls="--")
+        if quiver is not None and self.flows:
+            arrow_key(quiver, self.top)
         for number, colour in self.colours.items():
             self.ax.plot(*self.scene.track_line(number, record), color=colour, lw=1.6, zorder=4)
-        panel.draw_ice(record, self.colours)
-        panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()), ls="--")
-        panel.draw_scale(0.2)
-        if arrows is not None:
-            arrow_key(arrows, self.figure, 0.9, 0.035, self.top)
-            if not self.keyed:
-                speed_bar(self.figure, (0.62, 0.06, 0.24, 0.014), self.top)
-                self.keyed = True
         moment = moment_text(self.scene.times, self.scene.times[record], year=True)
         self.ax.text(0.015, 0.975, moment, transform=self.ax.transAxes, va="top", fontsize=15, fontweight="bold",
                      zorder=12, bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 3})  # fmt: skip
 
-    def _legend(self) -> None:
-        from matplotlib.patches import Patch
 
-        handles = [Patch(fc=c, ec="black", lw=0.5, label=fragment_name(self.scene, n)) for n, c in self.colours.items()]
-        self.figure.legend(
-            handles=handles,
-            fontsize=8,
-            loc="lower left",
-            bbox_to_anchor=(0.06, 0.0),
-            frameon=False,
-            ncols=1 if len(handles) <= 4 else 2,
-        )
+COLOURS = 128
+"""In a palette."""
+
+SHADES = (1.0, 0.8, 0.6)
+"""Of each exact colour: as it is, and under the thin dark edges of the elements."""
+
+SAME = 8
+"""Colours that differ by less than this in each of red, green and blue (of 255) need not both be in a palette."""
+
+
+def figure_image(figure: Figure) -> Image.Image:
+    """Return a figure as it is drawn now, in red, green and blue."""
+    pixels = BytesIO()
+    figure.savefig(pixels, format="rgba", dpi=figure.dpi)
+    size = figure.canvas.get_width_height(physical=True)
+    return Image.frombytes("RGBA", size, pixels.getvalue()).convert("RGB")
+
+
+def film_palette(frames: Sequence[Image.Image], exact: Iterable[str]) -> Image.Image:
+    """Return a palette for a film, as an image that carries it."""
+    width, height = frames[0].size
+    together = Image.new("RGB", (width, height * len(frames)))
+    for place, frame in enumerate(frames):
+        together.paste(frame, (0, place * height))
+    kept = [tuple(round(255.0 * part * value) for value in to_rgb(colour)) for colour in exact for part in SHADES]
+    kept = list(dict.fromkeys([*kept, (0, 0, 0), (255, 255, 255)]))
+    shades = together.quantize(COLOURS - len(kept), dither=Image.Dither.NONE).getpalette() or []
+    for shade in zip(shades[0::3], shades[1::3], shades[2::3], strict=True):
+        if all(max(abs(a - b) for a, b in zip(shade, other, strict=True)) >= SAME for other in kept):
+            kept.append(shade)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([part for colour in kept for part in colour])
+    return palette
+
+
+class GifWriter(PillowWriter):
+    """Writes frames of a figure as a GIF in a palette (see `film_palette`)."""
+
+    def __init__(self, fps: int, palette: Image.Image) -> None:
+        super().__init__(fps=fps)
+        self.palette = palette
+        self.frames: list[Image.Image] = []
+
+    def grab_frame(self, **savefig_kwargs: Any) -> None:
+        """Keep the figure as it is now."""
+        self.frames.append(figure_image(self.fig).quantize(palette=self.palette, dither=Image.Dither.NONE))
+
+    def finish(self) -> None:
+        """Write the file; what did not change from a frame to the next is left out of it."""
+        first, *rest = self.frames
+        first.save(self.outfile, "GIF", save_all=True, append_images=rest, duration=round(1000 / self.fps), loop=0)

@@ -10,13 +10,12 @@ import numpy as np
 import xarray as xr
 
 from riftberg.config.values import required
-from riftberg.diagnostics.melt import melt_lines
+from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
 from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.moments import moment_text, moment_texts, span_text
 from riftberg.viz.panels import (
     Panel,
     Water,
@@ -24,9 +23,10 @@ from riftberg.viz.panels import (
     common_boxes,
     fragment_colours,
     fragment_name,
+    fragment_patches,
     nearest_record,
     speed_bar,
-    speed_top,
+    speed_scale,
     widened,
 )
 
@@ -39,6 +39,9 @@ Outlines = Mapping[str, Sequence[Floats]]
 
 NEAR = 24.0
 """Marks on the track that are nearer than this (points) share one date."""
+
+OVERVIEW = 0.95
+"""Width over height of the overview in the figure of a map."""
 
 
 @overload
@@ -116,12 +119,48 @@ def draw_map(
         return _draw_into(ax, scene, water, observed or {}, date)
     if path is not None:
         style.check_format(path)
-    figure = style.new_figure(15.5, 8.6, dpi)
-    _MapFigure(figure, scene, water, observed or {}).draw(scene.telling_records(dates), _title(run, scene, title))
-    if path is None:
-        return figure
-    style.save_figure(figure, path)
-    return Path(path)
+    figure = style.new_figure(15.5, 7.8, dpi)
+    _draw_figure(figure, scene, water, observed or {}, scene.telling_records(dates), _title(run, scene, title))
+    return figure if path is None else style.save_figure(figure, path)
+
+
+def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
+    """Return a title that names the run, its dates, its forcing and what melted."""
+    first = title or str(run.attrs.get("experiment") or "Iceberg drift")
+    second = str(run.attrs.get("forcing_title", "")).strip()
+    melted = "".join(f"\n{line}" for line in melt_lines(run)[:1])
+    return f"{first}, {style.span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
+
+
+def _draw_figure(
+    figure: Figure, scene: Scene, water: Water | None, observed: Outlines, records: list[int], title: str
+) -> None:
+    """Draw the overview on the left, and on the right the berg at each of the records."""
+    shown, columns = fragment_colours(scene), (len(records) + 1) // 2
+    left, right = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
+    overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
+    style.letter(overview.ax, 0)
+    left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
+    places = list(right.subplots(2, columns, squeeze=False).flat)
+    for unused in places[len(records) :]:
+        unused.remove()
+    boxes = common_boxes(scene, records, margin=0.08)
+    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(places, boxes, strict=False)]
+    top, flows = speed_scale(panels, records)
+    for k, (panel, text) in enumerate(zip(panels, style.moment_texts(scene.times, records), strict=True)):
+        panel.ax.set_title(text, fontsize=10, pad=4)
+        style.letter(panel.ax, k + 1)
+    style.outer_names(places[: len(records)], columns)
+    if flows:
+        speed_bar(places[: len(records)], top)
+    style.put_title(figure, title, size=13.0)
+    style.lay_out(figure)
+    overview.draw(records)
+    for k, (panel, record) in enumerate(zip(panels, records, strict=True)):
+        rings = observed.get(str(scene.times[record])[:10], ())
+        quiver = panel.draw_date(record, top, shown, rings, arrows=9, depths=False)
+        if quiver is not None and flows and k == 0:
+            arrow_key(quiver, top)
 
 
 def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, date: Any) -> Axes:
@@ -138,63 +177,52 @@ def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, 
             where="draw_map",
             remedy="Give plain axes; x and y are those of the run",
         )
+    place = ax.get_position(original=True)
+    shape = float(ax.figure.bbox.width * place.width / (ax.figure.bbox.height * place.height))
     if date is None:
-        Overview(ax, scene, water, observed).draw(scene.telling_records(6))
+        Overview(ax, scene, water, shape, observed).draw(scene.telling_records(6))
         return ax
     record = nearest_record(scene, np.datetime64(date))
     (box,) = common_boxes(scene, [record])
-    panel = Panel(ax, scene, widened(box, scene, _shape_of(ax)), water, labels=True)
-    quiver = panel.draw_currents(record, speed_top([panel], [record]))
-    if quiver is not None:
-        speed = style.round_length(0.75 * speed_top([panel], [record]))
-        ax.quiverkey(quiver, 0.8, 1.025, speed, f"{speed:g} m s$^{{-1}}$", labelpos="E", fontproperties={"size": 8})
-    panel.draw_floor(labels=False)
-    panel.draw_ice(record, fragment_colours(scene))
-    panel.draw_outlines(observed.get(str(scene.times[record])[:10], ()))
-    panel.draw_scale()
-    ax.set_title(moment_text(scene.times, scene.times[record], year=True), fontsize=10, pad=4, loc="left")
-    for number, colour in fragment_colours(scene).items():
+    panel = Panel(ax, scene, widened(box, scene.latlon, shape), water, labels=True)
+    (top, flows), shown = speed_scale([panel], [record]), fragment_colours(scene)
+    quiver = panel.draw_date(record, top, shown, observed.get(str(scene.times[record])[:10], ()), depths=False)
+    if quiver is not None and flows:
+        arrow_key(quiver, top)
+    ax.set_title(style.moment_text(scene.times, scene.times[record], year=True), fontsize=10, pad=4, loc="left")
+    for number, colour in shown.items():
         if (scene.berg[record] == number).any():
             ax.plot([], [], "s", color=colour, mec="black", mew=0.5, label=fragment_name(scene, number))
     return ax
 
 
-def _shape_of(ax: Axes) -> float:
-    """Return width over height of the place of axes."""
-    place = ax.get_position(original=True)
-    width, height = ax.figure.bbox.width * place.width, ax.figure.bbox.height * place.height
-    return float(width / height)
-
-
-def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
-    """Title that says which run and which currents these are."""
-    first = title or str(run.attrs.get("experiment") or "Iceberg drift")
-    second = str(run.attrs.get("forcing_title", "")).strip()
-    melted = "".join(f"\n{line}" for line in melt_lines(run)[:1])
-    return f"{first}, {span_text(scene.times)}" + (f"\nForcing: {second}" if second else "") + melted
-
-
 class Overview:
-    """The way of the berg on given axes: tracks, first and last position, break-ups and the sea floor."""
+    """The drift of the berg on given axes: tracks, first and last position, break-ups and the sea floor."""
 
-    def __init__(self, ax: Axes, scene: Scene, water: Water | None, observed: Outlines | None = None) -> None:
+    def __init__(
+        self, ax: Axes, scene: Scene, water: Water | None, shape: float, observed: Outlines | None = None
+    ) -> None:
         self.ax, self.scene, self.observed = ax, scene, observed or {}
         self.colours = fragment_colours(scene)
-        box = widened(scene.grown(scene.box(), 0.05), scene, _shape_of(ax))
+        box = widened(scene.box(), scene.latlon, shape, margin=0.05)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
-        self.grounded = False
+        self.grounded = self.panel.draw_ground(shaded=True)
 
     def draw(self, records: list[int]) -> None:
-        """Draw everything; the records are marked on the track."""
-        self.grounded = self.panel.draw_floor(shaded=True)
+        """Draw ice, tracks and labels, once the axes have their place; the records are marked on the track."""
         self.panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
         self.panel.draw_ice(records[-1], self.colours, zorder=2.8)
         labels = style.Labels(self.ax)
-        self._draw_breakups(labels)
+        for number in self.scene.numbers:
+            x, y, _ = self.scene.track(number)
+            if self.scene.birth(number) is not None:
+                colour = self.colours.get(number, colours.SMALL)
+                self.ax.plot(x[0], y[0], "*", ms=15, mfc=colour, mec="black", zorder=9)
+                labels.avoid(x[0], y[0], 8.0)
         for number in reversed(list(self.colours)):
             self._draw_track(number, labels)
         self._draw_dates(labels, records)
-        self.panel.draw_scale(0.25)
+        self.panel.draw_scale()
 
     def _draw_track(self, number: int, labels: style.Labels) -> None:
         from matplotlib.patheffects import Normal, withStroke
@@ -218,29 +246,19 @@ class Overview:
             labels.avoid(*place)
         # Of dates at which the berg was in about the same place the first is labelled, and the last.
         order = [0, len(places) - 1, *range(1, len(places) - 1)]
-        texts = moment_texts(self.scene.times, records, hour=False)
+        texts = style.moment_texts(self.scene.times, records, hour=False)
         labelled: list[tuple[float, float]] = []
         for k in order:
             if all(labels.apart(places[k], other) > NEAR for other in labelled):
                 labels.put(texts[k], *places[k], fontsize=9, fontweight="bold")
                 labelled.append(places[k])
 
-    def _draw_breakups(self, labels: style.Labels) -> None:
-        for number in self.scene.numbers:
-            x, y, _ = self.scene.track(number)
-            if self.scene.birth(number) is not None:
-                colour = self.colours.get(number, colours.SMALL)
-                self.ax.plot(x[0], y[0], "*", ms=15, mfc=colour, mec="black", zorder=9)
-                labels.avoid(x[0], y[0], 8.0)
-
     def handles(self) -> list[Any]:
         """Return what explains fragments and signs in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
-        handles: list[Any] = []
-        for number, colour in self.colours.items():
-            handles.append(Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(self.scene, number)))
+        handles: list[Any] = list(fragment_patches(self.scene))
         handles.append(
             Line2D([], [], color="black", marker="o", mfc="white", lw=2, label="track and dates of the panels")
         )
@@ -257,57 +275,3 @@ class Overview:
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles
-
-
-class _MapFigure:
-    """One figure in the making."""
-
-    def __init__(self, figure: Figure, scene: Scene, water: Water | None, observed: Outlines) -> None:
-        self.figure, self.scene, self.water, self.observed = figure, scene, water, observed
-        self.colours = fragment_colours(scene)
-
-    def draw(self, records: list[int], title: str) -> None:
-        """Draw all panels."""
-        columns = (len(records) + 1) // 2
-        left = self.figure.add_gridspec(1, 1, left=0.045, right=0.40, bottom=0.175, top=0.885)
-        right = self.figure.add_gridspec(
-            2, columns, left=0.455, right=0.985, bottom=0.135, top=0.875, wspace=0.3, hspace=0.2
-        )
-        overview = Overview(self.figure.add_subplot(left[0]), self.scene, self.water, self.observed)
-        overview.draw(records)
-        style.letter(overview.ax, 0)
-        self._legend(overview)
-        places = [self.figure.add_subplot(right[k // columns, k % columns]) for k in range(len(records))]
-        boxes = common_boxes(self.scene, records, margin=0.08)
-        panels = [
-            Panel(ax, self.scene, box, self.water, labels=not self.scene.latlon)
-            for ax, box in zip(places, boxes, strict=True)
-        ]
-        top = speed_top(panels, records)
-        texts = moment_texts(self.scene.times, records)
-        arrows = [self._date(*each, top) for each in zip(panels, records, texts, strict=True)]
-        for k, panel in enumerate(panels):
-            style.letter(panel.ax, k + 1)
-        style.outer_names(places, columns)
-        if any(panel.fastest(record) > 0.0 for panel, record in zip(panels, records, strict=True)):
-            speed_bar(self.figure, (0.47, 0.055, 0.37, 0.013), top)
-            arrow_key(next(a for a in arrows if a is not None), self.figure, 0.895, 0.0615, top)
-        style.put_title(self.figure, title, size=13.0, left=0.045 * self.figure.get_figwidth())
-
-    def _date(self, panel: Panel, record: int, text: str, top: float) -> Any:
-        """Draw the berg at one date in the current of that date."""
-        quiver = panel.draw_currents(record, top, arrows=9)
-        panel.draw_floor(labels=False, shaded=quiver is None)
-        panel.draw_ice(record, self.colours)
-        panel.draw_outlines(self.observed.get(str(self.scene.times[record])[:10], ()))
-        panel.draw_scale()
-        panel.ax.set_title(text, fontsize=10, pad=4)
-        return quiver
-
-    def _legend(self, overview: Overview) -> None:
-        """Explain fragments and signs below the overview."""
-        below = -0.05 if self.scene.latlon else -0.075  # the axis of a run in metres has a name
-        overview.ax.legend(
-            handles=overview.handles(), fontsize=8, loc="upper left", bbox_to_anchor=(-0.02, below), ncols=2,
-            frameon=False, borderpad=0.2, columnspacing=1.4, handlelength=1.8,
-        )  # fmt: skip

@@ -15,15 +15,13 @@ from riftberg.runs.background import KeptWater, StoredWater
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.coast import draw_coast
-from riftberg.viz.floor import NO_FLOOR, SeaFloor
-from riftberg.viz.moments import is_short, moment_text
+from riftberg.viz.basemap import Map, widened
+from riftberg.viz.style import is_short, moment_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import Colormap, Normalize
-    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
     from matplotlib.quiver import Quiver
 
 Water = Forcing | StoredWater | KeptWater
@@ -38,50 +36,43 @@ LARGE_BOX: Final = 1.6
 """Panels share one extent where it is at most so many times that of the largest berg."""
 
 
-def root_scale(top: float) -> Normalize:
-    """Return a scale by the square root: a berg at rest has a tenth of its strength, and few bonds most of the damage."""
-    from matplotlib.colors import PowerNorm
-
-    return PowerNorm(0.5, 0.0, top)
-
-
-class Panel:
-    """A map on given axes."""
+class Panel(Map):
+    """A map of a run on given axes."""
 
     def __init__(
         self, ax: Axes, scene: Scene, box: Box, water: Water | None = None, *, ticks: int = 4, labels: bool = False
     ) -> None:
-        self.ax, self.scene, self.box, self.water = ax, scene, box, water
-        ax.set_xlim(box.west, box.east)
-        ax.set_ylim(box.south, box.north)
-        ax.set_aspect(scene.stretch(0.5 * (box.south + box.north)))
-        style.geographic_axes(ax, latlon=scene.latlon, ticks=ticks, labels=labels)
-        ax.set_facecolor(colours.SEA)
-        self.shaded = False
-        draw_coast(ax, box, latlon=scene.latlon)
-
-    def _mesh(self, points: int) -> tuple[Floats, Floats]:
-        b = self.box
-        x, y = np.meshgrid(np.linspace(b.west, b.east, points), np.linspace(b.south, b.north, points))
-        return x, y
-
-    def fastest(self, record: int) -> float:
-        """Return the largest current speed in the panel, m s-1; 0 where there is no current."""
-        return self.speeds(record)[1]
+        super().__init__(ax, box, latlon=scene.latlon, radius=scene.radius, ticks=ticks, labels=labels)
+        self.scene, self.water = scene, water
 
     def speeds(self, record: int) -> tuple[float, float]:
         """Return the smallest and the largest current speed in the panel, m s-1; 0 where there is no current."""
         if self.water is None:
             return 0.0, 0.0
-        speed = np.hypot(*self.water.currents(*self._mesh(40), float(self.scene.seconds[record])))
+        speed = np.hypot(*self.water.currents(*self.mesh(40), float(self.scene.seconds[record])))
         return (float(np.nanmin(speed)), float(np.nanmax(speed))) if np.isfinite(speed).any() else (0.0, 0.0)
+
+    def draw_date(
+        self, record: int, top: float, shown: dict[int, str], rings: Sequence[Floats] = (), *, arrows: int = 13,
+        steps: int | None = None, depths: bool = True, **look: Any,
+    ) -> Quiver | None:  # fmt: skip
+        """Draw a record: currents, or the sea floor where there are none, ice, observed outlines and a scale bar.
+
+        Returns the arrows of the currents.
+        """
+        quiver = self.draw_currents(record, top, arrows=arrows, steps=steps)
+        self.draw_ground(shaded=quiver is None, labels=depths)
+        self.draw_ice(record, shown)
+        self.draw_outlines(rings, **look)
+        self.draw_scale()
+        return quiver
 
     def draw_currents(self, record: int, top: float, *, arrows: int = 13, steps: int | None = None) -> Quiver | None:
         """Draw speed as colour up to ``top`` (m s-1), smooth or in a number of steps, and arrows; return the arrows."""
         if self.water is None:
             return None
         time = float(self.scene.seconds[record])
-        x, y = self._mesh(70)
+        x, y = self.mesh(70)
         speed = np.hypot(*self.water.currents(x, y, time))
         if not np.isfinite(speed).any():
             return None
@@ -102,55 +93,32 @@ class Panel:
             headaxislength=3.4, minshaft=1.6, color=colours.ARROW, minlength=0.4, zorder=2,
         )  # fmt: skip
 
-    def draw_floor(self, *, isobaths: bool = True, shaded: bool = False, labels: bool = True) -> bool:
-        """Draw the sea floor: steps of depth as colour, isobaths, and hatched what the keel touches."""
-        if self.water is None:
-            return False
-        draft = self.scene.draft()
-        floor = SeaFloor(self.box, self.water, least=min(draft, NO_FLOOR))
-        if not floor.known:
-            return False
-        self.shaded = shaded and floor.shade(self.ax)
-        if isobaths:
-            floor.draw_isobaths(self.ax, labels=labels)
-        low, high = floor.span
-        if not low < draft or not self.scene.has_floor:
-            return False
-        mesh = floor.x, floor.y, floor.depth
-        filled = self.ax.contourf(*mesh, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
-        filled.set_edgecolor(colours.GROUND)
-        filled.set_linewidth(0.0)
-        if draft < high:  # else all that is shown is too shallow
-            self.ax.contour(*mesh, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
-        return True
+    def draw_ground(self, *, shaded: bool = False, labels: bool = True) -> bool:
+        """Draw the sea floor, hatched where the keel touches it and it acts on the ice; returns whether it does anywhere."""
+        scene = self.scene
+        return self.draw_floor(self.water, shaded=shaded, labels=labels, draft=scene.draft(), hatched=scene.has_floor)
 
-    def draw_ice(
-        self, record: int, shown: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0
-    ) -> PolyCollection:
+    def points_per_metre(self) -> float:
+        """Return the size (points) of a metre on the picture, once its axes have their place."""
+        inches = self.ax.get_window_extent().height / float(self.ax.figure.dpi)
+        return 72.0 * inches / (self.box.north - self.box.south) * self.units_per_km / 1e3
+
+    def draw_ice(self, record: int, shown: dict[int, str], *, alpha: float = 1.0, zorder: float = 5.0) -> None:
         """Draw the elements in the colours of their fragments."""
         from matplotlib.collections import PolyCollection
         from matplotlib.colors import to_rgba
 
-        numbers = self.scene.berg[record]
+        scene, numbers = self.scene, self.scene.berg[record]
         faces = [to_rgba(shown.get(int(n), colours.SMALL), alpha) for n in numbers]
         thin = 0.2 if len(numbers) < 2500 else 0.0
-        ice = PolyCollection(
-            list(self.scene.polygons(record)),
-            facecolors=faces,
-            edgecolors=(0, 0, 0, 0.4 * alpha),
-            linewidths=thin,
-            zorder=zorder,
-        )
-        self.ax.add_collection(ice)
-        self._mark_small(record, shown, alpha, zorder)
-        return ice
-
-    def _mark_small(self, record: int, shown: dict[int, str], alpha: float, zorder: float) -> None:
-        """Draw a dot for each fragment that would be smaller than one: bergs of a field are not seen otherwise."""
-        scene, b = self.scene, self.box
-        points = 72.0 * self.ax.get_window_extent().height / float(self.ax.figure.dpi) / (b.north - b.south)
-        size = np.sqrt(scene.area_at(record)) / 1e3 * scene.units_per_km() * points
-        numbers = scene.berg[record]
+        self.ax.add_collection(
+            PolyCollection(
+                list(scene.polygons(record)), facecolors=faces, edgecolors=(0, 0, 0, 0.4 * alpha), linewidths=thin,
+                zorder=zorder,
+            )
+        )  # fmt: skip
+        # Fragments smaller than a dot get one: bergs of a field would not be seen otherwise.
+        size = np.sqrt(scene.area_at(record)) * self.points_per_metre()
         for number in np.unique(numbers[(numbers > 0) & (size < DOT)]):
             own = numbers == number
             if math.sqrt(float((size[own] ** 2).sum())) < DOT:
@@ -158,43 +126,36 @@ class Panel:
                 colour = shown.get(int(number), colours.SMALL)
                 self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=zorder)
 
-    def draw_bonds(
-        self, record: int, values: Floats, shades: Colormap, scale: Normalize, points: Floats
-    ) -> LineCollection:
-        """Draw unbroken bonds in the colour of their values, each so many points wide, broken ones dashed dark."""
+    def draw_bonds(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
+        """Draw unbroken bonds in the colour of their values, broken ones dotted."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         scene, run = self.scene, self.scene.run
         first, second = run["first"].values, run["second"].values
         ends = np.stack([np.stack([scene.x[record][k], scene.y[record][k]], axis=-1) for k in (first, second)], axis=1)
-        broken = ~scene.unbroken[record]
-        self.ax.add_collection(
-            PolyCollection(
-                list(scene.polygons(record)),
-                facecolors=colours.ICE,
-                edgecolors=colours.ICE_EDGE,
-                linewidths=0.2,
-                zorder=4,
-            )
+        # Bonds of hexagons cross at 60 degrees and are drawn slimmer.
+        width = np.sqrt(scene.area[first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
+        points = np.maximum(0.6, self.points_per_metre() * width)
+        ice = PolyCollection(
+            list(scene.polygons(record)), facecolors=colours.ICE, edgecolors=colours.ICE_EDGE, linewidths=0.2, zorder=4
         )
-        # The largest values on top.
-        order = np.argsort(values[~broken])
-        lines = LineCollection(list(ends[~broken][order]), array=values[~broken][order], cmap=shades,
-                               norm=scale, linewidths=points[~broken][order], capstyle="butt", zorder=5)  # fmt: skip
-        self.ax.add_collection(lines)
-        near = broken & (
-            np.hypot(*(ends[:, 1] - ends[:, 0]).T) < 2.5 * np.median(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
-        )
+        self.ax.add_collection(ice)
+        intact = np.flatnonzero(scene.unbroken[record])
+        intact = intact[np.argsort(values[intact])]  # the largest values on top
         self.ax.add_collection(
             LineCollection(
-                list(ends[near]),
-                colors="black",
-                linewidths=np.minimum(1.8, 0.7 * points[near]),
-                linestyles=":",
+                list(ends[intact]), array=values[intact], cmap=shades, norm=scale, linewidths=points[intact],
+                capstyle="butt", zorder=5,
+            )
+        )  # fmt: skip
+        length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        near = ~scene.unbroken[record] & (length < 2.5 * np.median(length))  # not across to a piece that drifted off
+        self.ax.add_collection(
+            LineCollection(
+                list(ends[near]), colors="black", linewidths=np.minimum(1.8, 0.7 * points[near]), linestyles=":",
                 zorder=6,
             )
-        )
-        return lines
+        )  # fmt: skip
 
     def draw_outlines(self, rings: Sequence[Floats], **look: Any) -> None:
         """Draw observed outlines (longitude, latitude)."""
@@ -206,18 +167,18 @@ class Panel:
             closed = np.append(x, x[0]), np.append(ring[:, 1], ring[0, 1])
             self.ax.plot(*closed, **{"color": colours.OBSERVED, "lw": 1.2, "zorder": 7, **look})
 
-    def draw_scale(self, part: float = 0.3) -> None:
-        """Draw a scale bar of about ``part`` of the width."""
-        y = self.box.south + 0.055 * (self.box.north - self.box.south)
-        unit = self.scene.units_per_km() * self.scene.stretch(y)
-        style.scale_bar(
-            self.ax, km=style.round_length(part * (self.box.east - self.box.west) / unit), units_per_km=unit
-        )
-
 
 def fragment_colours(scene: Scene) -> dict[int, str]:
     """Return a colour for each named fragment."""
     return dict(zip(scene.numbers, colours.FRAGMENTS, strict=False))
+
+
+def fragment_patches(scene: Scene) -> list[Patch]:
+    """Return the entries of the fragments in a legend."""
+    from matplotlib.patches import Patch
+
+    shown = fragment_colours(scene).items()
+    return [Patch(fc=colour, ec="black", lw=0.5, label=fragment_name(scene, number)) for number, colour in shown]
 
 
 def fragment_name(scene: Scene, number: int) -> str:
@@ -230,39 +191,44 @@ def fragment_name(scene: Scene, number: int) -> str:
     return f"{scene.name(number)}: {size}, {off}" + (", aground" if birth[1] else ", afloat")
 
 
-def speed_top(panels: Sequence[Panel], records: Sequence[int]) -> float:
-    """Return the end of the speed scale of panels at these records, m s-1; still water has one too.
+def speed_scale(panels: Sequence[Panel], records: Sequence[int]) -> tuple[float, bool]:
+    """Return the end of the speed scale of panels at these records, m s-1, and whether the water flows in any.
 
     A current of one speed everywhere stands in the middle of its scale, so that it is not all dark under arrows and ice.
     """
     speeds = [panel.speeds(record) for panel, record in zip(panels, records, strict=True)]
     least, most = min(low for low, _ in speeds), max(high for _, high in speeds)
-    return max(0.05, 2.0 * most if least > 0.9 * most else most)
+    return max(0.05, 2.0 * most if least > 0.9 * most else most), most > 0.0
 
 
-def speed_bar(figure: Figure, place: tuple[float, float, float, float], top: float) -> None:
-    """Draw the scale of the speed of the currents, as `Panel.draw_currents` colours it, at a place of a figure."""
+def speed_bar(axes: Sequence[Axes], top: float) -> None:
+    """Draw the scale of the speed of the currents, as `Panel.draw_currents` colours it, below axes."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator
 
-    ax = figure.add_axes(place)
-    bar = figure.colorbar(ScalarMappable(Normalize(0.0, top), colours.speed_map()), cax=ax, orientation="horizontal")
+    bar = axes[0].figure.colorbar(
+        ScalarMappable(Normalize(0.0, top), colours.speed_map()),
+        ax=axes,
+        location="bottom",
+        shrink=0.6,
+        aspect=45,
+        pad=0.02,
+    )
     bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
     bar.ax.tick_params(labelsize=8, length=2)
-    long = place[2] * figure.get_figwidth()
-    bar.ax.xaxis.set_major_locator(MaxNLocator(4 if long < 4.0 else 6, steps=[1, 2, 5, 10]))
+    bar.ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
-def arrow_key(quiver: Quiver, figure: Figure, x: float, y: float, top: float) -> None:
-    """Draw an arrow of a round speed of up to ``top`` (m s-1) beside that speed, from a place of a figure (its parts) on."""
+def arrow_key(quiver: Quiver, top: float) -> None:
+    """Draw an arrow of a round speed of up to ``top`` (m s-1) above the right end of its panel."""
     speed = style.round_length(0.75 * top)
     axes: Any = quiver.axes
     key = axes.quiverkey(
-        quiver, x, y, speed, f"{speed:g} m s$^{{-1}}$", coordinates="figure", labelpos="E", labelsep=0.06,
-        fontproperties={"size": 8}, color=colours.ARROW,
+        quiver, 0.8, 1.025, speed, f"{speed:g} m s$^{{-1}}$", labelpos="E", labelsep=0.06, color=colours.ARROW,
+        fontproperties={"size": 8},
     )  # fmt: skip
-    key.set_in_layout(False)  # it stands outside of its panel
+    key.set_in_layout(False)  # it may reach over the edge of its panel
 
 
 def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) -> list[Box]:
@@ -271,36 +237,17 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
     Where the berg stays about where it is, all panels show the same place; else each is centred on the named fragments of
     its record.
     """
-    single = [scene.grown(scene.box(record), margin) for record in records]
-    stretch = scene.stretch(0.5 * (single[0].south + single[0].north))
-    side = math.sqrt(float(scene.area.max())) / 1e3 * scene.units_per_km()
-    half = max(0.5 * FEWEST * side, *(_half(box, stretch) for box in single))
+    least = FEWEST * math.sqrt(float(scene.area.max())) / 1e3 * scene.units_per_km()
+    single = [widened(scene.box(record), scene.latlon, 1.0, margin=margin, least=least) for record in records]
+    side = max(box.north - box.south for box in single)
     together = Box(
         min(b.west for b in single), max(b.east for b in single),
         min(b.south for b in single), max(b.north for b in single),
     )  # fmt: skip
-    if _half(together, stretch) <= LARGE_BOX * half:
-        return [_centred(together, scene, max(half, _half(together, stretch)))] * len(single)
-    return [_centred(b, scene, half) for b in single]
-
-
-def _half(box: Box, stretch: float) -> float:
-    """Return half of the longer side of a box, in units of y."""
-    return 0.5 * max(box.north - box.south, (box.east - box.west) / stretch)
-
-
-def widened(box: Box, scene: Scene, shape: float) -> Box:
-    """Return the box widened to a shape (width over height on the ground), so that a map fills its place."""
-    stretch = scene.stretch(0.5 * (box.south + box.north))
-    half = 0.5 * max(box.north - box.south, (box.east - box.west) / stretch / shape)
-    return _centred(box, scene, half, shape)
-
-
-def _centred(box: Box, scene: Scene, half: float, shape: float = 1.0) -> Box:
-    """Return the box around the same centre that reaches ``half`` (units of y) north and south."""
-    x, y = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
-    wide = half * shape * scene.stretch(y)
-    return Box(x - wide, x + wide, y - half, y + half)
+    shared = widened(together, scene.latlon, 1.0)
+    if shared.north - shared.south <= LARGE_BOX * side:
+        return [shared] * len(single)
+    return [widened(box, scene.latlon, 1.0, least=side) for box in single]
 
 
 def nearest_record(scene: Scene, moment: np.datetime64) -> int:

@@ -6,6 +6,7 @@ Everything the page needs is in the page: quantised arrays in base64, the script
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from collections.abc import Mapping, Sequence
@@ -17,8 +18,9 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from riftberg.diagnostics.melt import melt_lines, melted_words
+from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.background import StoredWater, on_even_grid, stored_water
@@ -27,7 +29,40 @@ from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.colours import FRAGMENTS, SMALL
-from riftberg.viz.packing import pack
+
+_MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
+_LIMITS: Final = {"int16": (-32767, 32767), "uint16": (0, 65534), "uint8": (0, 254)}
+
+
+def pack(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
+    """Quantise an array."""
+    low, high = _LIMITS[kind]
+    values = np.asarray(values, np.float64)
+    there = np.isfinite(values)
+    if step is not None:
+        scale, offset = step, 0.0
+    else:
+        least, most = (float(values[there].min()), float(values[there].max())) if there.any() else (0.0, 0.0)
+        scale = (most - least) / (high - low) or 1.0
+        offset = least - scale * low
+    numbers = np.clip(np.rint((np.where(there, values, 0.0) - offset) / scale), low, high)
+    stored = np.where(there, numbers, _MISSING[kind]).astype(np.dtype(kind).newbyteorder("<"))
+    return {
+        "kind": kind,
+        "shape": list(values.shape),
+        "scale": scale,
+        "offset": offset,
+        "missing": _MISSING[kind],
+        "data": base64.b64encode(stored.tobytes()).decode("ascii"),
+    }
+
+
+def unpack(packed: dict[str, Any]) -> NDArray[np.float64]:
+    """Return the values of a packed array, as the page sees them."""
+    raw = np.frombuffer(base64.b64decode(packed["data"]), np.dtype(packed["kind"]).newbyteorder("<"))
+    values = packed["offset"] + packed["scale"] * raw.astype(np.float64)
+    return np.where(raw == packed["missing"], np.nan, values).reshape(packed["shape"])
+
 
 LARGEST: Final = 10e6
 """Size of the page (bytes) above which records are left out."""

@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.diagnostics.score import Match, Score
 from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
-from riftberg.viz.coast import draw_coast
-from riftberg.viz.colours import GRID, MODEL, OBSERVED, PAIRING, SEA
-from riftberg.viz.floor import KnownDepth, SeaFloor
-from riftberg.viz.moments import day_text
-from riftberg.viz.style import date_axis, new_figure, plain_axes
+from riftberg.viz.basemap import KnownDepth, Map, widened
+from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
+from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +23,12 @@ if TYPE_CHECKING:
 MARK: Final[dict[str, Any]] = {"ms": 4.5, "mec": "black", "mew": 0.5}
 """Marks of curves; the edge makes light colours stand out."""
 
+
+TRACKS: Final = 0.83
+"""Width over height of the map of the tracks."""
+
+LEAST: Final = 0.2
+"""Least height (degrees) of that map: a berg that hardly moved is not blown up to metres."""
 
 PIECES: Final = 6
 """Parts of a line of the track off which labels keep."""
@@ -47,12 +50,10 @@ def draw_score(
         Gives the sea floor behind the tracks, such as `riftberg.runs.background.stored_water` of the run.
     dpi : int, optional
     """
+    style.check_format(path)
     figure = new_figure(12.5, 7.6, dpi)
-    grid = figure.add_gridspec(
-        4, 2, left=0.07, right=0.97, top=0.85, bottom=0.075, wspace=0.2, hspace=0.3, width_ratios=(1.0, 1.15)
-    )
+    grid = figure.add_gridspec(len(_CURVES), 2, width_ratios=(1.0, 1.15))
     tracks = figure.add_subplot(grid[:, 0])
-    _draw_tracks(tracks, score, water)
     rows = [(day.time, berg) for day in score.days if (berg := day.berg) is not None]
     times = np.array([time for time, _ in rows], dtype="datetime64[s]")
     matches = [match for _, match in rows]
@@ -66,9 +67,9 @@ def draw_score(
     date_axis(axes[-1])
     for k, ax in enumerate((tracks, *axes)):
         style.letter(ax, k)
-    style.put_title(figure, title or f"Run against {score.observed}", left=0.05 * figure.get_figwidth())
-    style.save_figure(figure, path)
-    return Path(path)
+    style.put_title(figure, title or f"Run against {score.observed}")
+    _draw_tracks(tracks, score, water)
+    return style.save_figure(figure, path)
 
 
 def _match_values(matches: Sequence[Match], name: str) -> Floats:
@@ -119,35 +120,38 @@ def _near(lon: float, middle: float) -> float:
 
 def _draw_tracks(ax: Axes, score: Score, water: KnownDepth | None) -> None:
     """Draw the centroids of all pieces, model and observed, joined day by day."""
-    labels = style.Labels(ax)
     berg = [(day.time, m) for day in score.days if (m := day.berg) is not None]
     matches = [(m, m is not day.berg) for day in score.days for m in day.matches]
     middle = (berg[0][1] if berg else matches[0][0]).lon_observed
     ends: list[tuple[float, float]] = []
     for m, other in matches:
-        look: dict[str, Any] = {"ms": 3 if other else 5, "alpha": 0.5 if other else 1.0}
+        look: dict[str, Any] = {"ms": 3 if other else 5, "alpha": 0.5 if other else 1.0, "zorder": 5}
         seen_at = _near(m.lon_observed, middle), m.lat_observed
         ends.append(seen_at)
         ax.plot(*seen_at, "s", color=OBSERVED, **look)
         if m.lon is not None and m.lat is not None:
             made_at = _near(m.lon, middle), m.lat
             ends.append(made_at)
-            ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color=PAIRING, lw=0.9, zorder=1)
+            ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color=PAIRING, lw=0.9, zorder=4)
             ax.plot(*made_at, "o", color=MODEL, mec="black", mew=0.5, **look)
     seen = np.array([(_near(m.lon_observed, middle), m.lat_observed) for _, m in berg]).reshape(-1, 2)
     made = np.array(
         [(np.nan, np.nan) if m.lon is None else (_near(m.lon, middle), m.lat) for _, m in berg], np.float64
     ).reshape(-1, 2)
-    ax.plot(*seen.T, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed")
-    ax.plot(*made.T, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model")
-    shaded = _frame(ax, ends, water)
-    ax.legend(fontsize=9, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1)
+    ax.plot(*seen.T, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed", zorder=5)
+    ax.plot(*made.T, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model", zorder=5)
+    style.legend_above(ax, ncols=2)
+    (west, south), (east, north) = np.min(ends, axis=0), np.max(ends, axis=0)
+    box = widened(Box(west, east, south, north), True, TRACKS, margin=0.08, least=LEAST)
+    chart = Map(ax, box, ticks=6)
+    chart.draw_floor(water, shaded=True)
+    chart.draw_scale()
     others = any(other for _, other in matches)
     note = "grey lines: of the same time" + ("; small: other pieces" if others else "")
-    if shaded:
-        note += "\nsea floor, darker is deeper"
-    ax.text(0.02, 0.015, note, transform=ax.transAxes, fontsize=8, va="bottom",
-            bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.5})  # fmt: skip
+    ax.set_xlabel(note + ("; sea floor, darker is deeper" if chart.shaded else ""), fontsize=8)
+    assert ax.figure is not None
+    style.lay_out(ax.figure)  # type: ignore[arg-type]
+    labels = style.Labels(ax)
     for x, y in (*seen, *made):
         if np.isfinite(x + y):
             labels.avoid(x, y)
@@ -158,46 +162,3 @@ def _draw_tracks(ax: Axes, score: Score, water: KnownDepth | None) -> None:
                     labels.prefer_off(x, y)
     for k in range(0, len(berg), max(1, len(berg) // 8)):
         labels.put(day_text(np.datetime64(berg[k][0]), hour=False), *seen[k], fontsize=8)
-
-
-def _frame(ax: Axes, ends: Sequence[tuple[float, float]], water: KnownDepth | None) -> bool:
-    """Set the extent of the map around points, with coast, sea floor, degrees and a scale bar; whether depth is in colour."""
-    places = np.array(ends)
-    lat = float(places[:, 1].mean())
-    ax.set_aspect(1.0 / max(0.05, np.cos(np.radians(lat))), adjustable="datalim")
-    ax.margins(0.08)
-    ax.apply_aspect()
-    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
-    # One point, or a berg that hardly moved, is not blown up to metres.
-    short = 0.5 * max(0.0, 0.2 - (north - south))
-    stretch = 1.0 / max(0.05, float(np.cos(np.radians(lat))))
-    box = Box(west - short * stretch, east + short * stretch, south - short, north + short)
-    ax.set_xlim(box.west, box.east)
-    ax.set_ylim(box.south, box.north)
-    ax.apply_aspect()
-    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
-    whole = Box(west, east, south, north)
-    draw_coast(ax, whole, zorder=0.7)
-    shaded = _draw_floor(ax, whole, water)
-    style.geographic_axes(ax, latlon=True)
-    if not shaded:
-        ax.grid(color=GRID, lw=0.6)
-    ax.set_axisbelow(True)
-    unit = stretch / (DEGREE * EARTH_RADIUS_A68 / 1e3)
-    x, y = east - 0.32 * (east - west), south + 0.05 * (north - south)
-    style.scale_bar(ax, km=style.round_length(0.25 * (east - west) / unit), units_per_km=unit, place=(x, y))
-    ax.set_xlim(west, east)
-    ax.set_ylim(south, north)
-    return shaded
-
-
-def _draw_floor(ax: Axes, box: Box, water: KnownDepth | None) -> bool:
-    """Draw the sea floor, if it is known; whether depth is in colour."""
-    if water is None:
-        return False
-    floor = SeaFloor(box, water)
-    if not floor.known or not floor.shade(ax):
-        return False
-    floor.draw_isobaths(ax, labels=True)
-    ax.set_facecolor(SEA)  # beyond what the run file knows
-    return True

@@ -1,23 +1,25 @@
-"""Files, titles, axes in degrees, scale bars and labels that keep out of each other's way."""
+"""Files, titles, moments, axes in degrees, scale bars and labels that keep out of each other's way."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 PLACES = (
     (7, 5, "left", "bottom"),
@@ -53,8 +55,8 @@ def check_format(path: str | Path) -> str:
     return ending
 
 
-def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure into a file that is whole or not there; the ending of its name says the format."""
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write a figure into a file that is whole or not there; the ending of its name gives the format."""
     from matplotlib import rc_context
 
     ending = check_format(path)
@@ -64,16 +66,31 @@ def save_figure(figure: Figure, path: str | Path) -> None:
                 figure.savefig(part, format=ending, metadata=UNDATED.get(ending))
         else:
             figure.savefig(part, format=ending or None)
+    return Path(path)
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:
-    """Return a figure that needs no display."""
+    """Return a figure (inches) that needs no display and arranges what stands on it by itself."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=dpi)
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def lay_out(figure: Figure) -> None:
+    """Arrange a figure now and for good: labels and widths of lines are fitted to where its axes stand."""
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    # Maps keep their shape, which leaves room beside them; margins are found as if they had none, or labels are cut off.
+    aspects = [(ax, ax.get_aspect()) for ax in figure.axes]
+    for ax, _ in aspects:
+        ax.set_aspect("auto")
+    engine.execute(figure)
+    for ax, aspect in aspects:
+        ax.set_aspect(aspect)
+    figure.set_layout_engine("none")
 
 
 def degree_label(value: float, positive: str, negative: str, decimals: int) -> str:
@@ -162,12 +179,12 @@ def date_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
         ax.set_ylabel(f"date, {years()}", fontsize=9)
 
 
-def scale_bar(ax: Axes, *, km: float, units_per_km: float, place: tuple[float, float] | None = None) -> None:
-    """Draw a bar of ``km`` kilometres from a place on, by default the lower left corner; ``units_per_km`` along x."""
+def scale_bar(ax: Axes, *, km: float, units_per_km: float) -> None:
+    """Draw a bar of ``km`` kilometres in the lower left corner; ``units_per_km`` along x."""
     from matplotlib.patheffects import withStroke
 
     (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
-    x, y = place or (west + 0.05 * (east - west), south + 0.055 * (north - south))
+    x, y = west + 0.05 * (east - west), south + 0.055 * (north - south)
     halo = [withStroke(linewidth=4.5, foreground="white")]
     ax.plot(
         [x, x + km * units_per_km], [y, y], color="black", lw=2.2, solid_capstyle="butt", path_effects=halo, zorder=9
@@ -209,37 +226,31 @@ class Labels:
 
     def put(self, text: str, x: float, y: float, **style: Any) -> bool:
         """Place a label; returns whether there was room."""
-        spare = None
-        for place in PLACES:
-            label, box = self._tried(text, x, y, place, style)
-            if not self._inside(box) or any(box.overlaps(other) for other in self._taken):
-                label.remove()
-            elif not any(box.overlaps(other) for other in self._better_free):
-                if spare is not None:
-                    spare[0].remove()
-                self._taken.append(box)
-                return True
-            elif spare is None:
-                spare = label, box
-            else:
-                label.remove()
-        if spare is not None:
-            self._taken.append(spare[1])
-        return spare is not None
-
-    def _tried(self, text: str, x: float, y: float, place: tuple[int, int, str, str], style: Any) -> tuple[Any, Any]:
         from matplotlib.patheffects import withStroke
 
-        dx, dy, ha, va = place
         label = self.ax.annotate(
-            text, (x, y), (dx, dy), textcoords="offset points", ha=ha, va=va, zorder=10,
+            text, (x, y), (0, 0), textcoords="offset points", zorder=10,
             path_effects=[withStroke(linewidth=2.5, foreground="white")], **{"fontsize": 8, **style},
         )  # fmt: skip
-        return label, label.get_window_extent().padded(0.03 * self.ax.figure.dpi)
+        frame, free = self.ax.bbox, []
+        for place in PLACES:
+            label.set(position=place[:2], ha=place[2], va=place[3])
+            box = label.get_window_extent().padded(0.03 * self.ax.figure.dpi)
+            inside = all(map(frame.containsx, (box.x0, box.x1))) and all(map(frame.containsy, (box.y0, box.y1)))
+            if inside and not any(map(box.overlaps, self._taken)):
+                free.append((any(map(box.overlaps, self._better_free)), place, box))
+        if not free:
+            label.remove()
+            return False
+        _, place, box = min(free, key=lambda found: found[0])  # the first of those off the lines, else the first
+        label.set(position=place[:2], ha=place[2], va=place[3])
+        self._taken.append(box)
+        return True
 
-    def _inside(self, box: Any) -> bool:
-        frame = self.ax.bbox
-        return all((frame.containsx(box.x0), frame.containsx(box.x1), frame.containsy(box.y0), frame.containsy(box.y1)))
+
+def legend_above(ax: Axes, **options: Any) -> None:
+    """Put the legend of a curve above the right end of its axes."""
+    ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)
 
 
 def letter(ax: Axes, number: int) -> None:
@@ -260,17 +271,10 @@ _UNIT = r"(?:[kcm]?m|km²|m/s|[kMG]?Pa|kg|Gt|°C?|h|s|days?|degrees?|[NSEW]|[A-Z
 """Units, points of the compass and months, as they follow a number in titles."""
 
 
-def title_lines(figure: Figure, text: str, *, size: float = 12.0, left: float = 0.3) -> list[str]:
-    """Return the lines in which a title fits on a figure that begins ``left`` inches from its edge."""
-    return wrapped(text, figure.get_figwidth() - left - 0.3, size=size)
-
-
-def put_title(figure: Figure, text: str, *, size: float = 12.0, left: float = 0.3) -> float:
-    """Put a title at the top left of a figure, in as many lines as it takes; returns the height it takes, inches."""
-    lines = title_lines(figure, text, size=size, left=left)
-    width, height = figure.get_size_inches()
-    figure.suptitle("\n".join(lines), x=left / width, y=1.0 - 0.1 / height, va="top", ha="left", fontsize=size)
-    return 0.1 + len(lines) * size * 1.25 / 72.0
+def put_title(figure: Figure, text: str, *, size: float = 12.0) -> None:
+    """Put a title at the top left of a figure, in as many lines as it takes."""
+    width = figure.get_figwidth()
+    figure.suptitle("\n".join(wrapped(text, width - 0.4, size=size)), x=0.1 / width, ha="left", fontsize=size)
 
 
 def wrapped(text: str, width: float, *, size: float) -> list[str]:
@@ -283,3 +287,60 @@ def wrapped(text: str, width: float, *, size: float) -> list[str]:
     letters = max(20, int(width * 72.0 / (0.56 * size)))  # mean letter: 0.56 of the size
     held = re.sub(rf"(?<=\d) (?={_UNIT})", "\u00a0", text)
     return [part for line in held.split("\n") for part in wrap(line, letters)]
+
+
+Times = NDArray[np.datetime64]
+
+SHORT: Final = 6.0 * 3600.0
+"""Runs up to this length (s) show the time since their start: minutes of a date say nothing of ten seconds."""
+
+UNITS: Final = (("s", 1.0, 180.0), ("min", 60.0, 3.0 * 3600.0), ("h", 3600.0, math.inf))
+"""Name, seconds, and the longest run that is shown in it."""
+
+
+def length_of(times: Times) -> float:
+    """Return the length of a run, s."""
+    return float((times[-1] - times[0]) / np.timedelta64(1, "ms")) / 1e3
+
+
+def is_short(times: Times) -> bool:
+    """Return whether moments of a run are shown as the time since its start."""
+    return length_of(times) <= SHORT
+
+
+def day_text(moment: np.datetime64, *, year: bool = False, hour: bool = True) -> str:
+    """Return a date such as ``17 Dec 13:00``."""
+    when = moment.astype("datetime64[s]").item()
+    text = f"{when.day} {when:%b}" + (f" {when.year}" if year else "")
+    return text + (f" {when:%H:%M}" if hour else "")
+
+
+def moment_text(times: Times, moment: np.datetime64, *, year: bool = False) -> str:
+    """Return a moment of a run with these records: its date, or in a short run the time since the start."""
+    if not is_short(times):
+        return day_text(moment, year=year)
+    name, size, _ = next(unit for unit in UNITS if length_of(times) <= unit[2])
+    steps = np.diff(times) / np.timedelta64(1, "ms") / 1e3 / size
+    least = float(steps.min()) if len(steps) else 1.0
+    decimals = min(3, max(0, math.ceil(-math.log10(max(least, 1e-9)) - 1e-9)))
+    since = float((moment - times[0]) / np.timedelta64(1, "ms")) / 1e3 / size
+    return f"{since:.{decimals}f} {name}"
+
+
+def moment_texts(times: Times, records: Sequence[int], *, hour: bool = True) -> list[str]:
+    """Return the moments of records as texts that all differ: days, hours or seconds, as much as that needs."""
+    moments = [times[record] for record in records]
+    if is_short(times):
+        return [moment_text(times, moment) for moment in moments]
+    dates = [moment.astype("datetime64[s]").item() for moment in moments]
+    forms = ("%b", "%b %H:%M", "%b %H:%M:%S")
+    tried = [[f"{date.day} {date:{form}}" for date in dates] for form in forms[bool(hour) :]]
+    return next((texts for texts in tried if len(set(texts)) == len(set(moments))), tried[-1])
+
+
+def span_text(times: Times) -> str:
+    """Return from when to when a run goes, or how long it is."""
+    if is_short(times):
+        return f"{moment_text(times, times[-1])} long"
+    begin, end = (day_text(times[k], year=True, hour=length_of(times) < 2.0 * SECONDS_PER_DAY) for k in (0, -1))
+    return f"{begin} to {end}"

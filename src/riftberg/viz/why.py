@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.places import area_text
-from riftberg.diagnostics.breakup import Breakup, Reasons
+from riftberg.diagnostics.cut import Breakup, Reasons
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.forces import FORCES
 from riftberg.viz import colours, style
@@ -24,47 +24,41 @@ if TYPE_CHECKING:
 COLOURS: Final = colours.force_colours(FORCES)
 """One colour for each force in all panels."""
 
+SHOWN: Final = 4
+"""Break-ups in one picture."""
+
 SIDES: Final = ("fragment", "rest")
 """The two parts that the cut parts."""
 
 
-def draw_reasons(reasons: Reasons, path: str | Path, *, most: int = 4, dpi: int = 150) -> Path:
-    """Draw one row of panels for each of the first ``most`` break-ups.
+def draw_reasons(reasons: Reasons, path: str | Path, *, dpi: int = 150) -> Path:
+    """Draw one row of panels for each of the first `SHOWN` break-ups.
 
     Parameters
     ----------
     reasons : Reasons
+        From `riftberg.diagnostics.why.explain`.
     path : path
-        Picture.
-    most : int, optional
+        Picture; the ending decides on the format.
     dpi : int, optional
+        Resolution.
     """
-    shown = reasons.breakups[:most]
-    rows = max(1, len(shown))
-    figure = new_figure(15.0, 4.3 * rows + 1.5 if shown else 2.2, dpi)
-    grid = figure.subplots(rows, 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
-    for row, (axes, breakup) in enumerate(zip(grid, shown, strict=False)):
-        _draw_forces(axes[0], breakup)
-        _draw_load(axes[1], breakup)
-        _draw_first_bonds(axes[2], breakup)
-        for k, ax in enumerate(axes):
-            style.letter(ax, 3 * row + k)
-    if not shown:
-        for ax in grid[0]:
-            ax.set_axis_off()
-        grid[0, 1].text(0.5, 0.5, "nothing broke off", ha="center", fontsize=12)
-    height = figure.get_figheight()
+    style.check_format(path)
+    shown = reasons.breakups[:SHOWN]
+    figure = new_figure(15.0, 4.3 * len(shown) + 1.5 if shown else 2.2, dpi)
+    if shown:
+        grid = figure.subplots(len(shown), 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
+        for row, (axes, breakup) in enumerate(zip(grid, shown, strict=True)):
+            for k, draw in enumerate((_draw_forces, _draw_load, _draw_first_bonds)):
+                draw(axes[k], breakup)
+                style.letter(axes[k], 3 * row + k)
+        _legend(figure, shown)
+    else:
+        figure.text(0.5, 0.3, "nothing broke off", ha="center", fontsize=12)
     forcing = f"\nForcing: {reasons.forcing}" if reasons.forcing else ""
     melted = "".join(f"\n{line}" for line in reasons.melt[:1])
-    above = style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: why it broke{forcing}{melted}", left=0.75)
-    bottom = 1.0 / height if shown else 0.2
-    figure.subplots_adjust(
-        left=0.06, right=0.895, top=1.0 - (above + 0.45) / height, bottom=bottom, wspace=0.24, hspace=0.36
-    )
-    if shown:
-        _legend(figure, shown)
-    save_figure(figure, path)
-    return Path(path)
+    style.put_title(figure, f"{reasons.experiment or 'Iceberg'}: why it broke{forcing}{melted}")
+    return save_figure(figure, path)
 
 
 def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
@@ -78,7 +72,7 @@ def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
         Line2D([], [], color=colours.STRENGTH, lw=2.4, label="arrow: on the fragment"),
         Line2D([], [], color=colours.STRENGTH, lw=1.2, ls="--", label="arrow: on the rest"),
     ]
-    figure.legend(handles=handles, fontsize=8, loc="lower left", bbox_to_anchor=(0.05, 0.0), ncols=5, frameon=False)
+    figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=6, frameon=False)
 
 
 def _draw_forces(ax: Axes, b: Breakup) -> None:
@@ -103,7 +97,7 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     ax.set_aspect("equal", adjustable="box")
     ax.axhline(0.0, color=colours.GRID, lw=0.6, zorder=0)
     ax.axvline(0.0, color=colours.GRID, lw=0.6, zorder=0)
-    ax.set_title(f"      forces at {minute_text(b.decisive.time)}", fontsize=9)
+    ax.set_title(f"forces at {minute_text(b.decisive.time)}", fontsize=9)
     size = area_text(1e6 * b.area_km2, squared="²")
     ax.set_ylabel(
         f"{b.name or f'fragment {b.fragment}'}, {size}\nforce per mass, north ($10^{{-6}}$ m s$^{{-2}}$)", fontsize=9

@@ -18,7 +18,7 @@ from matplotlib.image import imread
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
-from riftberg.viz import coast
+from riftberg.viz import basemap
 from riftberg.viz.animate import write_film
 from riftberg.viz.map import draw_map
 from riftberg.viz.plots import draw_dates
@@ -58,8 +58,8 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def forget() -> None:
     """Forget shapes that were read before."""
-    coast.coast_in.cache_clear()
-    coast._shapes.cache_clear()
+    basemap.coast_in.cache_clear()
+    basemap._shapes.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -89,19 +89,19 @@ def axes(box: Box) -> Any:
 def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(data: Path) -> None:
     write_layer(data, "land", SQUARE, LAKE)
     ax = axes(CLOSE)
-    assert coast.draw_coast(ax, CLOSE)
+    assert basemap.draw_coast(ax, CLOSE)
     assert (*ax.get_xlim(), *ax.get_ylim()) == (CLOSE.west, CLOSE.east, CLOSE.south, CLOSE.north)
-    areas, lines = coast.coast_in(CLOSE)
+    areas, lines = basemap.coast_in(CLOSE)
     assert sum(polygon.area for polygon, _ in areas) == pytest.approx(0.4 * 0.15 - 0.1 * 0.05)
     assert len(lines) == 2
     inside = areas[0][0]
-    path = coast._polygon_path(inside)
+    path = basemap._polygon_path(inside)
     assert path.contains_point((-38.6, -54.9))
     ax.figure.savefig(data / "land.png")
     place = ax.get_position()
     whole = (CLOSE.east - CLOSE.west) * (CLOSE.north - CLOSE.south)
     expected = (0.4 * 0.15 - 0.1 * 0.05) / whole * place.width * place.height
-    assert part_in(data / "land.png", coast.LAND) == pytest.approx(expected, rel=0.15)
+    assert part_in(data / "land.png", basemap.LAND) == pytest.approx(expected, rel=0.15)
 
 
 def test_pictures_show_the_coast_where_it_is_there_and_are_plain_otherwise(
@@ -116,61 +116,61 @@ def test_pictures_show_the_coast_where_it_is_there_and_are_plain_otherwise(
     write_film(run, tmp_path / "film.gif", hours=24, dpi=50)
     for name in ("map", "dates"):
         plain = tmp_path / ("plain.png" if name == "map" else "plain-dates.png")
-        assert part_in(plain, coast.LAND) == 0.0
-        assert part_in(tmp_path / f"{name}.png", coast.LAND) > 0.005
+        assert part_in(plain, basemap.LAND) == 0.0
+        assert part_in(tmp_path / f"{name}.png", basemap.LAND) > 0.005
     from PIL import Image
 
     with Image.open(tmp_path / "film.gif") as film:
         pixels = np.asarray(film.convert("RGB")).reshape(-1, 3) / 255.0
-    assert (np.abs(pixels - to_rgb(coast.LAND)).sum(axis=1) < 0.05).mean() > 0.005
+    assert (np.abs(pixels - to_rgb(basemap.LAND)).sum(axis=1) < 0.05).mean() > 0.005
 
 
 def test_without_cartopy_or_its_files_the_map_is_plain(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not coast.draw_coast(axes(CLOSE), CLOSE)
+    assert not basemap.draw_coast(axes(CLOSE), CLOSE)
     write_layer(data, "land", SQUARE)
     forget()
     for name in [n for n in sys.modules if n == "cartopy" or n.startswith("cartopy.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "cartopy", None)
-    assert coast.natural_earth("10m", "land") is None
-    assert not coast.draw_coast(axes(CLOSE), CLOSE)
+    assert basemap.natural_earth("10m", "land") is None
+    assert not basemap.draw_coast(axes(CLOSE), CLOSE)
 
 
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:
     write_layer(data, "land", SQUARE)
-    assert not coast.draw_coast(axes(CLOSE), CLOSE, latlon=False)
+    assert not basemap.draw_coast(axes(CLOSE), CLOSE, latlon=False)
 
 
 @pytest.mark.parametrize("turn", [-360.0, 0.0, 360.0])
 def test_land_is_found_on_any_branch_of_the_longitudes(data: Path, turn: float) -> None:
     write_layer(data, "land", SQUARE)
-    areas, _ = coast.coast_in(Box(CLOSE.west + turn, CLOSE.east + turn, CLOSE.south, CLOSE.north))
+    areas, _ = basemap.coast_in(Box(CLOSE.west + turn, CLOSE.east + turn, CLOSE.south, CLOSE.north))
     assert areas[0][0].bounds == pytest.approx((-38.9 + turn, -54.95, -38.5 + turn, -54.8))
 
 
 def test_the_coastline_layer_replaces_the_edges_of_the_land(data: Path) -> None:
     write_layer(data, "land", SQUARE)
     write_layer(data, "coastline", SQUARE[:3], lines=True)  # as the continent, whose edge at 180 degrees is no shore
-    _, lines = coast.coast_in(CLOSE)
+    _, lines = basemap.coast_in(CLOSE)
     assert sum(line.length for line in lines) == pytest.approx(0.4 + 0.15)
 
 
 def test_the_finest_coast_is_taken_and_a_coarse_one_not_on_a_close_map(data: Path) -> None:
     write_layer(data, "land", SQUARE, resolution="110m")
-    assert coast.coast_in(CLOSE) == ([], [])
+    assert basemap.coast_in(CLOSE) == ([], [])
     wide = Box(-60.0, -20.0, -65.0, -50.0)
-    assert len(coast.coast_in(wide)[0]) == 1
+    assert len(basemap.coast_in(wide)[0]) == 1
     write_layer(data, "land", SQUARE, LAKE, resolution="50m")
     forget()
-    assert len(coast.coast_in(wide)[0][0][0].interiors) == 1
-    assert coast.coast_in(CLOSE) == ([], [])
+    assert len(basemap.coast_in(wide)[0][0][0].interiors) == 1
+    assert basemap.coast_in(CLOSE) == ([], [])
 
 
 def test_a_continent_is_cut_outside_of_the_map(data: Path) -> None:
     write_layer(data, "land", [(-60.0, -80.0), (0.0, -80.0), (0.0, -54.9), (-60.0, -54.9), (-60.0, -80.0)])
     ax = axes(CLOSE)
-    assert coast.draw_coast(ax, CLOSE)
-    (polygon, _), *_ = coast.coast_in(CLOSE)[0]
+    assert basemap.draw_coast(ax, CLOSE)
+    (polygon, _), *_ = basemap.coast_in(CLOSE)[0]
     west, south, east, north = polygon.bounds
     assert west < CLOSE.west
     assert east > CLOSE.east
