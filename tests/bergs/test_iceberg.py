@@ -180,7 +180,7 @@ def test_overlap_is_found_even_where_no_bond_reaches():
         ({"lat": [0.0, 0.0, 0.0]}, "equal length"),
         ({"lon": [0.0, np.inf]}, "not numbers"),
         ({"lat": [0.0, 89.5]}, "within 89"),
-        ({"radius": -1.0}, "radius: .* is not possible.*Allowed: a number > 0, in m"),
+        ({"radius": -1.0}, "radius: .* is not possible.*Allowed: a number > 0 and <= 1e\\+06, in m"),
         ({"lon": [], "lat": []}, "no elements"),
     ],
 )

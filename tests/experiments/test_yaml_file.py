@@ -117,7 +117,7 @@ MISTAKES = [
     ("days: 2", "days: -2", 2, "days", "-2 is not possible"),
     ("rectangle", "rectangl", 5, "berg.rectangl", "Did you mean 'rectangle'"),
     ("60 km", "60 kg", 5, "berg.rectangle.length", "measured in m"),
-    ("60 km", "-3", 5, "berg.rectangle.length", "Allowed: a number > 0, in m"),
+    ("60 km", "-3", 5, "berg.rectangle.length", "Allowed: a number > 0 and <= 1e+08, in m"),
     ("  placement: [-39.0, -55.0]\n", "", 4, "berg", "needs placement"),
     ("thickness: 250 m", "mask: {file: a.nc}", 4, "berg", "has 2 shapes"),
     ("thickness: 250 m", "thickness: [3]", 7, "berg.thickness", "Allowed"),

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import model_validator
-
-from riftberg.config.sections import Pair, Section, key, refuse_beyond
+from riftberg.config.sections import PLACE, Pair, Position, Section, Shift, Velocity, at_most, key
 from riftberg.parameters import Packing
-
-MOST: dict[str, float] = {"velocity": 10.0, "spin": 0.01}
-"""What is larger than anything in nature."""
 
 
 class BergKeys(Section):
@@ -19,16 +14,14 @@ class BergKeys(Section):
     thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
     radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
     packing: Packing = key("square", "", "square or hexagonal elements")
-    placement: Pair | None = key(None, "degree", "longitude and latitude of the centre")
+    placement: Position | None = key(None, "degree", "longitude and latitude of the centre", **PLACE)
     rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
-    shift: Pair = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
-    velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
-    spin: float = key(0.0, "rad s-1", "angular velocity at the start, counter-clockwise")
-
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        refuse_beyond(self, MOST)
-        return self
+    shift: Shift = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
+    velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
+    # A turn in ten minutes: a slip of units, such as degrees a day taken for rad/s.
+    spin: Annotated[float, at_most(0.01, "rad s-1")] = key(
+        0.0, "rad s-1", "angular velocity at the start, counter-clockwise"
+    )
 
 
 class Rectangle(Section):

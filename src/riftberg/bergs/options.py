@@ -11,10 +11,9 @@ from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from riftberg.bergs.keys import MOST, BergKeys
-from riftberg.config.sections import beyond
+from riftberg.bergs.keys import BergKeys
 from riftberg.config.units import looks_like_quantity
-from riftberg.config.values import check_degrees, check_names, check_place, flag, given, native, number, numbers
+from riftberg.config.values import check_names, flag, given, native, number, numbers
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Earth, Ice, Packing
@@ -154,19 +153,7 @@ def _of_berg(name: str, value: Any, latlon: bool) -> Any:
         unit = {"radius": "m", "velocity": "m s-1", "spin": "rad s-1"}[name]
         parts = [numbers(part, unit, where=name, kind=BergError) for part in (value if name == "velocity" else [value])]
         return tuple(parts) if name == "velocity" else parts[0]
-    if name == "placement" and not latlon:
-        return _pair(name, value, "m")
-    plain = given(value, BergKeys, name, kind=BergError)
-    if name in MOST:
-        try:
-            beyond(BergKeys, name, plain, MOST[name])
-        except ValueError as error:
-            raise BergError(str(error), where=name) from error
-    if name == "placement":
-        check_place(plain, where=name, kind=BergError)
-    if name == "shift":
-        check_degrees(plain, where=name, kind=BergError)
-    return plain
+    return given(value, BergKeys, name, kind=BergError, metres=not latlon)
 
 
 def _pair(name: str, value: Any, unit: str) -> tuple[float, float]:

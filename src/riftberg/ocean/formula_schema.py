@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from riftberg.config.sections import Pair, Section, key
-from riftberg.config.values import check_place, flag, given, native, numbers
+from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, Section, Velocity, Wind, key
+from riftberg.config.values import flag, given
 from riftberg.errors import ForcingError
 from riftberg.ocean.steady_schema import steady_value
 from riftberg.parameters import Earth
@@ -20,25 +20,25 @@ _TOWARDS = "direction, clockwise from north: 90 is eastward"
 class UniformPart(Section):
     """The same current, wind and sea ice everywhere."""
 
-    current: Pair = key((0.0, 0.0), "m s-1", "eastward and northward ocean current, in geostrophic balance")
-    wind: Pair = key((0.0, 0.0), "m s-1", "eastward and northward wind")
-    sea_ice: tuple[float, float, float] = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice")
+    current: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward ocean current, in geostrophic balance")
+    wind: Wind = key((0.0, 0.0), "m s-1", "eastward and northward wind")
+    sea_ice: SeaIce = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice", extra=ICE_UNITS)
     depth: float | None = key(None, "m", "depth of water", gt=0, le=1e5)
 
 
 class EddyPart(Section):
     """A round eddy, which may travel."""
 
-    centre: Pair = key(..., "degree", _CENTRE)
+    centre: Position = key(..., "degree", _CENTRE, **PLACE)
     radius: float = key(..., "m", "distance of the fastest water from the centre", gt=0)
     speed: float = key(..., "m s-1", "its speed, positive counter-clockwise", ge=-10, le=10)
-    velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity of the centre")
+    velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity of the centre")
 
 
 class JetPart(Section):
     """A straight jet."""
 
-    point: Pair = key(..., "degree", "a point of its middle, " + _CENTRE)
+    point: Position = key(..., "degree", "a point of its middle, " + _CENTRE, **PLACE)
     towards: float = key(..., "degree", _TOWARDS)
     speed: float = key(..., "m s-1", "speed in the middle", ge=-10, le=10)
     width: float = key(..., "m", "scale of the profile across", gt=0)
@@ -51,7 +51,7 @@ class ShearPart(JetPart):
 class FrontPart(Section):
     """A step of the sea surface across a line, with the current along it."""
 
-    point: Pair = key(..., "degree", "a point of the line, " + _CENTRE)
+    point: Position = key(..., "degree", "a point of the line, " + _CENTRE, **PLACE)
     along: float = key(..., "degree", "direction of the line, clockwise from north")
     step: float = key(..., "m", "sea level on the left of the line above that on its right", ge=-10, le=10)
     width: float = key(..., "m", "scale of the profile across", gt=0)
@@ -71,7 +71,7 @@ class TidePart(Section):
 class SeamountPart(Section):
     """A bell on the sea floor."""
 
-    centre: Pair = key(..., "degree", _CENTRE)
+    centre: Position = key(..., "degree", _CENTRE, **PLACE)
     height: float = key(..., "m", "height of the summit above the plain", ge=-1e4, le=1e4)
     width: float = key(..., "m", "standard deviation of the bell", gt=0)
     depth: float = key(..., "m", "depth of the plain", gt=0, le=1e5)
@@ -80,7 +80,7 @@ class SeamountPart(Section):
 class SlopePart(Section):
     """A sea floor that deepens steadily in one direction."""
 
-    point: Pair = key(..., "degree", "where the water is as deep as told, " + _CENTRE)
+    point: Position = key(..., "degree", "where the water is as deep as told, " + _CENTRE, **PLACE)
     towards: float = key(..., "degree", "direction in which it deepens, clockwise from north")
     gradient: float = key(..., "1", "metres of depth per metre", ge=-1, le=1)
     depth: float = key(..., "m", "depth at that point", gt=0, le=1e5)
@@ -97,8 +97,8 @@ class TurningWindPart(Section):
 
 def checked(part: type[Section], latlon: bool | None, **values: Any) -> list[Any]:
     """Return values of a formula without units, or refuse them in the words that an experiment file gets."""
-    return [_place(name, value, bool(latlon)) if name in ("centre", "point") else
-            value if value is None else steady_value(part, name, value) for name, value in values.items()]  # fmt: skip
+    metres = latlon is False
+    return [None if value is None else steady_value(part, name, value, metres=metres) for name, value in values.items()]
 
 
 def checked_latlon(latlon: Any) -> bool:
@@ -111,15 +111,3 @@ def checked_latitude(latitude: Any) -> Any:
     return (
         None if latitude is None else given(latitude, Earth, "reference_latitude", where="latitude", kind=ForcingError)
     )
-
-
-def _place(name: str, value: Any, latlon: bool) -> Pair:
-    """Return a position: degrees of longitude and latitude, or metres."""
-    if latlon:
-        place: Pair = given(value, EddyPart, "centre", where=name, kind=ForcingError)
-        check_place(place, where=name, kind=ForcingError)
-        return place
-    metres = numbers(native(value), "m", where=name, kind=ForcingError)
-    if metres.shape != (2,):
-        raise ForcingError(f"{value!r} is no position"[:200], where=name, remedy="Give x and y in metres")
-    return float(metres[0]), float(metres[1])
