@@ -42,12 +42,19 @@ class Section(BaseModel):
         return plain_value(value, fields_of(cls)[str(info.field_name)], metres=in_metres(info))
 
 
-def key(default: Any, unit: str, meaning: str, *, extra: dict[str, Any] | None = None, **options: Any) -> Any:
-    """Describe one key: default, unit, meaning, limits; ``extra``: ``place``, or ``units`` of several numbers."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit, **(extra or {})}, **options)
+def about(unit: str, meaning: str, **options: Any) -> Any:
+    """Describe an argument whose default stands behind it: unit, meaning, limits, and what `key` has under ``extra``."""
+    extra: dict[str, Any] = {name: options.pop(name) for name in ("place", "units", "hidden") if name in options}
+    return Field(description=meaning, json_schema_extra={"unit": unit, **extra}, **options)
 
 
-PLACE: dict[str, Any] = {"extra": {"place": True}}
+def key(default: Any, unit: str, meaning: str, **options: Any) -> Any:
+    """Describe one key of a section: default and what `about` takes."""
+    extra: dict[str, Any] = {name: options.pop(name) for name in ("place", "units", "hidden") if name in options}
+    return Field(default, description=meaning, json_schema_extra={"unit": unit, **extra}, **options)
+
+
+PLACE: dict[str, Any] = {"place": True}
 """Marks a key as a place: longitude and latitude, or x and y in m where positions are metres."""
 
 
@@ -100,4 +107,4 @@ def _thick(ice: tuple[float, float, float]) -> tuple[float, float, float]:
 SeaIce = Annotated[tuple[float, float, float], at_most(100.0, "m s-1 and m"), AfterValidator(_thick)]
 """Eastward and northward velocity, and thickness."""
 
-ICE_UNITS = {"units": ["m s-1", "m s-1", "m"]}
+ICE_UNITS: dict[str, Any] = {"units": ["m s-1", "m s-1", "m"]}

@@ -304,7 +304,15 @@ def in_metres(info: ValidationInfo) -> bool:
     return bool((info.context or {}).get("metres"))
 
 
-def findings(error: ValidationError, section: Any) -> list[tuple[Place, InputError]]:
+def says_metres(latlon: Any) -> bool:
+    """Whether an argument ``latlon`` says that places are metres; what is neither true nor false is refused in its turn."""
+    try:
+        return latlon is not None and not flag(latlon, where="latlon")
+    except InputError:
+        return False
+
+
+def findings(error: ValidationError, section: Any, *, metres: bool = False) -> list[tuple[Place, InputError]]:
     """Return what pydantic found in a section, in our words, each with its place.
 
     What follows from something else is left out: of an entry that may be a text or a section, what is wrong with the
@@ -315,7 +323,7 @@ def findings(error: ValidationError, section: Any) -> list[tuple[Place, InputErr
     deepest = sorted(enumerate(error.errors()), key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing"))
     for number, finding in deepest:
         place, inner, field = _found_at(finding["loc"], section)
-        what, remedy = finding_text(finding), "" if field is None else allowed(field)
+        what, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
         elif finding["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -375,11 +383,11 @@ def _unknown_kind(finding: Any, field: FieldInfo) -> tuple[str, str]:
 
 
 def explained(
-    error: ValidationError, section: Any, *, name: str = "", kind: type[InputError] = InputError
+    error: ValidationError, section: Any, *, name: str = "", kind: type[InputError] = InputError, metres: bool = False
 ) -> InputError:
     """Return what pydantic found in a section as one error, each place below the section's name."""
     faults = []
-    for place, fault in findings(error, section):
+    for place, fault in findings(error, section, metres=metres):
         where = ".".join([*([name] if name and place else []), *map(str, place)])
         faults.append(kind(fault.what, where=where, remedy=fault.remedy))
     return together(faults)

@@ -21,7 +21,7 @@ from riftberg.config.values import (
     in_utc,
 )
 from riftberg.errors import InputError
-from riftberg.experiments.formula_schema import FormulaForcing
+from riftberg.ocean import formulas
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
@@ -162,6 +162,34 @@ class ExperimentForcing(Section):
     kind: Literal["analytic"]
     name: Literal["a68a"] = key("a68a", "", "built-in experiment whose ocean is used")
     without: list[str] = key([], "", "parts of that ocean to leave out")
+
+
+class FormulaForcing(Section):
+    """Forcing by formulas, which are added; each may be a section or a list of sections."""
+
+    kind: Literal["formula"]
+    uniform: list[formulas.Uniform] = key([], "", "the same everywhere, a section or a list of sections")
+    eddy: list[formulas.Eddy] = key([], "", "eddies, a section or a list of sections")
+    jet: list[formulas.Jet] = key([], "", "jets, a section or a list of sections")
+    shear: list[formulas.Shear] = key([], "", "shear layers, a section or a list of sections")
+    front: list[formulas.Front] = key([], "", "fronts, a section or a list of sections")
+    tide: list[formulas.Tide] = key([], "", "tides, a section or a list of sections")
+    seamount: list[formulas.Seamount] = key(
+        [], "", "seamounts, a section or a list of sections; the shallowest sea floor counts"
+    )
+    slope: list[formulas.Slope] = key([], "", "sloping sea floors, a section or a list of sections")
+    turning_wind: list[formulas.TurningWind] = key([], "", "winds that turn, a section or a list of sections")
+
+    @property
+    def parts(self) -> list[formulas.Part]:
+        """All formulas."""
+        return [part for name in formulas.FORMULAS for part in getattr(self, name)]
+
+    @model_validator(mode="after")
+    def _something(self) -> FormulaForcing:
+        if not self.parts:
+            raise ValueError(f"no formula is given; give one or more of {', '.join(formulas.FORMULAS)}")
+        return self
 
 
 def _kind_of(forcing: Any) -> Any:

@@ -17,7 +17,6 @@ from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.document import Document
-from riftberg.experiments.formula_schema import FormulaForcing, sum_of
 from riftberg.experiments.options import Info, Options
 from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
@@ -25,14 +24,16 @@ from riftberg.experiments.schema import (
     Berg,
     Experiment,
     ExperimentForcing,
+    FormulaForcing,
     Rift,
     Shelf,
     Strength,
     check_span,
 )
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.ocean.formulas import Sum
 from riftberg.ocean.steady_schema import ConstantForcing
-from riftberg.parameters import Parameters
+from riftberg.parameters import Earth, Parameters
 from riftberg.system.input_files import value_shown
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
         )
         faults.append((("parameters", "earth", "radius"), radius))
     try:
-        experiment = Experiment.model_validate(values, context={"metres": not parameters.earth.latlon})
+        experiment = Experiment.model_validate(values, context=_coordinates(parameters.earth))
     except ValidationError as error:
         faults += findings(error, Experiment)
     if faults or experiment is None:
@@ -98,6 +99,13 @@ def _packed(parameters: Parameters, experiment: Experiment) -> Parameters:
         {"packing": "hexagonal", "max_bonds": 6} if hexagonal else {"packing": "square", "max_bonds": 4}
     )
     return parameters.changed(bonds={**shape, **experiment.parameters.get("bonds", {})})
+
+
+def _coordinates(earth: Earth) -> dict[str, Any]:
+    """Return what the sections of a file take from the parameters: whether places are metres, and the latitude of a plane."""
+    plane = earth.f_plane or not earth.latlon
+    latitude = earth.reference_latitude if plane else None
+    return {"metres": not earth.latlon, "coordinates": {"latlon": earth.latlon, "latitude": latitude}}
 
 
 def _place_of(where: str) -> Place:
@@ -274,9 +282,7 @@ def build_forcing(
         )
         return forcing_from_files(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
-        earth = parameters.earth
-        plane = earth.f_plane or not earth.latlon
-        return sum_of(forcing, latlon=earth.latlon, latitude=earth.reference_latitude if plane else None)
+        return Sum(forcing.parts)
     if options.grid is not None:
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     without = frozenset(forcing.without) | options.without

@@ -19,7 +19,7 @@ class ConstantForcing(Section):
     slope: Annotated[Pair, at_most(0.01, "m m-1")] = key(
         (0.0, 0.0), "1", "eastward and northward slope of the sea surface"
     )
-    sea_ice: SeaIce = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice", extra=ICE_UNITS)
+    sea_ice: SeaIce = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice", **ICE_UNITS)
     depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
 
 
