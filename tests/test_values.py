@@ -237,7 +237,7 @@ def test_what_is_native_stays() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: block(offset="a"), "offset: 'a' is not two numbers"),
+        (lambda: block(offset="a"), "offset: 'a' is not a number"),
         (lambda: block(offset=(0.5, "x")), "offset: 'x' is not a number"),
         (lambda: block(latlon=False, placement=5), "placement: 5 is not possible. Allowed: 2 numbers, in m"),
         (lambda: block(latlon=False, placement=("3 kPa", 0)), "placement: '3 kPa' is in kPa"),
