@@ -66,8 +66,8 @@ def extra(field: Any, name: str) -> str:
 
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
-    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.config.usual_ranges import USUAL
+    from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
     default = Parameters()
     text = [
@@ -106,10 +106,11 @@ def parameters_page() -> str:
 
 def experiment_page() -> str:
     """Return the page of the keys of an experiment file."""
-    from riftberg.experiments.formula_schema import formula_parts
     from riftberg.bergs.keys import FieldOfBergs
+    from riftberg.config.values import fields_of
     from riftberg.experiments.schema import PRESETS, LatticeRows, Mask, OutlineFile, Rectangle, Rift, Shelf, Strength
     from riftberg.experiments.yaml_file import sections
+    from riftberg.ocean.formulas import FORMULAS
 
     text = [
         "# Experiment files\n",
@@ -127,14 +128,16 @@ def experiment_page() -> str:
         ("berg.rifts, each", Rift),
         ("berg.strength", Strength),
         ("berg.field", FieldOfBergs),
-        *((f"forcing.{name}, kind: formula", part) for name, part in formula_parts()),
+        *((f"forcing.{name}, kind: formula", part) for name, part in FORMULAS.items()),
     )
-    for name, fields in (*sections(), *((name, kind.model_fields) for name, kind in shapes)):
+    for name, fields in (*sections(), *((name, fields_of(kind)) for name, kind in shapes)):
         text.append(f"## {name or 'top level'}\n")
         rows = []
         for key, field in fields.items():
+            if field.kw_only:  # of formulas: what a file takes from its parameters
+                continue
             needed = field.is_required()
-            rows.append((code(key), "needed" if needed else _default(field), extra(field, "unit"), limits(field),
+            rows.append((code(field.alias or key), "needed" if needed else _default(field), extra(field, "unit"), limits(field),
                          field.description or "a section of its own"))  # fmt: skip
         text.append(table(("key", "default", "unit", "limits", "meaning"), rows))
     text.append(

@@ -237,9 +237,9 @@ def test_what_is_native_stays() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: block(offset="a"), "offset: 'a' is not two numbers"),
+        (lambda: block(offset="a"), "offset: 'a' is not a number"),
         (lambda: block(offset=(0.5, "x")), "offset: 'x' is not a number"),
-        (lambda: block(latlon=False, placement=5), "placement: 5 is not two numbers"),
+        (lambda: block(latlon=False, placement=5), "placement: 5 is not possible. Allowed: 2 numbers, in m"),
         (lambda: block(latlon=False, placement=("3 kPa", 0)), "placement: '3 kPa' is in kPa"),
         (lambda: block(velocity=None), "velocity: None is not possible"),
         (lambda: block(thickness=None), "thickness: None is not possible"),
@@ -322,7 +322,7 @@ def test_a_formula_knows_what_no_water_and_no_air_does(name: str) -> None:
     for make in (Steady, Forcing.uniform):
         with pytest.raises(ForcingError, match="is not possible; the most is"):
             make(**{name: (200.0, 0.0)})
-    with pytest.raises(ForcingError, match=r"velocity = .* is not possible"):
+    with pytest.raises(ForcingError, match=r"velocity: .* is not possible"):
         Forcing.eddy((-37.0, -56.0), 3e4, 0.5, velocity=(200.0, 0.0))
 
 

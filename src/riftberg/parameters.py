@@ -10,7 +10,7 @@ import html
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -171,8 +171,12 @@ class Parameters(Group):
     calving: Calving = Field(default_factory=Calving)
     compatibility: Compatibility = Field(default_factory=Compatibility)
 
-    def __init__(self, **given: Any) -> None:
-        super().__init__(**_explicit_if_asked(given))
+    unknown_key: ClassVar[tuple[str, str]] = ("there is no such group of parameters", "Groups are ")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _scheme_that_is_asked(cls, values: Any) -> Any:
+        return _explicit_if_asked(values) if isinstance(values, dict) else values
 
     @classmethod
     def from_json(cls, text: str) -> Parameters:
@@ -289,7 +293,7 @@ class Parameters(Group):
         """Return all groups, one line per parameter."""
         return "\n".join(getattr(self, name).describe() for name in type(self).model_fields)
 
-    def changed(self, **groups: dict[str, Any]) -> Parameters:
+    def changed(self, /, **groups: dict[str, Any]) -> Parameters:
         """Return a copy with some values of some groups changed, and checked again.
 
         Who asks for what only the explicit scheme has (sub-steps, spring bonds, bonds without shear) and names no scheme

@@ -16,15 +16,15 @@ from typer.testing import CliRunner
 from riftberg import Parameters
 from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
 from riftberg.cli.main import app
-from riftberg.config.values import given, moment
+from riftberg.config.values import fields_of, given, moment
 from riftberg.diagnostics.dates import parse_date
 from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings
-from riftberg.experiments.formula_schema import formula_parts
 from riftberg.experiments.schema import Berg, Experiment, ExperimentForcing, Mask, OutlineFile, Rift, Shelf, Strength
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
+from riftberg.ocean.formulas import FORMULAS
 from riftberg.ocean.steady_schema import ConstantForcing
 
 SLAB = """\
@@ -134,10 +134,10 @@ WRONG: list[Any] = [
 ]  # fmt: skip
 SECTIONS: list[type[BaseModel]] = [
     Experiment, Berg, OutlineFile, Mask, Shelf, Rift, Strength, Rectangle, FieldOfBergs, LatticeRows, ConstantForcing,
-    FileForcing, NamedFiles, ExperimentForcing, *(part for _, part in formula_parts()),
+    FileForcing, NamedFiles, ExperimentForcing, *FORMULAS.values(),
     *(field.annotation for field in Parameters.model_fields.values() if isinstance(field.annotation, type)),
 ]  # fmt: skip
-FIELDS = [(section, name) for section in SECTIONS for name in section.model_fields]
+FIELDS = [(section, name) for section in SECTIONS for name in fields_of(section)]
 
 
 @pytest.mark.parametrize(("section", "name"), FIELDS, ids=lambda part: part if isinstance(part, str) else part.__name__)

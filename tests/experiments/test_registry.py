@@ -20,7 +20,7 @@ def test_settings_are_converted_to_the_unit_of_the_parameter() -> None:
                 "bonds.no_shear=yes", "stepping.fixed_velocity=0.1, 20 cm/s", "bonds.packing=hexagonal"]  # fmt: skip
     changes = parse_settings(settings)
     assert changes == {
-        "stepping": {"time_step": 1800.0, "substeps": None, "fixed_velocity": [0.1, 0.2]},
+        "stepping": {"time_step": 1800.0, "substeps": None, "fixed_velocity": (0.1, 0.2)},
         "fracture": {"normal_strength": 20_000.0},
         "bonds": {"no_shear": True, "packing": "hexagonal"},
     }
@@ -46,7 +46,7 @@ def test_wrong_settings_are_explained(setting: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("stepping.time_step=-3", r"stepping.time_step = -3.0 is not possible. Allowed: a number > 0, in s"),
+        ("stepping.time_step=-3", r"--set stepping.time_step=-3: -3.0 is not possible. Allowed: a number > 0, in s"),
         ("bonds.packing=round", "Allowed: 'square', 'hexagonal'"),
         ("stepping.scheme=verlet", "set stepping.scheme = 'mts'"),
     ],

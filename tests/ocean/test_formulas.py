@@ -198,8 +198,11 @@ def test_values_may_carry_units() -> None:
     [
         (lambda: Forcing.eddy(CENTRE, "30 s", 0.1), "radius: '30 s' is in s"),
         (lambda: Forcing.eddy((-37.0, -156.0), 3e4, 0.1), "centre: latitude -156"),
-        (lambda: Forcing.eddy((-37.0,), 3e4, 0.1), "centre: "),
-        (lambda: Forcing.eddy((1.0, 2.0, 3.0), 3e4, 0.1, latlon=False, latitude=-56), "centre: .* no position"),
+        (lambda: Forcing.eddy((-37.0,), 3e4, 0.1), "centre.1: a number is missing"),
+        (
+            lambda: Forcing.eddy((1.0, 2.0, 3.0), 3e4, 0.1, latlon=False, latitude=-56),
+            "centre: .* is not possible. Allowed: 2 numbers, in m",
+        ),
         (lambda: Forcing.uniform(current=0.1), "current: 0.1 is not possible"),
         (lambda: Forcing.uniform(depth=-3.0), "depth: -3.0 is not possible"),
         (lambda: Forcing.uniform(latitude="north"), "latitude: 'north' is not a number"),

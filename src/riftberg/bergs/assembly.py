@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds, inscribed_share
+from riftberg.bergs.keys import BergOptions
 from riftberg.bergs.lattice import element_area
-from riftberg.bergs.options import Material
 from riftberg.bergs.raster import Raster, is_gridded
 from riftberg.constants import RHO_SEAWATER
 from riftberg.errors import BergError
@@ -25,29 +25,29 @@ OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 
 
-def make_elements(lon: Floats, lat: Floats, material: Material, *, static: Any = False) -> Elements:
+def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: Any = False) -> Elements:
     """Return elements at positions, with all that follows from radius, thickness and density.
 
-    ``lon``, ``lat``: positions, degrees (m if not ``material.latlon``).
+    ``lon``, ``lat``: positions, degrees (m if not ``settings.latlon``).
     """
     check_elements(len(lon), kind=BergError)
-    radius, density, velocity = material.radius, material.density, material.velocity
+    radius, density, velocity = settings.radius, settings.density, settings.velocity
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(one_each(material.thickness, len(lon), "thickness"), lon.shape)
-    _check_elements(lon, lat, radius, thickness, density, material.latlon)
+    thickness = np.broadcast_to(one_each(settings.thickness, len(lon), "thickness"), lon.shape)
+    _check_elements(lon, lat, radius, thickness, density, settings.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
     for name in ("u", "u_sync", "u_pair"):
         getattr(elements, name)[:] = velocity[0]
     for name in ("v", "v_sync", "v_pair"):
         getattr(elements, name)[:] = velocity[1]
-    elements.spin[:] = material.spin
+    elements.spin[:] = settings.spin
     elements.static[:] = np.asarray(static, dtype=np.float64)
     elements.thickness[:] = thickness
-    area = np.asarray([element_area(float(r), material.packing) for r in np.atleast_1d(radius)])
+    area = np.asarray([element_area(float(r), settings.packing) for r in np.atleast_1d(radius)])
     elements.length[:] = elements.width[:] = np.sqrt(area)
     elements.mass[:] = thickness * density * area
-    elements.sides[:] = 6 if material.packing == "hexagonal" else 4
+    elements.sides[:] = 6 if settings.packing == "hexagonal" else 4
     return elements
 
 

@@ -14,19 +14,20 @@ from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at,
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.bergs.joining import join
-from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
-from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
-from riftberg.bergs.makeberg import makeberg_lattice
-from riftberg.bergs.options import (
+from riftberg.bergs.keys import (
+    BergOptions,
+    FieldOfBergs,
     FieldOptions,
-    Material,
+    LatticeRows,
     PointOptions,
+    Rectangle,
     RectangleOptions,
     ShapeOptions,
     TableOptions,
-    given_place,
-    sorted_options,
+    berg_options,
 )
+from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
+from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.placement import (
     FillingPlane,
     ReferencePlane,
@@ -42,6 +43,7 @@ from riftberg.bergs.report import describe, one_line
 from riftberg.config.values import flag, given, number, numbers
 from riftberg.errors import BergError, placed_in
 from riftberg.plane import EqualAreaPlane
+from riftberg.state import Floats
 from riftberg.system.limits import check_elements
 
 
@@ -119,8 +121,8 @@ class Iceberg(BondedBerg):
         repair : bool
             Mend an outline that crosses itself instead of refusing it.
         **options
-            Radius, packing, density, velocity, spin, radius of the sphere (`riftberg.bergs.options.Material`); rotation, shift,
-            placement, offset, conformal (`riftberg.bergs.options.Placing`). The report gives areas on the sphere, not on the
+            Radius, packing, density, velocity, spin, radius of the sphere; rotation, shift, placement, offset, conformal
+            (`riftberg.bergs.keys.BergOptions`). The report gives areas on the sphere, not on the
             ellipsoid of a chart (0.7 % less at 55 S for the radius of the A68a experiment).
 
         Raises
@@ -128,25 +130,25 @@ class Iceberg(BondedBerg):
         BergError
             If the outline cannot be read, chosen or filled.
         """
-        material, layout = sorted_options(options, ShapeOptions, thickness)
+        settings = berg_options(options, ShapeOptions, thickness)
         where = str(source) if isinstance(source, str) or hasattr(source, "__fspath__") else type(source).__name__
         chosen = outlines.select_outline(outlines.read_features(source, crs), where=where, feature=feature, date=date)
         geometry = outlines.check_outline(chosen.geometry, where=f"{where} ({chosen.label()})", repair=repair)
         plane: FillingPlane = filling_plane(
-            geometry.bounds, (geometry.centroid.x, geometry.centroid.y), layout.conformal, material.earth_radius
+            geometry.bounds, (geometry.centroid.x, geometry.centroid.y), settings.conformal, settings.earth_radius
         )
         region = outline_region(geometry, plane)
         with placed_in(where):
-            lattice = fill(region, material.radius, material.packing, layout.offset)
+            lattice = fill(region, settings.radius, settings.packing, settings.offset)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
-        heights = thickness_at(material.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
-        moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), layout.placement, layout.shift)
-        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], layout.rotation)
-        report = {
+        heights = thickness_at(settings.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
+        moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), settings.placement, settings.shift)
+        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
+        report: dict[str, Any] = {
             "source": where, "feature": chosen.label(), "outline_area": region.area, "outline_pieces": region.pieces,
         }  # fmt: skip
-        material = material._replace(thickness=heights, pieces=region.piece_of(lattice))
-        return cls._placed(x + centre[0], y + centre[1], moved, material, conformal=layout.conformal, report=report)
+        settings = settings.model_copy(update={"thickness": heights, "pieces": region.piece_of(lattice)})
+        return cls._placed(x + centre[0], y + centre[1], moved, settings, report)
 
     @classmethod
     def from_mask(
@@ -188,41 +190,41 @@ class Iceberg(BondedBerg):
             As in `from_outline`.
         """
         # Without a thickness the values of the source are thicknesses.
-        material, layout = sorted_options(options, ShapeOptions, 0.0 if thickness is None else thickness)
+        settings = berg_options(options, ShapeOptions, 0.0 if thickness is None else thickness)
         threshold = None if threshold is None else number(threshold, "1", where="threshold", kind=BergError)
         mask = source if isinstance(source, Raster) else read_raster(source, variable, date=date)
         check_on_globe(mask)
         threshold = (0.0 if thickness is None else 0.5) if threshold is None else threshold
         if rules == "makeberg":
             lattice, plane = makeberg_lattice(
-                mask, material.radius, material.packing, spacing=spacing, reference_latitude=reference_latitude,
-                threshold=threshold, shift=layout.shift, earth_radius=material.earth_radius,
+                mask, settings.radius, settings.packing, spacing=spacing, reference_latitude=reference_latitude,
+                threshold=threshold, shift=settings.shift, earth_radius=settings.earth_radius,
             )  # fmt: skip
             # The script pairs mask points with positions half a cell further south-west; thickness follows the mask.
             lon, lat = plane.inverse(lattice.x, lattice.y)
-            lon, lat = lon - layout.shift[0], lat - layout.shift[1]
-            heights = thickness_at(mask if thickness is None else material.thickness, lon, lat, read_raster)
-            made = {"source": mask.name, "rules": "makeberg"}
-            material = material._replace(thickness=heights)
-            return cls._placed(lattice.x, lattice.y, plane, material, conformal=False, report=made)
+            lon, lat = lon - settings.shift[0], lat - settings.shift[1]
+            heights = thickness_at(mask if thickness is None else settings.thickness, lon, lat, read_raster)
+            report: dict[str, Any] = {"source": mask.name, "rules": "makeberg"}
+            settings = settings.model_copy(update={"thickness": heights, "conformal": False})
+            return cls._placed(lattice.x, lattice.y, plane, settings, report)
         ice = IceMask.of(mask, threshold)
         region, plane_of, centroid = mask_region(
-            ice, lambda b, c: filling_plane(b, c, layout.conformal, material.earth_radius)
+            ice, lambda b, c: filling_plane(b, c, settings.conformal, settings.earth_radius)
         )
         with placed_in(mask.name):
-            lattice = fill(region, material.radius, material.packing, layout.offset)
+            lattice = fill(region, settings.radius, settings.packing, settings.offset)
         ice_itself = unbroken(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
         heights = thickness_at(
-            material.thickness if ice_itself is None else ice_itself,
+            settings.thickness if ice_itself is None else ice_itself,
             *plane_of.inverse(lattice.x, lattice.y),
             read_raster,
         )
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
-        x, y = turned(lattice.x - cx, lattice.y - cy, layout.rotation)
-        material = material._replace(thickness=heights, pieces=region.piece_of(lattice))
-        moved = centroid_moved(plane_of, centroid, layout.placement, layout.shift)
+        x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
+        settings = settings.model_copy(update={"thickness": heights, "pieces": region.piece_of(lattice)})
+        moved = centroid_moved(plane_of, centroid, settings.placement, settings.shift)
         report = {"source": mask.name, "outline_area": region.area, "outline_pieces": region.pieces}
-        return cls._placed(x + cx, y + cy, moved, material, conformal=layout.conformal, report=report)
+        return cls._placed(x + cx, y + cy, moved, settings, report)
 
     @classmethod
     def from_table(
@@ -250,19 +252,18 @@ class Iceberg(BondedBerg):
             Packing, density, velocity, spin, rotation, conformal, latlon, earth_radius, as in `from_outline`; ``thickness``
             may be one value per element.
         """
-        material, layout = sorted_options(options, TableOptions, thickness)
-        placement = given_place(placement, material.latlon)
+        settings = berg_options(options, TableOptions, thickness, placement=placement)
         table_radius = given(table_radius, LatticeRows, "cell_radius", where="table_radius", kind=BergError)
         rows = given(rows, LatticeRows, "rows", kind=BergError)
         if options.get("radius") is None:
-            material = material._replace(radius=table_radius)
+            settings = settings.model_copy(update={"radius": table_radius})
         column, row = cells_of_rows(rows)
         region = cells_region(column, row, 2.0 * table_radius)
-        lattice = fill(region, material.radius, material.packing)
+        lattice = fill(region, settings.radius, settings.packing)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
-        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], layout.rotation)
+        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
         report = {"source": "table of lattice rows", "outline_area": region.area}
-        return cls._about(x, y, placement, material, conformal=layout.conformal, report=report)
+        return cls._about(x, y, settings, report)
 
     @classmethod
     def rectangle(
@@ -286,15 +287,14 @@ class Iceberg(BondedBerg):
             Radius, packing, density, velocity, spin, rotation, offset, conformal, latlon, earth_radius, as in `from_outline`;
             ``thickness`` may be one value per element.
         """
-        material, layout = sorted_options(options, RectangleOptions, thickness)
-        placement = given_place(placement, material.latlon)
+        settings = berg_options(options, RectangleOptions, thickness, placement=placement)
         length = given(length, Rectangle, "length", kind=BergError)
         width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
-        lattice = fill(region, material.radius, material.packing, layout.offset)
-        x, y = turned(lattice.x, lattice.y, layout.rotation)
+        lattice = fill(region, settings.radius, settings.packing, settings.offset)
+        x, y = turned(lattice.x, lattice.y, settings.rotation)
         report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
-        return cls._about(x, y, placement, material, conformal=layout.conformal, report=report)
+        return cls._about(x, y, settings, report)
 
     @classmethod
     def from_points(
@@ -323,11 +323,11 @@ class Iceberg(BondedBerg):
         period : float
             Zonal period in degrees (m if not ``latlon``); 0 if there is none.
         **options
-            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.options.Material`); radius
+            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius
             and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
         """
-        material, _ = sorted_options(options, PointOptions, thickness)
-        unit = "degree" if material.latlon else "m"
+        settings = berg_options(options, PointOptions, thickness)
+        unit = "degree" if settings.latlon else "m"
         period = number(period, unit, where="period", kind=BergError)
         if bond_length is not None:
             bond_length = number(bond_length, "m", where="bond_length", kind=BergError)
@@ -335,17 +335,9 @@ class Iceberg(BondedBerg):
         lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
         if lon.shape != lat.shape or lon.ndim != 1:
             raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
-        elements = make_elements(lon, lat, material, static=static)
-        metric = Metric(material.latlon, material.earth_radius, period)
-        refuse_overlap(elements, material.packing, metric)
-        bonds = form_bonds(elements, BondRule(bond_length, material.packing), metric)
-        if material.pieces is not None:
-            bonds = within_pieces(bonds, np.broadcast_to(np.asarray(material.pieces, dtype=np.int64), lon.shape))
-        rifts.number_pieces(elements, bonds)
-        return cls(
-            elements, bonds, material.packing, float(np.mean(material.radius)), {"source": "points"}, material.latlon,
-            material.earth_radius, material.density,
-        )  # fmt: skip
+        return cls._of_points(
+            lon, lat, settings, static=static, rule=BondRule(bond_length, settings.packing), period=period
+        )
 
     @classmethod
     def join(cls, bergs: Sequence[Iceberg] | Mapping[str, Iceberg], names: Sequence[str] | None = None) -> Iceberg:
@@ -430,45 +422,55 @@ class Iceberg(BondedBerg):
         random = np.random.default_rng(seed)
         plan = fields.areas(n, sizes, random, between)
         heights = fields.thickness_of(plan) if thickness is None else thickness
-        material, _ = sorted_options(options, FieldOptions, heights)
+        settings = berg_options(options, FieldOptions, heights)
         # Squares of any turn keep clear of each other where their corners do.
-        metric = Metric(material.latlon, material.earth_radius, 360.0 if material.latlon else 0.0)
+        metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
         x, y = fields.places(np.sqrt(0.5 * plan), area, gap, metric, random)
         berg = cls.from_points(
             x, y, thickness=heights, radius=0.5 * np.sqrt(plan), pieces=np.arange(n), **options
         )  # fmt: skip
-        made = {"source": f"field of {n} bergs", "sizes": sizes if isinstance(sizes, str) else "given", "seed": seed}
-        return replace(berg, report=made, bergs=tuple((f"{k + 1}", 1) for k in range(n)))
+        report = {"source": f"field of {n} bergs", "sizes": sizes if isinstance(sizes, str) else "given", "seed": seed}
+        return replace(berg, report=report, bergs=tuple((f"{k + 1}", 1) for k in range(n)))
 
     @classmethod
-    def _about(
-        cls,
-        x: Any,
-        y: Any,
-        placement: tuple[float, float],
-        material: Material,
-        *,
-        conformal: bool,
-        report: dict[str, Any],
-    ) -> Iceberg:
+    def _of_points(
+        cls, lon: Floats, lat: Floats, settings: BergOptions, *, static: Any = False, rule: BondRule | None = None,
+        period: float = 0.0,
+    ) -> Iceberg:  # fmt: skip
+        """Return the elements at these positions and the bonds between them."""
+        elements = make_elements(lon, lat, settings, static=static)
+        metric = Metric(settings.latlon, settings.earth_radius, period)
+        refuse_overlap(elements, settings.packing, metric)
+        bonds = form_bonds(elements, rule or BondRule(packing=settings.packing), metric)
+        if settings.pieces is not None:
+            bonds = within_pieces(bonds, np.broadcast_to(np.asarray(settings.pieces, dtype=np.int64), lon.shape))
+        rifts.number_pieces(elements, bonds)
+        return cls(
+            elements, bonds, settings.packing, float(np.mean(settings.radius)), {"source": "points"}, settings.latlon,
+            settings.earth_radius, settings.density,
+        )  # fmt: skip
+
+    @classmethod
+    def _about(cls, x: Floats, y: Floats, settings: BergOptions, report: dict[str, Any]) -> Iceberg:
         """Place points given about the origin around a centre."""
-        if not material.latlon:
-            berg = cls.from_points(x + placement[0], y + placement[1], **material._asdict())
+        assert settings.placement is not None
+        if not settings.latlon:
+            berg = cls._of_points(x + settings.placement[0], y + settings.placement[1], settings)
             return berg._reported(report)
-        plane: FillingPlane = EqualAreaPlane(*placement, material.earth_radius)
-        if not conformal:
-            plane = ReferencePlane(*placement, placement[1], material.earth_radius)
-        return cls._placed(x, y, plane, material, conformal=conformal, report=report)
+        plane: FillingPlane = EqualAreaPlane(*settings.placement, settings.earth_radius)
+        if not settings.conformal:
+            plane = ReferencePlane(*settings.placement, settings.placement[1], settings.earth_radius)
+        return cls._placed(x, y, plane, settings, report)
 
     @classmethod
     def _placed(
-        cls, x: Any, y: Any, plane: FillingPlane, material: Material, *, conformal: bool, report: dict[str, Any]
+        cls, x: Floats, y: Floats, plane: FillingPlane, settings: BergOptions, report: dict[str, Any]
     ) -> Iceberg:
-        """Bring plane points to the sphere, without strain if ``conformal``."""
+        """Bring plane points to the sphere, without strain if ``settings.conformal``."""
         lon, lat = plane.inverse(x, y)
-        berg = cls.from_points(lon, lat, **material._asdict())
-        if conformal and len(berg.bonds.first):
+        berg = cls._of_points(lon, lat, settings)
+        if settings.conformal and len(berg.bonds.first):
             rest = np.full(len(berg.bonds.first), 2.0 * berg.radius)
-            lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, material.earth_radius))
-            berg = cls.from_points(lon, lat, **material._asdict())
+            lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, settings.earth_radius))
+            berg = cls._of_points(lon, lat, settings)
         return berg._reported(report)

@@ -1,16 +1,23 @@
-"""What can be said of a berg, in experiment files and in Python alike: names, kinds, units and limits."""
+"""What can be said of a berg, in experiment files and in Python alike: names, kinds, units and limits.
+
+The constructors of `riftberg.bergs.iceberg.Iceberg` take `BergOptions` by name, beside what is their own; the typed dicts list
+which each of them takes.
+"""
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypedDict
 
-from pydantic import model_validator
+import numpy as np
+from pydantic import AfterValidator, ValidationError
 
-from riftberg.config.sections import Pair, Section, key, refuse_beyond
+from riftberg.config.sections import PLACE, Pair, Position, Section, Shift, Velocity, at_most, key
+from riftberg.config.units import looks_like_quantity
+from riftberg.config.values import UnfitError, check_names, explained, given, numbers, says_metres
+from riftberg.constants import EARTH_RADIUS_A68, RHO_SEAWATER
+from riftberg.errors import BergError
 from riftberg.parameters import Packing
-
-MOST: dict[str, float] = {"velocity": 10.0, "spin": 0.01}
-"""What is larger than anything in nature."""
 
 
 class BergKeys(Section):
@@ -19,16 +26,140 @@ class BergKeys(Section):
     thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
     radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
     packing: Packing = key("square", "", "square or hexagonal elements")
-    placement: Pair | None = key(None, "degree", "longitude and latitude of the centre")
+    placement: Position | None = key(None, "degree", "longitude and latitude of the centre", **PLACE)
     rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
-    shift: Pair = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
-    velocity: Pair = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
-    spin: float = key(0.0, "rad s-1", "angular velocity at the start, counter-clockwise")
+    shift: Shift = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
+    velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
+    # A turn in ten minutes: a slip of units, such as degrees a day taken for rad/s.
+    spin: Annotated[float, at_most(0.01, "rad s-1")] = key(
+        0.0, "rad s-1", "angular velocity at the start, counter-clockwise"
+    )
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        refuse_beyond(self, MOST)
-        return self
+
+def _within_a_pitch(offset: Pair) -> Pair:
+    """Refuse a longer shift of the lattice, which would leave a strip of the outline empty."""
+    if not all(0.0 <= part <= 1.0 for part in offset):
+        raise UnfitError(
+            f"({offset[0]:g}, {offset[1]:g}) is no shift within one pitch of the lattice",
+            "Allowed: 2 numbers from 0 to 1, parts of the distance between neighbouring elements",
+        )
+    return offset
+
+
+class BergOptions(BergKeys):
+    """What the constructors of a berg take beside its shape."""
+
+    # m; also one for each element, or a map that is sampled
+    thickness: Any = None
+    density: float = key(850.0, "kg m-3", "ice density", gt=0, lt=RHO_SEAWATER)
+    earth_radius: float = key(EARTH_RADIUS_A68, "m", "radius of the sphere", gt=0)
+    latlon: bool = key(True, "", "positions are degrees, otherwise metres")
+    pieces: Any = None  # piece of each element; elements of different pieces are not bonded
+    # By default the shift of the lattice with the smallest error of area.
+    offset: Annotated[Pair, AfterValidator(_within_a_pitch)] | None = key(
+        None, "", "shift of the lattice as parts of its pitch"
+    )
+    conformal: bool = key(True, "", "bonds start without strain; false is the rule of the reference (files 8.3)")
+
+
+class MaterialOptions(TypedDict, total=False):
+    """What every constructor takes."""
+
+    radius: float
+    packing: Packing
+    density: float
+    velocity: tuple[float, float]
+    spin: float
+    earth_radius: float
+
+
+class ShapeOptions(MaterialOptions, total=False):
+    """What the constructors take that fill a shape drawn in degrees."""
+
+    rotation: float
+    shift: tuple[float, float]
+    placement: tuple[float, float] | None
+    offset: tuple[float, float] | None
+    conformal: bool
+
+
+class TableOptions(MaterialOptions, total=False):
+    """What `Iceberg.from_table` takes."""
+
+    rotation: float
+    conformal: bool
+    latlon: bool
+
+
+class RectangleOptions(TableOptions, total=False):
+    """What `Iceberg.rectangle` takes."""
+
+    offset: tuple[float, float] | None
+
+
+class PointOptions(TypedDict, total=False):
+    """What `Iceberg.from_points` takes; arrays hold one value per element."""
+
+    radius: Any
+    packing: Packing
+    density: float
+    velocity: tuple[Any, Any]
+    spin: float
+    earth_radius: float
+    latlon: bool
+    pieces: Any
+
+
+class FieldOptions(TypedDict, total=False):
+    """What `Iceberg.field` takes beside what makes a field."""
+
+    density: float
+    velocity: tuple[Any, Any]
+    latlon: bool
+    earth_radius: float
+
+
+def berg_options(options: Mapping[str, Any], kind: type, thickness: Any, **own: Any) -> BergOptions:
+    """Return options without units; a typed dict lists those that are known, and ``own`` are further ones."""
+    check_names(options, kind)
+    thickness, metres = _thickness(thickness), says_metres(options.get("latlon"))
+    # Arrays with one value for each element pass by the section, whose limits are those of one number.
+    each = {name: _each(name, value) for name, value in options.items() if _one_per_element(name, value)}
+    one = {name: value for name, value in options.items() if name not in each} | own
+    if "placement" in own and own["placement"] is None:
+        raise BergError("no place", where="placement", remedy="Give longitude and latitude (x and y in metres)")
+    try:
+        settings = BergOptions.model_validate(one, context={"metres": metres})
+    except ValidationError as error:
+        raise explained(error, BergOptions, kind=BergError, metres=metres) from error
+    return settings.model_copy(update={**each, "thickness": thickness})
+
+
+def _thickness(thickness: Any) -> Any:
+    """Return a thickness with a unit, or a Series or list of thicknesses, in metres; maps and paths pass as they are."""
+    if (
+        isinstance(thickness, bool)
+        or thickness is None
+        or (isinstance(thickness, str) and looks_like_quantity(thickness))
+    ):
+        return given(thickness, BergKeys, "thickness", kind=BergError)
+    if isinstance(thickness, list | tuple) or type(thickness).__module__.startswith("pandas"):
+        return numbers(thickness, "m", where="thickness", kind=BergError)
+    return thickness
+
+
+def _one_per_element(name: str, value: Any) -> bool:
+    if name == "velocity":
+        return isinstance(value, tuple | list) and any(np.ndim(part) > 0 for part in value)
+    return name in ("radius", "spin", "pieces") and not isinstance(value, str) and np.ndim(value) > 0
+
+
+def _each(name: str, value: Any) -> Any:
+    if name == "pieces":
+        return value
+    unit = {"radius": "m", "velocity": "m s-1", "spin": "rad s-1"}[name]
+    parts = [numbers(part, unit, where=name, kind=BergError) for part in (value if name == "velocity" else [value])]
+    return tuple(parts) if name == "velocity" else parts[0]
 
 
 class Rectangle(Section):

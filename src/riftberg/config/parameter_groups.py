@@ -5,13 +5,15 @@ Each group is a frozen pydantic model that refuses unknown keys and impossible v
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from riftberg import constants
-from riftberg.config import values
+from riftberg.config.sections import Section
+from riftberg.config.values import UnfitError, explained, fields_of, sections_in
 from riftberg.errors import InputError, nearest
+from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
@@ -29,21 +31,30 @@ def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) 
     return Field(default, description=meaning, json_schema_extra={"unit": unit, "source": source}, **limits)
 
 
-class Group(BaseModel):
+class Group(Section):
     """Base of all parameter groups: immutable, unknown keys refused, numbers finite.
 
     Values may be texts with units (``"18 kPa"``) and numbers of NumPy; mistakes get the words of an experiment file.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    unknown_key: ClassVar[tuple[str, str]] = ("there is no such parameter", "{} has ")
 
-    def __init__(self, **given: Any) -> None:
-        section = type(self)
-        plain = values.checked(section, given)
+    def __init__(self, /, **given: Any) -> None:
         try:
-            super().__init__(**plain)
+            super().__init__(**given)
         except ValidationError as error:
-            raise values.explained(error, section) from error
+            group = type(self)
+            outer = any(sections_in(field.annotation) for field in fields_of(group).values())
+            raise explained(error, group, name="" if outer else group.__name__) from error
+
+    # Tells pydantic not to call it for groups within groups: the first mistake there would end the search for more.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def no_section(cls, value: Any) -> UnfitError:
+        """Return the refusal of what is no group."""
+        remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(fields_of(cls))}"
+        return UnfitError(f"{value_shown(value)} is no group of parameters", remedy)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise InputError(

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, TypeAdapter, ValidationError, ValidationInfo
 from pydantic.fields import FieldInfo
 
 from riftberg.config.units import looks_like_quantity, to_unit
@@ -27,6 +27,10 @@ DATE_REMEDY: Final = "Write it like 2020-12-09 13:00"
 
 SOUTHERNMOST, NORTHERNMOST = -86.0, 88.0
 """Latitudes (degrees) between which there is sea, and a berg of an experiment file can be placed."""
+
+
+Place = tuple[str | int, ...]
+"""Names of keys and numbers of list items on the way to a value."""
 
 
 class UnfitError(ValueError):
@@ -55,17 +59,34 @@ def finding_text(finding: Any) -> str:
     return f"{value_shown(finding['input'])} is {'no finite number' if kind == 'finite_number' else 'not possible'}"
 
 
+def _extra(field: FieldInfo, name: str) -> Any:
+    extra = field.json_schema_extra
+    return extra.get(name) if isinstance(extra, dict) else None
+
+
 def unit_of(field: FieldInfo) -> str:
     """Return the unit of a field, empty where it has none."""
-    extra = field.json_schema_extra
-    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+    return str(_extra(field, "unit") or "")
+
+
+def fields_of(section: Any) -> dict[str, FieldInfo]:
+    """Return the fields of a section: a model or a dataclass of pydantic."""
+    fields: dict[str, FieldInfo] = section.__pydantic_fields__
+    return fields
+
+
+def sections_in(annotation: Any) -> list[Any]:
+    """Return the sections that an annotation names, also as items of lists."""
+    if hasattr(annotation, "__pydantic_fields__"):
+        return [annotation]
+    return [section for part in get_args(annotation) for section in sections_in(part)]
 
 
 def kinds_of(annotation: Any) -> tuple[Any, ...]:
-    """Return the alternatives of an annotation, without None."""
+    """Return the alternatives of an annotation, without None and without checks."""
     if get_origin(annotation) in (Union, types.UnionType):
-        return tuple(kind for kind in get_args(annotation) if kind is not type(None))
-    return (annotation,)
+        return tuple(kind for part in get_args(annotation) for kind in kinds_of(part) if kind is not type(None))
+    return kinds_of(get_args(annotation)[0]) if get_origin(annotation) is Annotated else (annotation,)
 
 
 def native(value: Any) -> Any:
@@ -101,31 +122,60 @@ def native(value: Any) -> Any:
     return value
 
 
-def plain_value(value: Any, field: FieldInfo) -> Any:
-    """Turn a text or a length of time into what the field holds: numbers in its unit, flags, lists."""
+def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
+    """Return what a field takes in place of what a person gave: no units, plain kinds, one section as a list of one.
+
+    ``metres``: places are x and y in m, not longitude and latitude.
+    """
+    value = native(value)
+    _check_kind(value, field)
+    try:
+        return _without_unit(value, field, metres)
+    except UnfitError:
+        raise
+    except ValueError as error:
+        raise UnfitError(str(error), allowed(field, metres=metres)) from error
+
+
+def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
+    kinds = kinds_of(field.annotation)
+    lists = [kind for kind in kinds if get_origin(kind) is list]
+    if isinstance(value, dict | str) and any(sections_in(kind) or get_args(kind) == (str,) for kind in lists):
+        value = [value]
+    elif lists == list(kinds) and sections_in(lists[0]) and not isinstance(value, list | tuple):
+        keys = ", ".join(fields_of(sections_in(lists[0])[0]))
+        raise UnfitError(f"{value_shown(value)} is no section and no list of sections", f"Each has the keys {keys}")
     if isinstance(value, list | tuple):
-        if any(get_origin(kind) is list for kind in kinds_of(field.annotation)):
+        if lists:
             return value  # names of files or of parts, and rows of whole numbers, carry no units
-        letters = _COMPASS.get(len(value), ("",) * len(value)) if unit_of(field) == "degree" else ("",) * len(value)
-        return [
-            _number_of_field(item, field, axis) if isinstance(item, str) else item
-            for item, axis in zip(value, letters, strict=True)
-        ]
+        units = _units_of_parts(field, len(value), metres)
+        return [_number(part, field, *unit) for part, unit in zip(value, units, strict=True)]
     if isinstance(value, timedelta):
         return to_unit(f"{value.total_seconds()!r} s", unit_of(field))
     if not isinstance(value, str):
         return value
-    kinds = kinds_of(field.annotation)
-    optional = type(None) in get_args(field.annotation)
-    if optional and value.lower() in ("none", "null", "auto", ""):
+    if str in kinds:  # a name; where a number may stand too (a thickness), what begins like one is one
+        return _number(value, field, unit_of(field)) if float in kinds and looks_like_quantity(value) else value
+    if type(None) in get_args(field.annotation) and value.lower() in ("none", "null", "auto", ""):
         return None
     if bool in kinds:
         return _flag(value)
     if any(get_origin(kind) is tuple for kind in kinds):
-        return plain_value(value.strip("()[] ").split(","), field)
+        return _without_unit(value.strip("()[] ").split(","), field, metres)
     if float in kinds or int in kinds:
-        return _number_of_field(value, field, "NS" if "latitude" in (field.description or "") else "")
+        return _number(value, field, unit_of(field), "NS" if "latitude" in (field.description or "") else "")
     return value
+
+
+def _units_of_parts(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
+    """Return the unit of each of several numbers, and the letters that may stand behind it."""
+    units = _extra(field, "units")
+    if units and len(units) == size:  # velocity and thickness of sea ice
+        return [(unit, "") for unit in units]
+    if metres and _extra(field, "place"):
+        return [("m", "")] * size
+    letters = _COMPASS.get(size) if unit_of(field) == "degree" else None
+    return [(unit_of(field), letter) for letter in letters or ("",) * size]
 
 
 def _flag(text: str) -> bool:
@@ -154,8 +204,10 @@ _COMPASS: Final = {2: ("EW", "NS"), 4: ("EW", "EW", "NS", "NS")}
 _LETTERED: Final = re.compile(r"\s*(\d+\.?\d*)\s*(?:°|deg|degrees?)?\s*([NSEW])\s*$")
 
 
-def _number_of_field(text: str, field: FieldInfo, letters: str = "") -> float | int:
+def _number(text: Any, field: FieldInfo, unit: str, letters: str = "") -> Any:
     """Return the number that a text means; ``letters`` may stand behind it for its sign, as in 56 S."""
+    if not isinstance(text, str):
+        return text
     lettered = _LETTERED.match(text) if letters else None
     if lettered is not None:
         if lettered[2] not in letters:
@@ -164,11 +216,11 @@ def _number_of_field(text: str, field: FieldInfo, letters: str = "") -> float | 
         return float(lettered[1]) * (-1.0 if lettered[2] in "SW" else 1.0)
     if not looks_like_quantity(text):
         raise ValueError(f"{value_shown(text)} is not a number")
-    number = to_unit(text, unit_of(field))
+    number = to_unit(text, unit)
     return int(number) if int in kinds_of(field.annotation) and number.is_integer() else number
 
 
-def check_kind(value: Any, field: FieldInfo) -> None:
+def _check_kind(value: Any, field: FieldInfo) -> None:
     """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value."""
     kinds = kinds_of(field.annotation)
     if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
@@ -183,7 +235,7 @@ def check_kind(value: Any, field: FieldInfo) -> None:
         raise UnfitError(f"{value} is a date", f"{allowed(field)}. Write it in quotes if it is meant as a text")
 
 
-def allowed(field: FieldInfo) -> str:
+def allowed(field: FieldInfo, *, metres: bool = False) -> str:
     """Return in words what a field may hold."""
     limits = []
     for item in field.metadata:
@@ -197,7 +249,7 @@ def allowed(field: FieldInfo) -> str:
             limits.append("not empty")
     kinds = [_kind_name(kind) for kind in kinds_of(field.annotation)]
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
-    unit = unit_of(field)
+    unit = "m" if metres and _extra(field, "place") else unit_of(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
     text += " or none" if type(None) in get_args(field.annotation) else ""
     # What follows a semicolon tells of special cases, which nobody can read in brackets.
@@ -209,123 +261,135 @@ def _kind_name(kind: Any) -> str:
     if kind in plain:
         return plain[kind]
     if get_origin(kind) is tuple:
-        return f"{len(get_args(kind))} numbers"
+        return "numbers" if ... in get_args(kind) else f"{len(get_args(kind))} numbers"
     if get_origin(kind) is list:
         return "a list"
-    if get_origin(kind) is dict or (isinstance(kind, type) and issubclass(kind, BaseModel)):
+    if get_origin(kind) is dict or hasattr(kind, "__pydantic_fields__"):
         return "keys with values"
     options = [repr(option) for option in get_args(kind)]
     return ", ".join(options) if options else str(getattr(kind, "__name__", kind))
 
 
 def given(
-    value: Any, section: type[BaseModel], name: str, *, where: str = "", kind: type[InputError] = InputError
+    value: Any, section: Any, name: str, *, where: str = "", kind: type[InputError] = InputError, metres: bool = False
 ) -> Any:
     """Return a value as the field ``name`` of a section holds it."""
-    field, where = section.model_fields[name], where or name
-    plain = _prepared(value, field, where, kind)
     try:
-        return _adapter(section, name).validate_python(plain)
+        return _adapter(section, name).validate_python(value, context={"metres": metres})
     except ValidationError as error:
         finding = error.errors()[0]
-        whole = finding["type"] not in ("value_error", "finite_number")
-        what = f"{value_shown(plain)} is not possible" if whole else finding_text(finding)
-        raise kind(what, where=where, remedy=allowed(field)) from error
+        field = fields_of(section)[name]
+        what, remedy = finding_text(finding), allowed(field, metres=metres)
+        if finding["type"] == "value_error":
+            remedy = getattr(finding["ctx"]["error"], "remedy", "")
+        elif finding["type"] != "finite_number":
+            what = f"{value_shown(plain_value(value, field, metres=metres))} is not possible"
+        raise kind(what, where=where or name, remedy=remedy) from error
 
 
 @cache
-def _adapter(section: type[BaseModel], name: str) -> TypeAdapter[Any]:
-    field = section.model_fields[name]
-    limits = (field.annotation, *field.metadata)
-    annotation: Any = Annotated[limits] if field.metadata else field.annotation
-    plain = not (
-        isinstance(annotation, type) and issubclass(annotation, BaseModel)
-    )  # a section has a config of its own
-    return TypeAdapter(annotation, config={"allow_inf_nan": False} if plain else None)
+def _adapter(section: Any, name: str) -> TypeAdapter[Any]:
+    field = fields_of(section)[name]
+
+    def plain(value: Any, info: ValidationInfo) -> Any:
+        return plain_value(value, field, metres=in_metres(info))
+
+    annotation: Any = Annotated[(field.annotation, *field.metadata, BeforeValidator(plain))]
+    inner = isinstance(field.annotation, type) and bool(sections_in(field.annotation))  # it has a config of its own
+    return TypeAdapter(annotation, config=None if inner else {"allow_inf_nan": False})
 
 
-def _prepared(value: Any, field: FieldInfo, where: str, kind: type[InputError] = InputError) -> Any:
-    """Return a value without unit and of a plain kind, or refuse it."""
-    plain = native(value)
+def in_metres(info: ValidationInfo) -> bool:
+    """Whether places are x and y in m where a value is checked."""
+    return bool((info.context or {}).get("metres"))
+
+
+def says_metres(latlon: Any) -> bool:
+    """Whether an argument ``latlon`` says that places are metres; what is neither true nor false is refused in its turn."""
     try:
-        check_kind(plain, field)
-        return plain_value(plain, field)
-    except UnfitError as error:
-        raise kind(error.what, where=where, remedy=error.remedy) from error
-    except ValueError as error:
-        raise kind(str(error), where=where, remedy=allowed(field)) from error
+        return latlon is not None and not flag(latlon, where="latlon")
+    except InputError:
+        return False
 
 
-def checked(section: type[BaseModel], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments of a group of parameters without units and of plain kinds; the names must be known."""
-    result, faults = {}, []
-    for name, value in values.items():
-        try:
-            result[name] = _argument(section, name, value)
-        except InputError as error:
-            faults.append(error)
-    if faults:
-        raise together(faults)
-    return result
+def findings(error: ValidationError, section: Any, *, metres: bool = False) -> list[tuple[Place, InputError]]:
+    """Return what pydantic found in a section, in our words, each with its place.
+
+    What follows from something else is left out: of an entry that may be a text or a section, what is wrong with the
+    section says more, and it lies deeper; a key that is misspelt is not missing too.
+    """
+    found: dict[int, tuple[Place, InputError]] = {}
+    known: list[Place] = []
+    deepest = sorted(enumerate(error.errors()), key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing"))
+    for number, finding in deepest:
+        place, inner, field = _found_at(finding["loc"], section)
+        what, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
+        if finding["type"] == "value_error":
+            remedy = getattr(finding["ctx"]["error"], "remedy", "")
+        elif finding["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+            what, remedy, meant = _unknown(place, inner, section)
+            known += meant
+        elif field is not None and finding["type"].startswith("union_tag"):
+            what, remedy = _unknown_kind(finding, field)
+            place = (*place, "kind")
+        if any(other[: len(place)] == place or place[: len(other)] == other for other in known):
+            continue
+        known.append(place)
+        found[number] = place, InputError(what, where=".".join(map(str, place)), remedy=remedy)
+    return [found[number] for number in sorted(found)]
 
 
-def _argument(section: type[BaseModel], name: str, value: Any) -> Any:
-    """Return one argument of a group of parameters, or a group within it."""
-    if name not in section.model_fields:
-        raise _unknown(section, name)
-    inner = _section_in(section.model_fields[name])
-    if inner is None:
-        return _prepared(value, section.model_fields[name], f"{section.__name__}.{name}")
-    if isinstance(value, Mapping):
-        return _inner(inner, name, value)
-    if isinstance(value, inner):
-        return value
-    raise InputError(
-        f"{value_shown(value)} is no group of parameters", where=name,
-        remedy=f"Give {inner.__name__}(...) or a dict with {', '.join(inner.model_fields)}",
-    )  # fmt: skip
+def _found_at(loc: tuple[str | int, ...], section: Any) -> tuple[Place, Any, FieldInfo | None]:
+    """Return the place of a finding without pydantic's names of alternatives, the section around it, and its field."""
+    place: Place = ()
+    sections, inner, field = [section], section, None
+    parts = list(loc)
+    while parts:
+        part = parts.pop(0)
+        holder = next((one for one in sections if part in _names_of(one)), None)
+        if isinstance(part, int):
+            place = (*place, part)
+        elif holder is not None:
+            inner, field, place = holder, _names_of(holder)[part], (*place, part)
+            sections = sections_in(field.annotation)
+            if field.discriminator and parts:  # what follows is the kind, not a key
+                kind = parts.pop(0)
+                sections = [one for one in sections if kind in get_args(fields_of(one)["kind"].annotation)]
+        elif not parts and sections:  # a key that is not known
+            return (*place, part), sections[0], None
+    return place, inner, field
 
 
-def _unknown(section: type[BaseModel], name: str) -> InputError:
-    fields = section.model_fields
-    hint = nearest(name, fields)
-    if any(_section_in(field) for field in fields.values()):
-        return InputError(
-            "there is no such group of parameters", where=name, remedy=f"{hint}Groups are {', '.join(fields)}"
-        )
-    return InputError(
-        "there is no such parameter", where=f"{section.__name__}.{name}",
-        remedy=f"{hint}{section.__name__} has {', '.join(fields)}",
-    )  # fmt: skip
+def _names_of(section: Any) -> dict[str, FieldInfo]:
+    """Return the fields of a section by the names that a person gives them."""
+    return {field.alias or name: field for name, field in fields_of(section).items()}
 
 
-def _section_in(field: FieldInfo) -> type[BaseModel] | None:
-    kind = field.annotation
-    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
+    """Say that a key is not known, and return the places that may have been meant by it."""
+    names = [name for name, field in _names_of(section).items() if not _extra(field, "hidden")]
+    what, has = getattr(section, "unknown_key", ("there is no such key", "Allowed here: "))
+    hint = nearest(str(place[-1]), names)
+    holder = str(place[-2]) if len(place) > 1 else section.__name__
+    meant = [(*place[:-1], name) for name in names if repr(name) in hint]
+    return what, f"{hint}{has.format(holder)}{', '.join(names)}", meant
 
 
-def _inner(section: type[BaseModel], name: str, values: Mapping[str, Any]) -> BaseModel:
-    """Make a section within another, which errors name as the outer one does."""
-    try:
-        return section(**values)
-    except InputError as error:
-        raise together([
-            InputError(
-                fault.what, where=name + fault.where.removeprefix(section.__name__),
-                remedy=fault.remedy.replace(f"{section.__name__} has ", f"{name} has "),
-            )
-            for fault in error.faults
-        ]) from error  # fmt: skip
+def _unknown_kind(finding: Any, field: FieldInfo) -> tuple[str, str]:
+    kinds = [kind for one in sections_in(field.annotation) for kind in get_args(fields_of(one)["kind"].annotation)]
+    value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
+    what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
+    return what, f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
 
 
-def explained(error: ValidationError, section: type[BaseModel]) -> InputError:
-    """Turn the findings of pydantic in a section into what, where and remedy."""
+def explained(
+    error: ValidationError, section: Any, *, name: str = "", kind: type[InputError] = InputError, metres: bool = False
+) -> InputError:
+    """Return what pydantic found in a section as one error, each place below the section's name."""
     faults = []
-    for finding in error.errors():
-        place = ".".join([section.__name__, *map(str, finding["loc"])])
-        field = section.model_fields.get(str(finding["loc"][0])) if finding["loc"] else None
-        remedy = allowed(field) if field is not None else ""
-        faults.append(InputError(finding_text(finding), where=place if finding["loc"] else "", remedy=remedy))
+    for place, fault in findings(error, section, metres=metres):
+        where = ".".join([*([name] if name and place else []), *map(str, place)])
+        faults.append(kind(fault.what, where=where, remedy=fault.remedy))
     return together(faults)
 
 

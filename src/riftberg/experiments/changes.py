@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from riftberg.config.values import allowed, plain_value
+from riftberg.config.values import fields_of, given
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters
 
@@ -40,11 +39,9 @@ def _parsed(setting: str) -> tuple[str, str, Any]:
             where="--set",
             remedy="For example --set stepping.time_step=900",
         )
-    field = find_field(group, name, where=f"--set {setting}")
-    try:
-        return group, name, plain_value(text.strip(), field)
-    except ValueError as error:
-        raise InputError(str(error), where=f"--set {setting}", remedy=allowed(field)) from error
+    where = f"--set {setting}"
+    find_field(group, name, where=where)
+    return group, name, given(text.strip(), Parameters.model_fields[group].annotation, name, where=where)
 
 
 def find_field(group: str, name: str, *, where: str) -> FieldInfo:
@@ -56,7 +53,7 @@ def find_field(group: str, name: str, *, where: str) -> FieldInfo:
             where=where,
             remedy=f"{nearest(group, groups)}Groups are {', '.join(groups)}",
         )
-    fields = fields_of(groups[group])
+    fields = fields_of(groups[group].annotation)
     if name not in fields:
         raise InputError(
             f"group {group} has no parameter {name!r}",
@@ -64,13 +61,6 @@ def find_field(group: str, name: str, *, where: str) -> FieldInfo:
             remedy=f"{nearest(name, fields)}It has {', '.join(fields)}",
         )
     return fields[name]
-
-
-def fields_of(group: FieldInfo) -> dict[str, FieldInfo]:
-    """Return the fields of a group of parameters."""
-    assert isinstance(group.annotation, type)
-    assert issubclass(group.annotation, BaseModel)
-    return group.annotation.model_fields
 
 
 def changed(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *, where: str = "--set") -> Parameters:

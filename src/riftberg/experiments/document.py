@@ -6,18 +6,15 @@ itself, so that a date such as the 31st of February is reported with its line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import yaml
 
+from riftberg.config.values import Place
 from riftberg.errors import InputError, together
 from riftberg.system.input_files import check_file, shown, value_shown
 from riftberg.system.limits import MOST_YAML
-
-Place = tuple[str | int, ...]
 
 REMEDY: Final = "Name a YAML file, as in the guide to experiments of one's own"
 DEEPEST: Final = 20
@@ -43,8 +40,6 @@ class Document:
     def __init__(self, path: Path, sections: str = "") -> None:
         self.path, self._sections = path, sections
         self.lines: dict[Place, int] = {}
-        self.faults: dict[Place, InputError] = {}
-        self.meant: set[Place] = set()
         self._nodes = 0
         self.values = self._load(self._text())
 
@@ -182,44 +177,19 @@ class Document:
             remedy = "Dates are such as 2020-12-09 13:00" if kind == "timestamp" else "Write a plain value"
             raise self._wrong(f"{value_shown(text)} is {what}", line, remedy) from error
 
-    def one_of_list(self, place: Place) -> None:
-        """Note that one section stands where a list of them may stand: it is the first of the list."""
-        n = len(place)
-        self.lines |= {(*place, 0, *p[n:]): line for p, line in self.lines.items() if p[:n] == place}
-
-    @contextmanager
-    def noting(self, place: Place) -> Iterator[None]:
-        """Note an error at a place, and go on behind the block."""
-        try:
-            yield
-        except InputError as error:
-            self.note(place, error)
-
-    def note(self, place: Place, error: InputError) -> None:
-        """Note an error, to be told with the others."""
-        self.faults[place] = error
-
-    def noted(self, place: Place) -> bool:
-        """Whether something is noted of a place, of a part of it or of what it is a part of."""
-        known = (*self.faults, *self.meant)
-        return any(other[: len(place)] == place or place[: len(other)] == other for other in known)
-
-    def settle(self) -> None:
-        """Raise one error for all that was noted, in the order of the file."""
-        if self.faults:
-            faults = sorted(self.faults.items(), key=lambda item: self._line_of(item[0]))
-            raise together([error for _, error in faults])
-
-    def _line_of(self, place: Place) -> int:
-        while place and place not in self.lines:
-            place = place[:-1]
-        return self.lines.get(place, 0)
+    def _known(self, place: Place) -> Place:
+        """Return the place, or the section around it, whose line is known."""
+        known: Place = ()
+        for part in place:
+            if (*known, part) in self.lines:
+                known = (*known, part)
+            elif part != 0:  # one section may stand where a list of them may
+                break
+        return known
 
     def where(self, place: Place) -> str:
-        """Return file, line and key of a place, or of the section around it."""
-        known = place
-        while known and known not in self.lines:
-            known = known[:-1]
+        """Return file, line and key of a place."""
+        known = self._known(place)
         line = f", line {self.lines[known]}" if known else ""
         key = shown(".".join(str(part) for part in place))
         return f"{shown(self.path)}{line}" + (f", {key}" if key else "")
@@ -227,3 +197,9 @@ class Document:
     def error(self, what: str, place: Place, remedy: str = "") -> InputError:
         """Return an error that names the place."""
         return InputError(what, where=self.where(place), remedy=remedy)
+
+    def refusal(self, faults: list[tuple[Place, InputError]]) -> InputError:
+        """Return one error for all faults, in the order of the file."""
+        order = {place: number for number, place in enumerate(self.lines, start=1)}
+        in_order = sorted(faults, key=lambda fault: order.get(self._known(fault[0]), 0))
+        return together([self.error(fault.what, place, fault.remedy) for place, fault in in_order])

@@ -8,14 +8,23 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from riftberg.bergs.keys import BergKeys, FieldOfBergs, LatticeRows, Rectangle
 from riftberg.config.sections import Pair, Section, key
-from riftberg.config.values import in_utc
-from riftberg.experiments.formula_schema import FormulaForcing
+from riftberg.config.values import (
+    NORTHERNMOST,
+    SOUTHERNMOST,
+    UnfitError,
+    check_place,
+    in_metres,
+    in_utc,
+)
+from riftberg.errors import InputError
+from riftberg.ocean import formulas
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.steady_schema import ConstantForcing
+from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""
@@ -135,6 +144,17 @@ class Berg(BergKeys):
             )
         return self
 
+    @model_validator(mode="after")
+    def _at_sea(self, info: ValidationInfo) -> Berg:
+        """Refuse a place on or near a pole, where only swapped coordinates put a berg."""
+        if self.placement is not None and not in_metres(info):
+            final = self.placement[0], self.placement[1] + self.shift[1]
+            try:
+                check_place(final, where="", south=SOUTHERNMOST, north=NORTHERNMOST)
+            except InputError as error:
+                raise UnfitError(error.what, error.remedy) from error
+        return self
+
 
 class ExperimentForcing(Section):
     """The analytic ocean of a built-in experiment."""
@@ -144,7 +164,59 @@ class ExperimentForcing(Section):
     without: list[str] = key([], "", "parts of that ocean to leave out")
 
 
-Forcing = Annotated[ConstantForcing | FileForcing | ExperimentForcing | FormulaForcing, Field(discriminator="kind")]
+class FormulaForcing(Section):
+    """Forcing by formulas, which are added; each may be a section or a list of sections."""
+
+    kind: Literal["formula"]
+    uniform: list[formulas.Uniform] = key([], "", "the same everywhere, a section or a list of sections")
+    eddy: list[formulas.Eddy] = key([], "", "eddies, a section or a list of sections")
+    jet: list[formulas.Jet] = key([], "", "jets, a section or a list of sections")
+    shear: list[formulas.Shear] = key([], "", "shear layers, a section or a list of sections")
+    front: list[formulas.Front] = key([], "", "fronts, a section or a list of sections")
+    tide: list[formulas.Tide] = key([], "", "tides, a section or a list of sections")
+    seamount: list[formulas.Seamount] = key(
+        [], "", "seamounts, a section or a list of sections; the shallowest sea floor counts"
+    )
+    slope: list[formulas.Slope] = key([], "", "sloping sea floors, a section or a list of sections")
+    turning_wind: list[formulas.TurningWind] = key([], "", "winds that turn, a section or a list of sections")
+
+    @property
+    def parts(self) -> list[formulas.Part]:
+        """All formulas."""
+        return [part for name in formulas.FORMULAS for part in getattr(self, name)]
+
+    @model_validator(mode="after")
+    def _something(self) -> FormulaForcing:
+        if not self.parts:
+            raise ValueError(f"no formula is given; give one or more of {', '.join(formulas.FORMULAS)}")
+        return self
+
+
+def _kind_of(forcing: Any) -> Any:
+    kind = forcing.get("kind") if isinstance(forcing, dict) else getattr(forcing, "kind", None)
+    return kind if isinstance(kind, str) else None
+
+
+Forcing = Annotated[
+    Annotated[ConstantForcing, Tag("constant")]
+    | Annotated[FileForcing, Tag("files")]
+    | Annotated[ExperimentForcing, Tag("analytic")]
+    | Annotated[FormulaForcing, Tag("formula")],
+    Field(discriminator=Discriminator(_kind_of)),
+]
+
+
+FIRST_YEAR, LAST_YEAR = 1700, 2250
+"""Years whose dates run files can keep to the nanosecond, as xarray does."""
+
+
+def check_span(start: datetime, days: float, *, where: str) -> None:
+    """Refuse a run whose dates no run file can hold."""
+    if not (FIRST_YEAR <= start.year <= LAST_YEAR and days <= 366.0 * (LAST_YEAR - start.year + 1)):
+        raise InputError(
+            f"a run of {days:g} days from {start:%d.%m.}{start.year:04d}", where=where,
+            remedy=f"Runs lie in the years {FIRST_YEAR} to {LAST_YEAR}",
+        )  # fmt: skip
 
 
 class Experiment(Section):
@@ -169,6 +241,16 @@ class Experiment(Section):
     forcing: Forcing
     parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")
 
+    @field_validator("days")
+    @classmethod
+    def _kept_in_files(cls, days: float, info: ValidationInfo) -> float:
+        try:
+            if "start" in info.data:
+                check_span(info.data["start"], days, where="")
+        except InputError as error:
+            raise UnfitError(error.what, error.remedy) from error
+        return days
+
     @model_validator(mode="after")
     def _berg_or_bergs(self) -> Experiment:
         if (self.berg is None) == (not self.bergs):
@@ -183,5 +265,5 @@ class Experiment(Section):
         return [(f"bergs.{k}", berg) for k, berg in enumerate(self.bergs)]
 
 
-PRESETS = ("a68a-2022", "a68a-2022-reference", "default")
+PRESETS = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}
 """Sets of parameters that a file may start from."""

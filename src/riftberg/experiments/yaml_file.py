@@ -5,32 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from riftberg.bergs.keys import FieldOfBergs
 from riftberg.bergs.report import lost_in_lattice
-from riftberg.config.values import (
-    NORTHERNMOST,
-    SOUTHERNMOST,
-    UnfitError,
-    allowed,
-    check_degrees,
-    check_kind,
-    check_place,
-    finding_text,
-    given,
-    kinds_of,
-    plain_value,
-)
+from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest
-from riftberg.experiments.changes import changed, fields_of, reference_numerics
-from riftberg.experiments.document import Document, Place
-from riftberg.experiments.formula_schema import FormulaForcing, sum_of
+from riftberg.experiments.changes import reference_numerics
+from riftberg.experiments.document import Document
 from riftberg.experiments.options import Info, Options
 from riftberg.experiments.registry import find
 from riftberg.experiments.schema import (
@@ -38,13 +24,16 @@ from riftberg.experiments.schema import (
     Berg,
     Experiment,
     ExperimentForcing,
+    FormulaForcing,
     Rift,
     Shelf,
     Strength,
+    check_span,
 )
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.ocean.formulas import Sum
 from riftberg.ocean.steady_schema import ConstantForcing
-from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
+from riftberg.parameters import Earth, Parameters
 from riftberg.system.input_files import value_shown
 from riftberg.system.netcdf_lock import closing_files
 
@@ -53,10 +42,6 @@ if TYPE_CHECKING:
     from riftberg.ocean.forcing import Forcing
     from riftberg.runs.model import Model
 
-_KINDS: dict[str, type[BaseModel]] = {
-    "constant": ConstantForcing, "files": FileForcing, "analytic": ExperimentForcing, "formula": FormulaForcing,
-}  # fmt: skip
-
 
 def _name_of(path: str | Path) -> str:
     """Return the name of an experiment that gives itself none: that of its file, in letters that a folder may have."""
@@ -64,244 +49,68 @@ def _name_of(path: str | Path) -> str:
     return re.sub(r"^[^A-Za-z0-9]+", "", plain) or "experiment"
 
 
-def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
-    """Read and check an experiment file."""
-    document = Document(Path(path), _keys(Experiment))
-    values = dict(document.values)
-    values.setdefault("name", _name_of(path))
-    values = _prepared(values, Experiment, (), document)
-    groups = values.get("parameters")
-    changes = _changes(groups if isinstance(groups, dict) else {}, document)
-    try:
-        experiment = Experiment(**values)
-    except ValidationError as error:
-        _explain(error, document)
-        document.settle()
-        raise
-    with document.noting(("days",)):
-        check_span(experiment.start, experiment.days, where=document.where(("days",)))
-    for place, berg in experiment.all_bergs if _in_degrees(changes) else []:
-        name: Place = tuple(int(p) if p.isdigit() else p for p in place.split("."))
-        with document.noting(name):
-            _check_place(berg, document, name)
-    document.settle()
-    parameters = _parameters(experiment, changes, document)
-    if parameters.earth.latlon and parameters.earth.radius < SMALLEST_SPHERE:
-        raise document.error(
-            f"{parameters.earth.radius:g} m is no radius of the Earth", ("parameters", "earth", "radius"),
-            f"Give {SMALLEST_SPHERE:g} m or more, usually 6.371e6",
-        )  # fmt: skip
-    return experiment, parameters, document
-
-
-def _in_degrees(changes: Mapping[str, Any]) -> bool:
-    """Whether positions are degrees; all presets have them so."""
-    return changes.get("earth", {}).get("latlon", True) is not False
-
-
 SMALLEST_SPHERE = 1e6
 """Radius (m) of the sphere below which it is a slip of units."""
 
-FIRST_YEAR, LAST_YEAR = 1700, 2250
-"""Years in which run files can tell dates to the nanosecond, as xarray keeps them."""
 
-
-def check_span(start: datetime, days: float, *, where: str) -> None:
-    """Refuse a run whose dates no run file can hold."""
-    good = FIRST_YEAR <= start.year <= LAST_YEAR and days <= 366.0 * (LAST_YEAR - start.year + 1)
-    if not good:
-        raise InputError(
-            f"a run of {days:g} days from {start:%d.%m.}{start.year:04d}", where=where,
-            remedy=f"Runs lie in the years {FIRST_YEAR} to {LAST_YEAR}",
-        )  # fmt: skip
-
-
-def _check_place(berg: Berg, document: Document, where: Place) -> None:
-    """Refuse a place that is none on Earth, or on a pole, where only swapped coordinates put a berg."""
-    for name, place in (("placement", berg.placement), ("shift", berg.shift)):
-        if place is not None:
-            check_degrees(place, where=document.where((*where, name)))
-    if berg.placement is not None:
-        final = berg.placement[0], berg.placement[1] + berg.shift[1]
-        check_place(final, where=document.where((*where, "placement")), south=SOUTHERNMOST, north=NORTHERNMOST)
-
-
-def _keys(section: type[BaseModel]) -> str:
-    return ", ".join(section.model_fields)
-
-
-def _prepared(values: Any, section: type[BaseModel], place: Place, document: Document) -> dict[str, Any]:
-    """Check the keys of a section and of those within, and turn quantities into numbers."""
-    if isinstance(values, str) and "file" in section.model_fields and values not in section.model_fields:
-        values = {"file": values}  # outline: berg.geojson
-    if not isinstance(values, dict):
-        raise document.error(f"{value_shown(values)} is not a section", place, f"It has the keys {_keys(section)}")
-    result: dict[str, Any] = {}
-    choices = list(section.model_fields)
-    for name, value in values.items():
-        inner = (*place, str(name))
-        with document.noting(inner):
-            if str(name) not in choices:
-                hint = nearest(str(name), choices)
-                document.meant |= {(*place, choice) for choice in choices if repr(choice) in hint}
-                raise document.error("there is no such key", inner, f"{hint}Allowed here: {', '.join(choices)}")
-            result[str(name)] = _value(value, section.model_fields[str(name)], inner, document)
-    return result
-
-
-def _value(value: Any, field: FieldInfo, place: Place, document: Document) -> Any:
-    items = _sections_in(field)
-    if get_origin(field.annotation) is list and isinstance(value, dict | str) and (
-        items is not None or get_args(field.annotation) == (str,)
-    ):  # fmt: skip
-        document.one_of_list(place)
-        value = [value]
-    if items is not None:
-        only = get_args(field.annotation) == (items,)
-        if only and not isinstance(value, list):
-            raise document.error(
-                f"{value_shown(value)} is no section and no list of sections",
-                place,
-                f"Each has the keys {_keys(items)}",
-            )
-        if isinstance(value, list):
-            prepared = [only or isinstance(item, dict) for item in value]
-            return [
-                _prepared(item, items, (*place, k), document) if prepared[k] else item for k, item in enumerate(value)
-            ]
-    inner = _section_of(value, field, place, document)
-    if inner is not None:
-        return _prepared(value, inner, place, document)
-    _check_kind(value, field, place, document)
+def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
+    """Read and check an experiment file; all that is wrong with it is reported at once."""
+    document = Document(Path(path), ", ".join(Experiment.model_fields))
+    values = {"name": _name_of(path), **document.values}
+    faults: list[tuple[Place, InputError]] = []
+    parameters, experiment = Parameters(), None
     try:
-        return (
-            value if str in kinds_of(field.annotation) and not _is_quantity(value, field) else plain_value(value, field)
-        )
-    except ValueError as error:
-        raise document.error(str(error), place, allowed(field)) from error
-
-
-def _check_kind(value: Any, field: FieldInfo, place: Place, document: Document) -> None:
-    """Refuse what would silently pass for something else."""
-    try:
-        check_kind(value, field)
-    except UnfitError as error:
-        raise document.error(error.what, place, error.remedy) from error
-
-
-def _is_quantity(value: Any, field: FieldInfo) -> bool:
-    """Whether a text in a field for numbers or file names begins like a number."""
-    from riftberg.config.units import looks_like_quantity
-
-    return isinstance(value, str) and float in kinds_of(field.annotation) and looks_like_quantity(value)
-
-
-def _sections_in(field: FieldInfo) -> type[BaseModel] | None:
-    """Return the section that items of a list may be."""
-    items = [item for kind in kinds_of(field.annotation) if get_origin(kind) is list for item in get_args(kind)]
-    kinds = [kind for item in items for kind in kinds_of(item)]
-    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
-
-
-def _section_of(value: Any, field: FieldInfo, place: Place, document: Document) -> type[BaseModel] | None:
-    """Return the section that a field holds; the kind of forcing decides among several."""
-    sections = [kind for kind in kinds_of(field.annotation) if isinstance(kind, type) and issubclass(kind, BaseModel)]
-    if len(sections) < 2 or value is None:
-        return sections[0] if sections and value is not None else None
-    kind = value.get("kind") if isinstance(value, dict) else None
-    if not isinstance(kind, str) or kind not in _KINDS:
-        raise document.error(
-            f"kind = {value_shown(kind)} is not known" if kind else "the kind of forcing is missing",
-            (*place, "kind"),
-            f"{nearest(str(kind), _KINDS)}Use kind: {', '.join(_KINDS)}",
-        )
-    return _KINDS[kind]
-
-
-def _explain(error: ValidationError, document: Document) -> None:
-    """Note the findings of pydantic with their places, but for those that follow from what is noted already."""
-    # Of an entry that is a text or a section, what is wrong with the section says more: it lies deeper, or is a sentence of ours.
-    for finding in sorted(error.errors(), key=lambda finding: (-len(finding["loc"]), finding["type"] != "value_error")):
-        loc = tuple(finding["loc"])
-        loc = (*loc[:1], *loc[2:]) if loc[:1] == ("forcing",) and loc[1:2] and loc[1] in _KINDS else loc
-        place = tuple(part for part in loc if part not in ("float", "int", "str") and "NamedFiles" not in str(part))
-        field = _field_at(place)
-        remedy = "" if field is None or finding["type"] == "value_error" else allowed(field)
-        if not document.noted(place):
-            document.note(place, document.error(finding_text(finding), place, remedy))
-
-
-def _field_at(place: Place) -> FieldInfo | None:
-    """Return the field of the schema at a place."""
-    section: type[BaseModel] = Experiment
-    names = [part for part in place if isinstance(part, str)]  # without the numbers of what stands in lists
-    for depth, part in enumerate(names):
-        choices = _KINDS.values() if names[:depth] == ["forcing"] else (section,)
-        field = next((c.model_fields[part] for c in choices if part in c.model_fields), None)
-        if field is None or depth == len(names) - 1:
-            return field
-        inner = [k for k in kinds_of(field.annotation) if isinstance(k, type) and issubclass(k, BaseModel)]
-        items = _sections_in(field)
-        if not inner and items is None:
-            return field
-        section = items or inner[0]
-    return None
-
-
-def _changes(groups: Mapping[Any, Any], document: Document) -> dict[str, Any]:
-    """Return the changes of the parameters by group, each value checked."""
-    changes: dict[str, Any] = {}
-    for group, values in groups.items():
-        place = ("parameters", str(group))
-        with document.noting(place):
-            if group != "preset":
-                changes[str(group)] = _group(str(group), values, document)
-            elif not isinstance(values, str) or values not in PRESETS:
-                raise document.error(f"preset {value_shown(values)} is not known", place,
-                                     f"{nearest(str(values), PRESETS)}Use {', '.join(PRESETS)}")  # fmt: skip
-    return changes
-
-
-def _parameters(experiment: Experiment, changes: dict[str, Any], document: Document) -> Parameters:
-    """Return the preset with the changes of the file; packing follows the berg."""
-    base = {"a68a-2022": A68A_2022, "a68a-2022-reference": A68A_2022_KID, "default": Parameters()}[
-        experiment.parameters.get("preset", "default")
-    ]
-    packing = "hexagonal" if any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs) else "square"
-    shape: dict[str, Any] = {"packing": packing, "max_bonds": 6 if packing == "hexagonal" else 4}
-    changes["bonds"] = {**shape, **changes.get("bonds", {})}
-    if "substeps" not in changes.get("stepping", {}):
-        changes["stepping"] = {"substeps": None, **changes.get("stepping", {})}
-    try:
-        return changed(base, changes, where=document.where(("parameters",)))
+        parameters = _parameters(values.get("parameters"))
     except InputError as error:
-        cause = error.__cause__
-        if isinstance(cause, InputError) and cause.where:
-            place = ("parameters", *cause.where.split("."))
-            raise document.error(cause.what, place, cause.remedy) from cause
-        raise
+        faults += [(("parameters", *_place_of(fault.where)), fault) for fault in error.faults]
+    if parameters.earth.latlon and parameters.earth.radius < SMALLEST_SPHERE:
+        radius = InputError(
+            f"{parameters.earth.radius:g} m is no radius of the Earth",
+            remedy=f"Give {SMALLEST_SPHERE:g} m or more, usually 6.371e6",
+        )
+        faults.append((("parameters", "earth", "radius"), radius))
+    try:
+        experiment = Experiment.model_validate(values, context=_coordinates(parameters.earth))
+    except ValidationError as error:
+        faults += findings(error, Experiment)
+    if faults or experiment is None:
+        raise document.refusal(faults)
+    return experiment, _packed(parameters, experiment), document
 
 
-def _group(group: str, values: Any, document: Document) -> dict[str, Any]:
-    groups = Parameters.model_fields
-    place = ("parameters", group)
-    if group not in groups:
-        raise document.error("there is no such group of parameters", place,
-                             f"{nearest(group, groups)}Groups are {', '.join(groups)}, and preset")  # fmt: skip
-    if not isinstance(values, dict):
-        raise document.error(f"{value_shown(values)} is not a group of parameters", place)
-    fields, result = fields_of(groups[group]), {}
-    section: Any = groups[group].annotation
-    for name, value in values.items():
-        inner = (*place, str(name))
-        with document.noting(inner):
-            if name not in fields:
-                raise document.error("there is no such parameter", inner,
-                                     f"{nearest(str(name), fields)}{group} has {', '.join(fields)}")  # fmt: skip
-            plain = _value(value, fields[name], inner, document)
-            is_section = _section_of(value, fields[name], inner, document) is not None
-            result[str(name)] = plain if is_section else given(plain, section, name, where=document.where(inner))
-    return result
+def _parameters(groups: Any) -> Parameters:
+    """Return the preset of a file with its changes."""
+    groups = {str(name): values for name, values in groups.items()} if isinstance(groups, dict) else {}
+    preset = groups.pop("preset", "default")
+    if not isinstance(preset, str) or preset not in PRESETS:
+        raise InputError(
+            f"preset {value_shown(preset)} is not known", where="preset",
+            remedy=f"{nearest(str(preset), PRESETS)}Use {', '.join(PRESETS)}",
+        )  # fmt: skip
+    stepping = groups.get("stepping", {})
+    if isinstance(stepping, dict):  # the number of sub-steps of a preset belongs to its lattice
+        groups["stepping"] = {"substeps": None, **stepping}
+    return PRESETS[preset].changed(**groups)
+
+
+def _packed(parameters: Parameters, experiment: Experiment) -> Parameters:
+    """Return the parameters with the packing of the bergs, but for what the file says itself."""
+    hexagonal = any(berg.packing == "hexagonal" for _, berg in experiment.all_bergs)
+    shape: dict[str, Any] = (
+        {"packing": "hexagonal", "max_bonds": 6} if hexagonal else {"packing": "square", "max_bonds": 4}
+    )
+    return parameters.changed(bonds={**shape, **experiment.parameters.get("bonds", {})})
+
+
+def _coordinates(earth: Earth) -> dict[str, Any]:
+    """Return what the sections of a file take from the parameters: whether places are metres, and the latitude of a plane."""
+    plane = earth.f_plane or not earth.latlon
+    latitude = earth.reference_latitude if plane else None
+    return {"metres": not earth.latlon, "coordinates": {"latlon": earth.latlon, "latitude": latitude}}
+
+
+def _place_of(where: str) -> Place:
+    return tuple(int(part) if part.isdigit() else part for part in where.split(".")) if where else ()
 
 
 @closing_files(only_if_refused=True)
@@ -475,9 +284,7 @@ def build_forcing(
         )
         return forcing_from_files(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
-        earth = parameters.earth
-        plane = earth.f_plane or not earth.latlon
-        return sum_of(forcing, latlon=earth.latlon, latitude=earth.reference_latitude if plane else None)
+        return Sum(forcing.parts)
     if options.grid is not None:
         raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     without = frozenset(forcing.without) | options.without
@@ -489,5 +296,6 @@ def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:
     """Give the sections of an experiment file with their keys, for the documentation."""
     yield "", Experiment.model_fields
     yield "berg", Berg.model_fields
-    for kind, section in _KINDS.items():
+    for section in sections_in(Experiment.model_fields["forcing"].annotation):
+        (kind,) = get_args(section.model_fields["kind"].annotation)
         yield f"forcing, kind: {kind}", section.model_fields

@@ -14,35 +14,32 @@ positions are metres on such a plane.
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, dataclass_transform
 
 import numpy as np
+from pydantic import ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic.dataclasses import dataclass
+from pydantic_core import ArgsKwargs
 
 from riftberg.config.places import place_text
+from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, Velocity, Wind, about
+from riftberg.config.values import UnfitError, explained, fields_of, in_metres, plain_value, says_metres
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import Forcing
-from riftberg.ocean.formula_schema import (
-    M2,
-    EddyPart,
-    FrontPart,
-    JetPart,
-    SeamountPart,
-    SlopePart,
-    TidePart,
-    TurningWindPart,
-    UniformPart,
-    checked,
-    checked_latitude,
-    checked_latlon,
-)
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.shown import ShownForcing, compass, flows_text, pair_text, said
 from riftberg.state import Elements, Floats
+from riftberg.system.input_files import value_shown
+
+M2: Final = 12.4206012 * 3600.0
+"""Period of the principal lunar tide, s."""
 
 SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")
 """Variables of the elements that parts add to; they begin at 0."""
@@ -50,7 +47,8 @@ SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_
 UNKNOWN: Final = ("sst", "sss", "ice_fraction")
 """Variables of the elements that a part may set; where none does, they have the values of an unknown sea."""
 
-Pair = tuple[float, float]
+_CENTRE = "longitude and latitude (x and y in m where positions are metres)"
+_TOWARDS = "direction, clockwise from north: 90 is eastward"
 
 
 class Formula(ShownForcing):
@@ -202,17 +200,78 @@ class Sum(Formula):
         return "; ".join(part.describe() for part in self.parts)
 
 
-class Flow(Formula):
+F = TypeVar("F", bound=type[Formula])
+
+
+@dataclass_transform(eq_default=False, field_specifiers=(Field,))
+def _formula(cls: F) -> F:
+    """Make a class whose arguments are the keys of a section of a file: the same units, limits and words for mistakes."""
+    made: Any = dataclass(config=ConfigDict(extra="forbid", allow_inf_nan=False), repr=False, eq=False)(cls)
+    names = [field.alias or name for name, field in fields_of(made).items() if not field.kw_only]
+
+    @functools.wraps(made.__init__)
+    def init(self: Any, *args: Any, **values: Any) -> None:
+        given = dict(
+            zip(names, args, strict=False)
+        )  # by name, for pydantic names an argument without one by its number
+        if twice := given.keys() & values.keys():
+            raise TypeError(f"{cls.__name__} got several values for {min(twice)!r}")
+        arguments, metres = ArgsKwargs(args[len(names) :], {**given, **values}), says_metres(values.get("latlon"))
+        try:
+            made.__pydantic_validator__.validate_python(arguments, self_instance=self, context={"metres": metres})
+        except ValidationError as error:
+            raise explained(error, made, kind=ForcingError, metres=metres) from error
+
+    made.__init__ = init
+    plain = inspect.signature(made)  # without the annotations, whose units and limits help() would show as code
+    made.__signature__ = plain.replace(
+        parameters=[part.replace(annotation=part.empty) for part in plain.parameters.values()]
+    )
+    return made  # type: ignore[no-any-return]
+
+
+@_formula
+class Part(Formula):
+    """A formula in degrees with the Coriolis parameter of each place, or on a plane of one latitude."""
+
+    latlon: Annotated[bool | None, about("", "positions are degrees, otherwise metres", hidden=True)] = Field(
+        default=True, kw_only=True
+    )
+    latitude: Annotated[
+        float | None, about("degree", "latitude of the Coriolis parameter", hidden=True, ge=-90, le=90)
+    ] = Field(default=None, kw_only=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, values: Any, info: ValidationInfo) -> Any:
+        """Give a section of a file the coordinates of the parameters."""
+        if isinstance(values, ArgsKwargs | cls):
+            return values
+        if not isinstance(values, dict):
+            keys = ", ".join(field.alias or name for name, field in fields_of(cls).items() if not field.kw_only)
+            raise UnfitError(f"{value_shown(values)} is not a section", f"It has the keys {keys}")
+        both = values.keys() & {"latlon", "latitude"}
+        if both:
+            raise UnfitError(f"{min(both)} is that of the parameters", "Set earth there, and leave it out here")
+        return {**{str(name): value for name, value in values.items()}, **(info.context or {}).get("coordinates", {})}
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _plain(cls, value: Any, info: ValidationInfo) -> Any:
+        return plain_value(value, fields_of(cls)[str(info.field_name)], metres=in_metres(info))
+
+
+class Flow(Part):
     """A formula whose current is balanced by the slope of the sea surface."""
 
-    def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
-        if not checked_latlon(latlon) and latitude is None:
-            raise ForcingError(
+    @model_validator(mode="after")
+    def _has_a_latitude(self) -> Flow:
+        if not self.latlon and self.latitude is None:
+            raise UnfitError(
                 "positions in metres have no latitude",
-                where=type(self).__name__,
-                remedy="Give latitude, the same as earth.reference_latitude of the parameters",
+                "Give latitude, the same as earth.reference_latitude of the parameters",
             )
-        self.latlon, self.latitude = checked_latlon(latlon), checked_latitude(latitude)
+        return self
 
     def coriolis(self, lat: Floats) -> Floats:
         """Return the Coriolis parameter (s-1) at arrays of points."""
@@ -259,22 +318,26 @@ def heading(towards: float) -> Pair:
     return math.sin(towards * DEGREE), math.cos(towards * DEGREE)
 
 
+@_formula
 class Uniform(Flow):
-    """The same current, wind and sea ice everywhere, at all times.
+    """The same current, wind and sea ice everywhere, at all times."""
 
-    ``current``, ``wind``: eastward and northward, m s-1; ``sea_ice``: eastward and northward velocity (m s-1) and
-    thickness (m); ``depth``: depth of water, m.
-    """
+    current: Annotated[Velocity, about("m s-1", "eastward and northward ocean current, in geostrophic balance")] = (
+        0.0,
+        0.0,
+    )
+    wind: Annotated[Wind, about("m s-1", "eastward and northward wind")] = (0.0, 0.0)
+    sea_ice: Annotated[SeaIce, about("", "velocity (m s-1) and thickness (m) of sea ice", **ICE_UNITS)] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    water: Annotated[float | None, about("m", "depth of water", gt=0, le=1e5)] = Field(default=None, alias="depth")
 
-    def __init__(
-        self, current: Pair = (0.0, 0.0), wind: Pair = (0.0, 0.0), sea_ice: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        depth: float | None = math.inf, *, latlon: bool = True, latitude: float | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(latlon=latlon, latitude=latitude)
-        self.current, self.wind, self.sea_ice = checked(
-            UniformPart, latlon, current=current, wind=wind, sea_ice=sea_ice
-        )
-        self.water: float = math.inf if depth in (None, math.inf) else checked(UniformPart, latlon, depth=depth)[0]
+    @field_validator("water", mode="before")
+    @classmethod
+    def _no_floor(cls, depth: Any) -> Any:
+        return None if depth == math.inf else depth
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current and no vorticity."""
@@ -289,36 +352,31 @@ class Uniform(Flow):
         e.va[:] += self.wind[1]
         for values, value in zip((e.ui, e.vi, e.ice_thickness), self.sea_ice, strict=True):
             values[:] += value
-        e.depth[:] = np.minimum(e.depth, self.water)
+        if self.water is not None:
+            e.depth[:] = np.minimum(e.depth, self.water)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
-        return np.full(np.shape(lon), self.water)
+        return np.full(np.shape(lon), math.inf if self.water is None else self.water)
 
     def describe(self) -> str:
         """Return the values in words."""
         ice = f"sea ice of {self.sea_ice[2]:g} m at {pair_text(self.sea_ice[:2])} m/s" if any(self.sea_ice) else ""
-        depth = "" if self.water == math.inf else f"{self.water:g} m deep"
+        depth = "" if self.water is None else f"{self.water:g} m deep"
         return "uniform: " + said(flows_text(self.current, self.wind), ice, depth)
 
 
+@_formula
 class Eddy(Flow):
     """A round eddy with a Gaussian stream function, which may travel.
 
     The water turns with ``s (r / R) exp((1 - r^2 / R^2) / 2)``: at most with s, at the distance R from the centre.
-
-    ``centre``: longitude and latitude (degrees; ``radius``: distance of the fastest water from the centre, m;
-    ``speed``: its speed, m s-1; ``velocity``: eastward and northward velocity of the centre, m s-1.
     """
 
-    def __init__(
-        self, centre: Pair, radius: float, speed: float, velocity: Pair = (0.0, 0.0), *, latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(latlon=latlon, latitude=latitude)
-        self.centre, self.radius, self.speed, self.velocity = checked(
-            EddyPart, latlon, centre=centre, radius=radius, speed=speed, velocity=velocity
-        )
+    centre: Annotated[Position, about("degree", _CENTRE, **PLACE)]
+    radius: Annotated[float, about("m", "distance of the fastest water from the centre", gt=0)]
+    speed: Annotated[float, about("m s-1", "its speed, positive counter-clockwise", ge=-10, le=10)]
+    velocity: Annotated[Velocity, about("m s-1", "eastward and northward velocity of the centre")] = (0.0, 0.0)
 
     def centre_at(self, time: float) -> Pair:
         """Return the place of the centre at a time (s)."""
@@ -348,17 +406,12 @@ def travelled(point: Pair, velocity: Pair, time: float, latlon: bool) -> Pair:
 
 
 class Straight(Flow):
-    """A current in one direction that depends on the distance from a line alone.
+    """A current in one direction that depends on the distance from a line alone."""
 
-    ``point``: a point of the line: longitude and latitude (degrees; ``towards``: direction of the line, degrees
-    clockwise from north; ``width``: scale of the profile across the line, m.
-    """
-
-    def __init__(
-        self, point: Pair, towards: float, width: float, *, latlon: bool = True, latitude: float | None = None
-    ) -> None:
-        super().__init__(latlon=latlon, latitude=latitude)
-        self.point, self.towards, self.width = checked(JetPart, latlon, point=point, towards=towards, width=width)
+    if TYPE_CHECKING:  # each has its arguments in an order of its own
+        point: Pair
+        towards: float
+        width: float
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed (m s-1) and its derivative (s-1) by the distance ``n`` (widths) to the left of the line."""
@@ -380,21 +433,14 @@ class Straight(Flow):
         return type(self).__name__.lower()
 
 
+@_formula
 class Stream(Straight):
     """A current in one direction whose profile scales with a speed."""
 
-    def __init__(
-        self,
-        point: Pair,
-        towards: float,
-        speed: float,
-        width: float,
-        *,
-        latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:
-        super().__init__(point, towards, width, latlon=latlon, latitude=latitude)
-        (self.speed,) = checked(JetPart, latlon, speed=speed)
+    point: Annotated[Position, about("degree", "a point of its middle, " + _CENTRE, **PLACE)]
+    towards: Annotated[float, about("degree", _TOWARDS)]
+    speed: Annotated[float, about("m s-1", "speed in the middle", ge=-10, le=10)]
+    width: Annotated[float, about("m", "scale of the profile across", gt=0)]
 
     def strength(self) -> str:
         """Return what it is and how fast, in words."""
@@ -402,10 +448,7 @@ class Stream(Straight):
 
 
 class Jet(Stream):
-    """A straight jet with the profile ``s / cosh(n / w)^2`` (Bickley).
-
-    ``speed``: speed in the middle, m s-1.
-    """
+    """A straight jet with the profile ``s / cosh(n / w)^2`` (Bickley)."""
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
@@ -414,10 +457,7 @@ class Jet(Stream):
 
 
 class Shear(Stream):
-    """A shear layer: the water flows with ``s tanh(n / w)``, one way on the left of a line and the other way on its right.
-
-    ``speed``: speed far from the line, m s-1.
-    """
+    """A shear layer: the water flows with ``s tanh(n / w)``, one way on the left of a line and the other way on its right."""
 
     def profile(self, n: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return speed and its derivative."""
@@ -425,25 +465,23 @@ class Shear(Stream):
         return self.speed * step, self.speed * (1.0 - step * step) / self.width
 
 
+@_formula
 class Front(Straight):
     """A front: the sea surface steps up across a line, and water flows along it as the Earth turns.
 
     The sea level is ``step / 2 tanh(n / w)`` and the current ``-g / f d(eta)/dn``: with high water on its right on the
     northern hemisphere, on its left on the southern one.
-
-    ``along``: direction of the line, degrees clockwise from north; ``step``: sea level on the left of the line (looking
-    along it) above that on its right, m; ``temperature``: temperature of the water on the left and on the right,
-    degrees Celsius.
     """
 
-    def __init__(
-        self, point: Pair, along: float, step: float, width: float, temperature: Pair | None = None, *,
-        latlon: bool = True, latitude: float | None = None,
-    ) -> None:  # fmt: skip
-        (along,) = checked(FrontPart, latlon, along=along)
-        super().__init__(point, along, width, latlon=latlon, latitude=latitude)
-        self.step, self.temperature = checked(FrontPart, latlon, step=step, temperature=temperature)
-        self.provides = frozenset() if temperature is None else frozenset(("sst",))
+    point: Annotated[Position, about("degree", "a point of the line, " + _CENTRE, **PLACE)]
+    along: Annotated[float, about("degree", "direction of the line, clockwise from north")]
+    step: Annotated[float, about("m", "sea level on the left of the line above that on its right", ge=-10, le=10)]
+    width: Annotated[float, about("m", "scale of the profile across", gt=0)]
+    temperature: Annotated[Pair | None, about("degC", "temperature of the water on the left and on the right")] = None
+
+    def __post_init__(self) -> None:
+        self.towards = self.along
+        self.provides = frozenset() if self.temperature is None else frozenset(("sst",))
 
     def strength(self) -> str:
         """Return what it is and how high the step, in words."""
@@ -478,23 +516,15 @@ NEAR_EQUATOR: Final = 5e-6
 """Coriolis parameter (s-1) below which no current is found from a sea level."""
 
 
+@_formula
 class Tide(Flow):
-    """A tidal current: an ellipse that the water goes through once in a period, the same everywhere.
+    """A tidal current: an ellipse that the water goes through once in a period, the same everywhere."""
 
-    ``major``: largest speed, m s-1; ``minor``: smallest speed, m s-1; ``towards``: direction of the largest speed,
-    degrees clockwise from north; ``phase``: part of the period (degrees) after the start at which the speed is largest.
-    """
-
-    M2: Final = M2
-
-    def __init__(
-        self, major: float, minor: float = 0.0, towards: float = 90.0, period: float = M2, phase: float = 0.0, *,
-        latlon: bool = True, latitude: float | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(latlon=latlon, latitude=latitude)
-        self.major, self.minor, self.towards, self.period, self.phase = checked(
-            TidePart, latlon, major=major, minor=minor, towards=towards, period=period, phase=phase
-        )
+    major: Annotated[float, about("m s-1", "largest speed", ge=0, le=10)]
+    minor: Annotated[float, about("m s-1", "smallest speed, positive turns counter-clockwise", ge=-10, le=10)] = 0.0
+    towards: Annotated[float, about("degree", "direction of the largest speed, clockwise from north")] = 90.0
+    period: Annotated[float, about("s", "period; M2 by default", gt=0)] = M2
+    phase: Annotated[float, about("degree", "part of the period after the start at which the speed is largest")] = 0.0
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current of the moment."""
@@ -526,11 +556,8 @@ class Tide(Flow):
         return f"tide of {self.major:g} m/s every {self.period / 3600.0:.4g} h"
 
 
-class SeaFloor(Formula):
+class SeaFloor(Part):
     """A sea floor; of several the shallowest counts."""
-
-    def __init__(self, *, latlon: bool = True, latitude: float | None = None) -> None:
-        self.latlon, self.latitude = checked_latlon(latlon), checked_latitude(latitude)
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Raise the sea floor."""
@@ -538,27 +565,14 @@ class SeaFloor(Formula):
         depth[:] = np.minimum(depth, self.depth(elements.place.lon, elements.place.lat))
 
 
+@_formula
 class Seamount(SeaFloor):
-    """A bell on the sea floor: ``depth - height exp(-r^2 / (2 w^2))``.
+    """A bell on the sea floor: ``depth - height exp(-r^2 / (2 w^2))``."""
 
-    ``centre``: longitude and latitude (degrees; ``height``, ``width``: height above the plain, and standard deviation,
-    m; ``depth``: depth of the plain, m.
-    """
-
-    def __init__(
-        self,
-        centre: Pair,
-        height: float,
-        width: float,
-        depth: float,
-        *,
-        latlon: bool = True,
-        latitude: float | None = None,
-    ) -> None:
-        super().__init__(latlon=latlon, latitude=latitude)
-        self.centre, self.height, self.width, self.plain = checked(
-            SeamountPart, latlon, centre=centre, height=height, width=width, depth=depth
-        )
+    centre: Annotated[Position, about("degree", _CENTRE, **PLACE)]
+    height: Annotated[float, about("m", "height of the summit above the plain", ge=-1e4, le=1e4)]
+    width: Annotated[float, about("m", "standard deviation of the bell", gt=0)]
+    plain: Annotated[float, about("m", "depth of the plain", gt=0, le=1e5)] = Field(alias="depth")
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
@@ -573,21 +587,15 @@ class Seamount(SeaFloor):
         )
 
 
+@_formula
 class Slope(SeaFloor):
-    """A sea floor that deepens steadily in one direction.
+    """A sea floor that deepens steadily in one direction."""
 
-    ``point``: where the water is ``depth`` deep: longitude and latitude (degrees; ``towards``: direction in which it
-    deepens, degrees clockwise from north; ``between``: least and largest depth, m.
-    """
-
-    def __init__(
-        self, point: Pair, towards: float, gradient: float, depth: float, between: Pair = (1.0, 5000.0), *,
-        latlon: bool = True, latitude: float | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(latlon=latlon, latitude=latitude)
-        self.point, self.towards, self.gradient, self.middle, self.between = checked(
-            SlopePart, latlon, point=point, towards=towards, gradient=gradient, depth=depth, between=between
-        )
+    point: Annotated[Position, about("degree", "where the water has the depth given, " + _CENTRE, **PLACE)]
+    towards: Annotated[float, about("degree", "direction in which it deepens, clockwise from north")]
+    gradient: Annotated[float, about("1", "metres of depth per metre", ge=-1, le=1)]
+    middle: Annotated[float, about("m", "depth at that point", gt=0, le=1e5)] = Field(alias="depth")
+    between: Annotated[Pair, about("m", "least and largest depth")] = (1.0, 5000.0)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""
@@ -602,22 +610,17 @@ class Slope(SeaFloor):
         return f"sea floor that deepens by {1e3 * self.gradient:g} m per km towards {compass(self.towards)}, {where}"
 
 
-class TurningWind(Formula):
-    """A wind of one speed whose direction turns steadily.
+@_formula
+class TurningWind(Part):
+    """A wind of one speed whose direction turns steadily."""
 
-    ``towards``: direction to which it blows at the start, degrees clockwise from north; ``turning``: how fast it turns,
-    degrees per hour.
-    """
-
-    def __init__(
-        self, speed: float, towards: float = 90.0, turning: float = 15.0, *, latlon: bool | None = None,
-        latitude: float | None = None,
-    ) -> None:  # fmt: skip
-        self.speed, self.towards, self.turning = checked(
-            TurningWindPart, latlon, speed=speed, towards=towards, turning=turning
-        )
-        self.latlon = None if latlon is None else checked_latlon(latlon)
-        self.latitude = checked_latitude(latitude)
+    speed: Annotated[float, about("m s-1", "speed", ge=0, le=150)]
+    towards: Annotated[float, about("degree", "direction to which it blows at the start, clockwise from north")] = 90.0
+    turning: Annotated[float, about("degree h-1", "how fast it turns, positive clockwise")] = 15.0
+    # A wind that is the same everywhere fits positions of both kinds.
+    latlon: Annotated[bool | None, about("", "positions are degrees, otherwise metres", hidden=True)] = Field(
+        default=None, kw_only=True
+    )
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add the wind of the moment."""
@@ -628,3 +631,10 @@ class TurningWind(Formula):
     def describe(self) -> str:
         """Return the values in words."""
         return f"wind of {self.speed:g} m/s that turns by {self.turning:g} degrees per hour"
+
+
+FORMULAS: Final[dict[str, type[Part]]] = {
+    "uniform": Uniform, "eddy": Eddy, "jet": Jet, "shear": Shear, "front": Front, "tide": Tide, "seamount": Seamount,
+    "slope": Slope, "turning_wind": TurningWind,
+}  # fmt: skip
+"""The formulas by the names that files and `riftberg.Forcing` give them."""
