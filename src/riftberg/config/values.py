@@ -316,11 +316,14 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
     """Return what pydantic found in a section, in our words, each with its place.
 
     What follows from something else is left out: of an entry that may be a text or a section, what is wrong with the
-    section says more, and it lies deeper; a key that is misspelt is not missing too.
+    section says more: it lies deeper, or is a sentence of ours; a key that is misspelt is not missing too.
     """
     found: dict[int, tuple[Place, InputError]] = {}
     known: list[Place] = []
-    deepest = sorted(enumerate(error.errors()), key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing"))
+    deepest = sorted(
+        enumerate(error.errors()),
+        key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing", item[1]["type"] != "value_error"),
+    )
     for number, finding in deepest:
         place, inner, field = _found_at(finding["loc"], section)
         what, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)

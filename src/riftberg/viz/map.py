@@ -16,6 +16,7 @@ from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
+from riftberg.viz.basemap import widened
 from riftberg.viz.panels import (
     Panel,
     Water,
@@ -27,7 +28,6 @@ from riftberg.viz.panels import (
     nearest_record,
     speed_bar,
     speed_scale,
-    widened,
 )
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _draw_figure(
 ) -> None:
     """Draw the overview on the left, and on the right the berg at each of the records."""
     shown, columns = fragment_colours(scene), (len(records) + 1) // 2
-    left, right = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
+    left, right = np.ravel(figure.subfigures(1, 2, width_ratios=(0.4, 0.6)))
     overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
     style.letter(overview.ax, 0)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
