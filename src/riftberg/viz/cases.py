@@ -109,7 +109,7 @@ def draw_approach(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: in
     style.check_format(path)
     scene, meeting = Scene(run), approach(run)
     figure = style.new_figure(12.0, 8.6, dpi)
-    upper, lower = np.ravel(figure.subfigures(2, 1, height_ratios=(0.62, 0.38)))
+    upper, lower = style.parts(figure, 2, 1, height_ratios=(0.62, 0.38))
     records = contact_records(meeting)
     places = list(upper.subplots(1, len(records), squeeze=False).flat)
     boxes = common_boxes(scene, records)

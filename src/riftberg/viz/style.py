@@ -18,7 +18,7 @@ from riftberg.viz import colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 
 PLACES = (
@@ -67,6 +67,11 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
         else:
             figure.savefig(part, format=ending or None)
     return Path(path)
+
+
+def parts(figure: Figure, rows: int, columns: int, **options: Any) -> list[SubFigure]:
+    """Return the sub-figures of a figure, row by row."""
+    return list(np.ravel(np.asarray(figure.subfigures(rows, columns, **options), object)))
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:
