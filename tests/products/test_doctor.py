@@ -13,7 +13,7 @@ import xarray as xr
 sys.path.insert(0, str(Path(__file__).parent / "products"))
 from products import product_files as files
 from riftberg.errors import ForcingError
-from riftberg.products.doctor import diagnose, doctor
+from riftberg.products.doctor import doctor
 
 BOX = {"lon": (-40.0, -36.0), "lat": (-57.0, -54.5)}
 
@@ -58,7 +58,9 @@ def test_ranges_units_and_signs_are_stated(shared: Path) -> None:
 
 def test_cover_in_time_and_gaps(tmp_path: Path) -> None:
     paths = [files.oscar_v2(tmp_path, 11304 + day, name=f"oscar_currents_final_{day}.nc") for day in (0, 1, 2, 4, 5)]
-    report = diagnose(paths, (-38.0, -37.3), (-56.4, -56.1), ("2020-12-12", "2020-12-20"), ("uo", "vo"))
+    report = doctor(
+        paths, lon=(-38.0, -37.3), lat=(-56.4, -56.1), time=("2020-12-12", "2020-12-20"), needed=("uo", "vo")
+    )
     text = report.text()
     assert "gap: about 1 record(s) missing between 2020-12-15T12:00 and 2020-12-17T12:00" in text
     assert "begins at 2020-12-13T12:00, after the experiment (2020-12-12T00:00). Add earlier files" in text

@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from riftberg.errors import ForcingError
-from riftberg.products import keel_integral, keel_mean, mean_over_draft, open_product
-from riftberg.products.interpolate import to_grid
+from riftberg.products import keel_mean, open_product
 from riftberg.products.keel import layer_limits
 
 DEPTH = np.array([10.0, 30.0, 70.0, 150.0])  # limits 0, 20, 50, 110, 190
@@ -58,40 +55,11 @@ def test_draft_below_the_levels_is_an_error() -> None:
         keel_mean(column([1.0] * 4).isel(depth=0, drop=True), 100.0)
 
 
-@settings(max_examples=80, deadline=None)
-@given(
-    values=st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4),
-    draft=st.floats(0.5, 190.0),
-    dry=st.integers(0, 3),
-)
-def test_integral_gives_the_same_mean_for_any_draft(values: list[float], draft: float, dry: int) -> None:
-    ds = column(values, dry)
-    stored = keel_integral(ds)
-    limits = stored["draft"].values
-    columns = stored.transpose("lat", "lon", "draft")
-    by_integral = mean_over_draft(
-        limits, columns["uo_integral"].values, columns["wet_thickness"].values, np.full((2, 2), draft)
-    )
-    np.testing.assert_allclose(by_integral, keel_mean(ds, draft)["uo"].values, rtol=1e-12, atol=1e-12)
-
-
 def test_every_element_by_its_own_draft() -> None:
     ds = column([1.0, 0.5, 0.0, 0.0])
     drafts = xr.DataArray([[20.0, 50.0], [100.0, 190.0]], dims=("lat", "lon"))
     expected = [[1.0, 35.0 / 50.0], [35.0 / 100.0, 35.0 / 190.0]]
     np.testing.assert_allclose(keel_mean(ds, drafts)["uo"].transpose("lat", "lon"), expected)
-
-
-def test_integrals_may_be_interpolated_and_land_counts_for_nothing() -> None:
-    ds = column([1.0, 0.5, 0.0, 0.0])
-    ds["uo"][:, :, 1] = np.nan
-    ds["vo"][:, :, 1] = np.nan
-    stored = to_grid(keel_integral(ds), np.array([-37.4]), np.array([-55.5]))
-    limits = stored["draft"].values
-    mean = mean_over_draft(
-        limits, stored["uo_integral"].values[:, 0, 0], stored["wet_thickness"].values[:, 0, 0], np.array(50.0)
-    )
-    assert float(mean) == pytest.approx(0.7)
 
 
 def test_real_glorys_column(shared: Path) -> None:

@@ -110,19 +110,6 @@ def doctor(
     return report
 
 
-def diagnose(
-    files: Sequence[str | Path] | str | Path,
-    lon: Span | None = None,
-    lat: Span | None = None,
-    time: tuple[Any, Any] | None = None,
-    needed: Sequence[str] = NEEDED,
-    path: Sequence[Span] | None = None,
-    product: str | None = None,
-) -> Report:
-    """Do what `doctor` does, with positional arguments: files, longitudes, latitudes, dates, needed fields."""
-    return doctor(files, lon=lon, lat=lat, time=time, needed=needed, path=path, product=product)
-
-
 def _entries(
     files: Sequence[str | Path] | str | Path, product: str | Mapping[str, str | None] | None, report: Report
 ) -> list[tuple[str, str | None]]:

@@ -1,13 +1,8 @@
-"""Currents over the draft: the mean from the surface to the keel, for one draft or for every element by its own.
+"""Currents over the draft: the mean from the surface to the keel, for one draft or for a field of drafts.
 
 A berg of 200 m draft moves with the water along its whole side, not with the surface. Levels of a product are taken
 as layers whose limits lie half-way between levels (the first begins at the surface); within a layer the current is
 constant. The mean runs over water only: in water shallower than the draft it ends at the sea floor.
-
-For drafts that differ from element to element and change in time, `keel_integral` stores the integral from the
-surface down to each layer limit, of the current and of the water itself. Both are piecewise linear in depth, so that
-interpolating them at the draft and dividing is exact (`mean_over_draft`); they may also be interpolated horizontally
-first, and then land counts for nothing by itself.
 """
 
 from __future__ import annotations
@@ -73,51 +68,3 @@ def _check_draft(draft: float | xr.DataArray, deepest: float, ds: xr.Dataset) ->
             where=str(ds.attrs.get("source", "")),
             remedy="Fetch deeper levels, or give a draft above zero",
         )
-
-
-def keel_integral(ds: xr.Dataset) -> xr.Dataset:
-    """Integrate currents and water from the surface down to each layer limit.
-
-    Returns ``uo_integral``, ``vo_integral`` (m2 s-1) and ``wet_thickness`` (m) on the dimension ``draft`` (m, ascending
-    from 0).
-    """
-    names = _levelled(ds)
-    limits = layer_limits(ds["depth"].values)
-    thick = xr.DataArray(np.diff(limits), dims="depth", coords={"depth": ds["depth"].values})
-    fields = {f"{name}_integral": _running(ds[name].fillna(0.0) * thick, limits) for name in names}
-    for name in names:
-        fields[f"{name}_integral"].attrs = {"units": "m2 s-1", "long_name": f"{name} integrated from the surface down"}
-    fields["wet_thickness"] = _running(ds[names[0]].notnull() * thick, limits)
-    fields["wet_thickness"].attrs = {"units": "m", "long_name": "thickness of water from the surface down"}
-    history = f"integrated from the surface down; {ds.attrs.get('history', '')}"
-    return xr.Dataset(fields, attrs={**ds.attrs, "history": history})
-
-
-def _running(layers: xr.DataArray, limits: Floats) -> xr.DataArray:
-    """Return the running sum over depth, beginning with zero at the surface, on the layer limits."""
-    summed = layers.cumsum("depth").drop_vars("depth", errors="ignore")
-    padded = summed.pad(depth=(1, 0), constant_values=0.0).rename(depth="draft")
-    attributes = {"units": "m", "positive": "down", "long_name": "draft"}
-    return padded.assign_coords(draft=("draft", limits, attributes))
-
-
-def mean_over_draft(limits: Floats, integral: Floats, wet: Floats, draft: Floats) -> Floats:
-    """Return the mean current (m s-1) from the surface to each draft.
-
-    ``limits``: depths (m) of the integrals, ascending from 0; ``integral``, ``wet``: running integrals of current (m2
-    s-1) and water (m), from `keel_integral`; ``draft``: draft (m) of each element.
-    """
-    draft = np.clip(np.asarray(draft, float), 0.0, limits[-1])
-    lower = np.clip(np.searchsorted(limits, draft, side="right") - 1, 0, limits.size - 2)
-    part = (draft - limits[lower]) / (limits[lower + 1] - limits[lower])
-    total = _at(integral, lower, part)
-    water = _at(wet, lower, part)
-    mean: Floats = np.divide(total, water, out=np.full(np.shape(total), np.nan), where=water > 0.0)
-    return mean
-
-
-def _at(values: Floats, lower: NDArray[np.int64], part: Floats) -> Floats:
-    below = np.take_along_axis(values, lower[..., None], axis=-1)[..., 0]
-    above = np.take_along_axis(values, lower[..., None] + 1, axis=-1)[..., 0]
-    result: Floats = below + part * (above - below)
-    return result
