@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError
-from riftberg.kid.classic import missing_bytes
+from riftberg.products.sizes import whole_size
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import check_file, reading, value_shown
@@ -41,8 +41,9 @@ def opened_dataset(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a NetCDF file for reading; errors of the library become `InputError` with the file's name."""
     check_file(path, remedy="Put it there, or correct the path in the namelist")
     with NETCDF, reading(path, "cannot be read", _AGAIN):
-        if missing := missing_bytes(path):
-            raise _unreadable(path, EOFError(f"the file is at least {missing} bytes short"))
+        # The library reads zeros beyond the end of a classic file that was cut short; a run would start from them.
+        if (short := (whole_size(str(path)) or 0) - path.stat().st_size) > 0:
+            raise _unreadable(path, EOFError(f"the file is at least {short} bytes short"))
         with opening(path):
             dataset = netCDF4.Dataset(str(path))
         try:
