@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from riftberg.errors import BergError, InputError
-from riftberg.kid.identifiers import join_id, new_identifiers, split_id
 from riftberg.kid.ncfile import checksum, opened_dataset
-from riftberg.kid.restart import CONTACT_FLAG, read_restart, write_restart
+from riftberg.kid.restart import CONTACT_FLAG, join_id, new_identifiers, read_restart, split_id, write_restart
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import A68A_2022_KID, Parameters
 
