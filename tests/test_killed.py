@@ -54,7 +54,7 @@ for _ in range(steps):
 """,
     "kid trajectories": """
 import numpy as np
-from riftberg.kid.blocks import BlockWriter
+from riftberg.kid.ncfile import BlockWriter
 from riftberg.kid.ncfile import Column
 writers = [BlockWriter(out / name, [Column("lon", "f8", "longitude", "degrees_E")]) for name in ("t.nc", "bonds.nc")]
 tell()

@@ -11,7 +11,7 @@ from typing import Any, Final
 import netCDF4
 import numpy as np
 
-from riftberg.kid.bond_restart import write_bonds
+from riftberg.kid.restart import write_bonds
 from riftberg.kid.run import load_case
 
 from .scenes import Values, bergs

@@ -11,9 +11,7 @@ import pytest
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import BergError, InputError
-from riftberg.kid.bond_restart import read_bonds, write_bonds
-from riftberg.kid.identifiers import split_id
-from riftberg.kid.restart import read_restart
+from riftberg.kid.restart import read_bonds, read_restart, split_id, write_bonds
 from riftberg.ocean.grid import Grid
 from riftberg.state import Bonds, Elements
 

@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from riftberg.errors import InputError
-from riftberg.kid.entries import GROUPS
+from riftberg.kid.entries import GROUPS, NEEDS
 from riftberg.kid.entry_table import HONOURED, INTEGER, LOGICAL, REFUSED, REPORTED, Entry
-from riftberg.kid.needs import NEEDS
 
 from . import scenes
 from .entry_checks import BY_SCHEME, CHECKS

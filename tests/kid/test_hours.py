@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from riftberg.errors import ForcingError, InputError
-from riftberg.kid import hours
-from riftberg.kid.hours import HourlyFile
+from riftberg.kid import a68
+from riftberg.kid.a68 import HourlyFile
 from riftberg.kid.ncfile import opened_dataset, unpacked
 from riftberg.ocean.grid import Grid
 
@@ -62,7 +62,7 @@ def test_blocks_give_what_records_give(
     tmp_path: Path, grid: Grid, monkeypatch: pytest.MonkeyPatch, layout: dict[str, Any], block_bytes: int
 ) -> None:
     """Bit for bit, forwards, backwards and at random, whatever the length of the blocks."""
-    monkeypatch.setattr(hours, "BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr(a68, "BLOCK_BYTES", block_bytes)
     path = write(tmp_path / "hours.nc", **layout)
     file = HourlyFile(path, ("uo", "vo"), grid)
     assert file.count == RECORDS
@@ -84,8 +84,8 @@ def test_records_are_the_callers_own(tmp_path: Path, grid: Grid) -> None:
 
 def test_a_file_is_opened_once_a_block(tmp_path: Path, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> None:
     count = []
-    monkeypatch.setattr(hours, "opened_dataset", lambda path: count.append(path) or opened_dataset(path))
-    monkeypatch.setattr(hours, "BLOCK_BYTES", 24 * NJ * NI * 2)
+    monkeypatch.setattr(a68, "opened_dataset", lambda path: count.append(path) or opened_dataset(path))
+    monkeypatch.setattr(a68, "BLOCK_BYTES", 24 * NJ * NI * 2)
     file = HourlyFile(write(tmp_path / "hours.nc", chunk=12), ("uo", "vo"), grid)
     for number in range(RECORDS):
         file.record(number)
@@ -94,19 +94,19 @@ def test_a_file_is_opened_once_a_block(tmp_path: Path, grid: Grid, monkeypatch: 
 
 def test_blocks_are_whole_chunks_and_small(tmp_path: Path, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> None:
     """A chunk that straddled two blocks would be unpacked twice."""
-    monkeypatch.setattr(hours, "BLOCK_BYTES", 30 * NJ * NI * 2)
+    monkeypatch.setattr(a68, "BLOCK_BYTES", 30 * NJ * NI * 2)
     file = HourlyFile(write(tmp_path / "hours.nc", chunk=12), ("uo", "vo"), grid)
     starts = set()
     for number in range(RECORDS):
         file.record(number)
         starts.add(file._first)
-        assert sum(raw.nbytes for raw in file._held.values()) <= 2 * hours.BLOCK_BYTES
+        assert sum(raw.nbytes for raw in file._held.values()) <= 2 * a68.BLOCK_BYTES
     assert starts == {0, 24, 48}
 
 
 def test_chunks_too_large_to_keep_are_read_in_part(tmp_path: Path, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hours, "BLOCK_BYTES", 5 * NJ * NI * 2)
-    monkeypatch.setattr(hours, "LARGEST_CHUNK", 20 * NJ * NI * 2)
+    monkeypatch.setattr(a68, "BLOCK_BYTES", 5 * NJ * NI * 2)
+    monkeypatch.setattr(a68, "LARGEST_CHUNK", 20 * NJ * NI * 2)
     file = HourlyFile(write(tmp_path / "hours.nc", chunk=RECORDS), ("uo",), grid)
     file.record(17)
     assert {name: len(raw) for name, raw in file._held.items()} == {"uo": 5}

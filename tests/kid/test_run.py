@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from riftberg.errors import InputError, NamelistError, RunError
-from riftberg.kid.bond_restart import write_bonds
+from riftberg.kid.restart import write_bonds
 from riftberg.kid.run import load_case, run_kid
 from riftberg.runs.model import Model
 

@@ -12,13 +12,12 @@ import pytest
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import InputError, NamelistError
-from riftberg.kid import blocks
-from riftberg.kid.blocks import BlockWriter
+from riftberg.kid import ncfile
 from riftberg.kid.driver import Clock
-from riftberg.kid.identifiers import join_id
 from riftberg.kid.namelist import KidNamelist, read_namelist
-from riftberg.kid.ncfile import Column
+from riftberg.kid.ncfile import BlockWriter, Column
 from riftberg.kid.parameters import to_parameters
+from riftberg.kid.restart import join_id
 from riftberg.kid.trajectories import FIELDS, BondRecorder, TrajectoryRecorder, recorded, trajectory_columns
 from riftberg.state import new_elements
 
@@ -206,7 +205,7 @@ def test_debug_write_samples_at_the_writing_interval(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_run_keeps_its_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "BLOCK_RECORDS", 4)
+    monkeypatch.setattr(ncfile, "BLOCK_RECORDS", 4)
     writer = BlockWriter(tmp_path / "b.nc", [Column("lon", "f8", "longitude", "degrees_E")])
     for k in range(3):
         writer.append({"lon": np.full(2, float(k))})
@@ -253,11 +252,11 @@ def test_values_are_copied_when_recorded(tmp_path: Path) -> None:
 
 def test_a_large_file_is_not_copied_for_each_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each write begins with a copy of the file: 18 days of A68a copied seven gigabytes."""
-    monkeypatch.setattr(blocks, "PATIENCE", 1e9)
+    monkeypatch.setattr(ncfile, "PATIENCE", 1e9)
     writer = BlockWriter(tmp_path / "b.nc", [Column("lon", "f8", "longitude", "degrees_E")])
     lengths = []
     for small in (1e9, 0):
-        monkeypatch.setattr(blocks, "SMALL", small)
+        monkeypatch.setattr(ncfile, "SMALL", small)
         for _ in range(3):
             writer.append({"lon": np.zeros(2)})
             writer.flush()

@@ -22,11 +22,11 @@ from riftberg.kid.a68 import (
     UNKNOWN_DEPTH,
     VARIABLES,
     Assembler,
+    HourlyFile,
     hourly_records,
     open_hours,
     read_grid,
 )
-from riftberg.kid.hours import HourlyFile
 from riftberg.kid.restart import read_restart
 from riftberg.model import DEFAULT_START
 from riftberg.ocean.gridded import FieldRules, GriddedForcing

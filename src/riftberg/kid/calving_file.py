@@ -1,10 +1,10 @@
-"""KID's restart of calving, ``calving.res.nc``: ice in the stores of the size classes (files 6.4)."""
+"""KID's restart of calving: ice in the stores of the size classes (files 6.4), and counters of what was born in each cell."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import netCDF4
 import numpy as np
@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError
 from riftberg.kid.ncfile import checksum, opened_dataset, unpacked
+from riftberg.kid.restart import join_id, split_id
 from riftberg.life.calving import Stores
 from riftberg.ocean.grid import Grid
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import replacing
 from riftberg.system.netcdf_lock import open_netcdf
+
+CALVING_FILE: Final = "calving.res.nc"
+"""Restart file of calving; it keeps the counters of the cells too."""
 
 AXES: Final = {"xaxis_1": "X", "yaxis_1": "Y", "zaxis_1": "Z", "Time": "T"}
 """Dimensions of the file with their CF axis."""
@@ -106,3 +110,33 @@ def write_stores(path: Path, stores: Stores) -> None:
             dataset.variables[name][0] = values
         for name, size in (("xaxis_1", ni), ("yaxis_1", nj), ("zaxis_1", classes), ("Time", 1)):
             dataset.variables[name][:] = np.arange(1.0, size + 1.0)
+
+
+class IdentifierCounter:
+    """Identifiers for what is born in a run: each cell counts its own (files 0.4).
+
+    ``counts``: of the domain, without the halo (shape (rows, columns)).
+    """
+
+    def __init__(self, grid: Grid, counts: Ints) -> None:
+        self._grid, self.counts = grid, counts
+
+    @classmethod
+    def beside(cls, restarts: Path, grid: Grid, identifiers: Ints) -> Self:
+        """Return the counters of a folder of restarts, or 0 in every cell; never below those of elements that exist."""
+        g = grid.arrays
+        counts = np.zeros((g.nj, g.ni), np.int64)
+        path = restarts / CALVING_FILE
+        if path.is_file():
+            counts[:] = read_counter(path, grid)
+        counter, cell = split_id(identifiers)
+        inside = (cell >= 1) & (cell <= counts.size)
+        np.maximum.at(counts.ravel(), cell[inside] - 1, counter[inside])
+        return cls(grid, counts)
+
+    def take(self, cell_i: int, cell_j: int) -> int:
+        """Return the next identifier of a cell, by its array column and row."""
+        g = self._grid.arrays
+        i, j = cell_i - g.halo, cell_j - g.halo
+        self.counts[j, i] += 1
+        return int(join_id(self.counts[j : j + 1, i], np.array([i + 1 + g.ni * j]))[0])

@@ -12,10 +12,10 @@ import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import BergError
-from riftberg.kid.calving_file import read_stores
+from riftberg.kid.calving_file import CALVING_FILE, read_stores
 from riftberg.kid.entries import REALS_SIZE
-from riftberg.kid.identifiers import CALVING_FILE, split_id
 from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.restart import split_id
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.state import Bonds, Elements

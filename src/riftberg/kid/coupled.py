@@ -17,10 +17,9 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
-from riftberg.kid.calving_file import read_stores, write_stores
+from riftberg.kid.calving_file import CALVING_FILE, read_stores, write_stores
 from riftberg.kid.checks import check_distances
 from riftberg.kid.driver import MOST_CELLS, Clock, check_medium
-from riftberg.kid.identifiers import CALVING_FILE
 from riftberg.kid.life import attach_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step, to_parameters

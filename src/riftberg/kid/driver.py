@@ -13,9 +13,8 @@ from typing import Final
 import numpy as np
 
 from riftberg.errors import NamelistError
-from riftberg.kid.a68 import a68_grid, a68_records
+from riftberg.kid.a68 import LIMITS, STRESS, a68_grid, a68_records
 from riftberg.kid.calendar import LATE_START, Date, date_after
-from riftberg.kid.hours import LIMITS, STRESS
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
 from riftberg.ocean.grid import Grid

@@ -17,9 +17,8 @@ from typing import Any, Final
 import f90nml
 
 from riftberg.errors import NamelistError
-from riftberg.kid.entries import GROUPS, convert, find_entry, refused
+from riftberg.kid.entries import GROUPS, convert, find_entry, lacking, refused
 from riftberg.kid.entry_table import CALVING, HONOURED, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
-from riftberg.kid.needs import lacking
 from riftberg.system.input_files import check_file, reading
 from riftberg.system.limits import MOST_YAML
 from riftberg.system.process_settings import own_filters

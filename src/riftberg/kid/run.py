@@ -14,15 +14,14 @@ from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
-from riftberg.kid.bond_restart import read_bonds, write_bonds
+from riftberg.kid.calving_file import CALVING_FILE
 from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, check_footloose, order_sides
 from riftberg.kid.coupled import CoupledRun
 from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
-from riftberg.kid.identifiers import CALVING_FILE, split_id
 from riftberg.kid.life import attach_life, without_idle_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
-from riftberg.kid.restart import read_restart, write_restart
+from riftberg.kid.restart import read_bonds, read_restart, split_id, write_bonds, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid

@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.kid.blocks import BlockWriter
-from riftberg.kid.bond_restart import DEM_COLUMNS, GONE, directed
 from riftberg.kid.calendar import Date, is_sampled
 from riftberg.kid.driver import Clock
-from riftberg.kid.identifiers import split_id
 from riftberg.kid.namelist import NamelistGroup
-from riftberg.kid.ncfile import Column
+from riftberg.kid.ncfile import BlockWriter, Column
+from riftberg.kid.restart import DEM_COLUMNS, GONE, directed, split_id
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
