@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -20,7 +18,6 @@ from riftberg.experiments.changes import reference_numerics
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
-from riftberg.runs.restart import FORMAT
 from riftberg.runs.run_file import open_run
 from test_resume import PHYSICS, bergs, differing, gridded
 from verification.setups import RADIUS, parameters
@@ -169,21 +166,6 @@ def test_it_is_in_the_run_file_where_it_is_on(tmp_path: Path) -> None:
         np.testing.assert_array_equal(run["damage"].values[:, -1], model.bonds.damage.astype("f4"))
     off = Model(bergs(), Steady()).run(days=0.125)
     assert "damage" not in off
-
-
-def test_a_restart_of_the_layout_before_damage_is_read(tmp_path: Path) -> None:
-    path = Model(bergs(), Steady()).save(tmp_path / "a.nc")
-    with netCDF4.Dataset(path, "a") as file:
-        assert file.riftberg_restart_format == FORMAT == 5
-        file.renameVariable("bond_damage", "bond_nothing")
-        older = json.loads(file.parameters_json)
-        del older["damage"]
-        file.parameters_json = json.dumps(older)
-    with pytest.raises(InputError, match="bond_damage"):
-        Model.resume(path, Steady())
-    with netCDF4.Dataset(path, "a") as file:
-        file.riftberg_restart_format = 1
-    assert differing(Model.resume(path, Steady()), Model(bergs(), Steady())) == []
 
 
 @pytest.mark.parametrize(
