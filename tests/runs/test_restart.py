@@ -80,7 +80,20 @@ def test_wrong_files_are_refused(tmp_path: Path) -> None:
         restart.load_state(tmp_path / "empty.nc")
 
 
-def test_newer_layout_and_missing_variable_are_refused(tmp_path: Path) -> None:
+def test_a_variable_that_was_added_later_takes_its_default(tmp_path: Path) -> None:
+    """As of a file from before it was in the registry; one that the file lists, but has lost, is refused (below)."""
+    path = restart.save(FakeModel(), tmp_path / "a.nc")
+    with netCDF4.Dataset(path, "a") as file:
+        for table, name in (("element", "wave_height"), ("bond", "damage")):
+            file.renameVariable(f"{table}_{name}", f"{table}_nothing")
+            names = str(file.getncattr(f"{table}_variables")).split()
+            file.setncattr(f"{table}_variables", " ".join(n for n in names if n != name))
+    state = restart.load_state(path)
+    assert set(state.elements.wave_height) == {-1.0}
+    assert set(state.bonds.damage) == {0.0}
+
+
+def test_other_layouts_and_missing_variables_are_refused(tmp_path: Path) -> None:
     path = restart.save(FakeModel(), tmp_path / "a.nc")
     with netCDF4.Dataset(path, "a") as file:
         file.renameVariable("element_spin", "element_twist")
@@ -89,4 +102,10 @@ def test_newer_layout_and_missing_variable_are_refused(tmp_path: Path) -> None:
     with netCDF4.Dataset(path, "a") as file:
         file.riftberg_restart_format = restart.FORMAT + 1
     with pytest.raises(InputError, match="newer than this Riftberg"):
+        restart.load_state(path)
+    with netCDF4.Dataset(path, "a") as file:
+        file.riftberg_restart_format = restart.FORMAT - 1
+    with pytest.raises(
+        InputError, match=r"layout 4 is older than this Riftberg .*Use Riftberg .*, or make the run again"
+    ):
         restart.load_state(path)

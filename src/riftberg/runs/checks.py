@@ -32,6 +32,9 @@ from riftberg.system.netcdf_lock import NETCDF, open_lazily
 if TYPE_CHECKING:
     import xarray as xr
 
+DAMAGED: Final = "The file is damaged: resume from another restart"
+"""What helps where a restart file cannot be gone on from."""
+
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
 NEEDED: Final[Mapping[str, tuple[str, ...]]] = {
@@ -346,40 +349,43 @@ class State(Protocol):
         """Meetings of bergs."""
 
 
+def _damaged(what: str, path: Path, place: str = "") -> InputError:
+    return _error(what, path, place, DAMAGED)
+
+
 def check_restart(state: State, path: Path) -> None:
     """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be."""
-    remedy = "The file is damaged: resume from another restart"
     dt = state.parameters.stepping.time_step
     if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
-        raise _error(f"time is {state.time:g} s", path, "variable time", remedy)
+        raise _damaged(f"time is {state.time:g} s", path, "variable time")
     if state.step_number < 0 or (state.step_number == 0) != (state.time == 0.0):
-        raise _error(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number", remedy)
+        raise _damaged(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number")
     if abs(state.step_number * dt - state.time) > 0.5 * dt:
-        raise _error(
+        raise _damaged(
             f"{state.step_number} steps of {dt:g} s do not lead to {state.time:g} s",
             path,
             "variable step_number",
-            remedy,
         )
     # A run whose elements have all gone knows the next identifier.
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
-        raise _error("no elements", path, remedy=remedy)
-    check_fragment_rows(state.fragment_rows(), path, "attribute fragments_json", remedy)
-    check_fragment_rows(state.contact_log().rows, path, "attribute contacts_json", remedy)
+        raise _damaged("no elements", path)
+    check_fragment_rows(state.fragment_rows(), path, "attribute fragments_json")
+    check_fragment_rows(state.contact_log().rows, path, "attribute contacts_json")
     if any(count < 0 for _, count in state.bergs):
-        raise _error("a berg with less than no elements", path, "attribute bergs_json", remedy)
+        raise _damaged("a berg with less than no elements", path, "attribute bergs_json")
     bonds, count = state.bonds, state.elements.mass.size
     check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
     check_status(bonds.status, path, "variable bond_status")
-    _check_tables(state, path, remedy)
+    _check_tables(state, path)
     ids = state.elements.id
     if len(np.unique(ids)) < len(ids):
-        raise _error("two elements have the same identifier", path, "variable element_id", remedy)
+        raise _damaged("two elements have the same identifier", path, "variable element_id")
     broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
     if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
-        raise _error("a bond that broke before the start, or later than now", path, "variable bond_break_time", remedy)
-    _check_substeps(state, path, remedy)
-    check_extra(state, path, remedy)
+        raise _damaged("a bond that broke before the start, or later than now", path, "variable bond_break_time")
+    if state.parameters.stepping.scheme == "mts":
+        _refuse_outside(state.elements.substeps, 1, MOST_SUBSTEPS, path, "variable element_substeps")
+    check_extra(state, path)
 
 
 class Bound(NamedTuple):
@@ -407,7 +413,6 @@ WHOLE_NUMBERS: Final[Mapping[str, tuple[int, int | str]]] = {
 Cells are held against the grid of the forcing when the run goes on (`riftberg.ocean.grid.Grid.check_cells`)."""
 
 EXTRAS: Final[Mapping[str, Bound]] = {
-    "substeps": Bound((), 1, MOST_SUBSTEPS),
     "next_element": Bound((), "beyond element_id", LARGEST_WHOLE),
     "next_bond": Bound((), "beyond bond_id", LARGEST_WHOLE),
     # The rigid bodies of the quasi-static scheme, as the last step left them; elements may have come or gone since.
@@ -443,13 +448,13 @@ EXTRAS: Final[Mapping[str, Bound]] = {
 other names, may have any shape; they must be numbers."""
 
 
-def check_extra(state: State, path: Path, remedy: str) -> None:
+def check_extra(state: State, path: Path) -> None:
     """Refuse arrays of the group ``extra`` of the wrong shape, kind or size: compiled code indexes memory by some of them."""
     for name, array in state.extra.items():
         values = np.asarray(array)
         place = f"variable extra/{name}"
         if values.dtype.kind not in "iuf":
-            raise _error(f"numbers are needed, not values of type {values.dtype}", path, place, remedy)
+            raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
     following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
     sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
@@ -466,12 +471,12 @@ def check_extra(state: State, path: Path, remedy: str) -> None:
                 sizes.get(size, size) if isinstance(size, str) else "any" if size is None else size
                 for size in bound.shape
             )
-            raise _error(f"shape {values.shape} instead of {wanted}", path, place, remedy)
+            raise _damaged(f"shape {values.shape} instead of {wanted}", path, place)
         if bound.least is None:
-            _refuse(values, ~(np.abs(values.astype(np.float64)) < _LARGEST), "a finite number", path, place, remedy)
+            _refuse(values, ~(np.abs(values.astype(np.float64)) < _LARGEST), "a finite number", path, place)
         else:
             least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
-            _refuse_outside(values, least, most, path, place, remedy)
+            _refuse_outside(values, least, most, path, place)
 
 
 def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
@@ -494,23 +499,23 @@ def _resolved(limit: int | str | None, sizes: Mapping[str, int]) -> int:
     )  # an array that says the size is missing: nothing is taken up
 
 
-def _refuse_outside(values: Any, least: int, most: int, path: Path, place: str, remedy: str) -> None:
+def _refuse_outside(values: Any, least: int, most: int, path: Path, place: str) -> None:
     """Refuse what is no whole number from ``least`` to ``most``."""
     with np.errstate(invalid="ignore"):
         bad = ~((values >= least) & (values <= most))
         if values.dtype.kind == "f":
             bad |= values != np.floor(values)
-    _refuse(values, bad, f"a whole number from {least} to {most}", path, place, remedy)
+    _refuse(values, bad, f"a whole number from {least} to {most}", path, place)
 
 
-def _refuse(values: Any, bad: Any, demand: str, path: Path, place: str, remedy: str) -> None:
+def _refuse(values: Any, bad: Any, demand: str, path: Path, place: str) -> None:
     if bad.any():
         index = tuple(int(k) for k in np.argwhere(np.atleast_1d(bad))[0])
         value = np.atleast_1d(values)[index]
-        raise _error(f"entry {', '.join(str(k + 1) for k in index)} is {value:g}, not {demand}", path, place, remedy)
+        raise _damaged(f"entry {', '.join(str(k + 1) for k in index)} is {value:g}, not {demand}", path, place)
 
 
-def check_fragment_rows(rows: Sequence[Any], path: Path, place: str, remedy: str) -> None:
+def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
     """Refuse rows of fragments or meetings with texts where numbers belong, numbers that are none, or unknown fragments."""
     for k, row in enumerate(rows):
         for name, value in vars(row).items():
@@ -522,10 +527,10 @@ def check_fragment_rows(rows: Sequence[Any], path: Path, place: str, remedy: str
                 else _is_number(value)
             )  # fmt: skip
             if not good:
-                raise _error(f"{name} of row {k + 1} is {value_shown(value)}", path, place, remedy)
+                raise _damaged(f"{name} of row {k + 1} is {value_shown(value)}", path, place)
 
 
-def _check_tables(state: State, path: Path, remedy: str) -> None:
+def _check_tables(state: State, path: Path) -> None:
     """Refuse numbers that are none, except the times of bonds that hold."""
     sizes = {
         "elements": state.elements.size, "bonds": 2 * len(state.bonds.first),
@@ -535,7 +540,7 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
     for name, (least, most) in WHOLE_NUMBERS.items():
         table, _, variable = name.partition("_")
         whole = getattr(state.elements if table == "element" else state.bonds, variable)
-        _refuse_outside(whole, least, _resolved(most, sizes), path, f"variable {name}", remedy)
+        _refuse_outside(whole, least, _resolved(most, sizes), path, f"variable {name}")
     tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
     for table, variables, arrays in tables:
         for name in (v.name for v in variables if v.restart and v.dtype == "f8" and v.name != "break_time"):
@@ -546,26 +551,10 @@ def _check_tables(state: State, path: Path, remedy: str) -> None:
             bad |= (values <= 0.0) if name in _POSITIVE or name == "bond_length" else False
             if bad.any():
                 k = int(np.argmax(bad))
-                raise _error(f"{table} {k + 1} has {name} = {values[k]:g}", path, f"variable {table}_{name}", remedy)
+                raise _damaged(f"{table} {k + 1} has {name} = {values[k]:g}", path, f"variable {table}_{name}")
     lat = state.elements.lat
     if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
-        raise _error(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat", remedy)
-
-
-def _check_substeps(state: State, path: Path, remedy: str) -> None:
-    if "substeps" not in state.extra:  # since layout 3 each element has its own number
-        own = state.elements.body.substeps
-        least = 1 if state.parameters.stepping.scheme == "mts" else 0
-        bad = (own < least) | (own > MOST_SUBSTEPS)
-        if bad.any():
-            k = int(np.argmax(bad))
-            raise _error(f"element {k + 1} has {own[k]} sub-steps", path, "variable element_substeps", remedy)
-        return
-    number = np.asarray(state.extra["substeps"])
-    if number.dtype.kind not in "iu" or number.size != 1 or not 1 <= int(number) <= MOST_SUBSTEPS:
-        raise _error(
-            f"{value_shown(number.tolist())} sub-steps in a long step", path, "variable extra/substeps", remedy
-        )
+        raise _damaged(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
 
 
 def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-OWN_EXTRAS = ("substeps", "next_element", "next_bond")
+OWN_EXTRAS = ("next_element", "next_bond")
 """What a restart file holds beside the state that no recorder has left there."""
 
 

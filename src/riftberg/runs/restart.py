@@ -14,16 +14,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import netCDF4
 import numpy as np
 
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
-from riftberg.runs.checks import check_restart, read_parameters, read_start
+from riftberg.runs.checks import DAMAGED, check_restart, read_parameters, read_start
 from riftberg.runs.provenance import forcing_text
-from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Life, Variable, new_bonds, new_elements
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
 from riftberg.stepping.fragments.tree import Fragment
@@ -38,24 +38,11 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-FORMAT = 4
-"""Number of the layout; raised when an older Riftberg could not read the file."""
+FORMAT = 5
+"""Number of the layout, the oldest and newest that is read; what is added later takes its default in files without it."""
 
+_Table = TypeVar("_Table", Elements, Bonds)
 _REMEDY = "Name a restart file that Riftberg wrote (*.restart.nc)"
-ADDED = {
-    "bond_damage": 2,
-    "bond_peak_stress": 2,
-    "bond_id": 3,
-    "bond_rest_length": 3,
-    "bond_released_energy": 3,
-    "element_bond_area": 3,
-    "element_substeps": 3,
-    "element_sides": 4,
-    **{f"element_{name}": 4 for name in (*Life._fields, "keel_temperature", "keel_salinity")},
-    # Earlier Riftbergs can read files that have these, so the layout is still 4.
-    **{f"element_{name}": 5 for name in ("entered", "wave_height", "wave_period", "wave_x", "wave_y")},
-}
-"""Variables that earlier layouts did not have, and the first that has them; states of their time had the default values."""
 
 
 @dataclass
@@ -78,8 +65,6 @@ class RestartState:
     def population(self) -> Population:
         """Return the elements and bonds, with the identifiers that come next."""
         following = (int(self.extra.get(name, 0)) for name in ("next_element", "next_bond"))
-        if "substeps" in self.extra:  # before layout 3 all bergs had one number of sub-steps
-            self.elements.body.substeps[:] = int(self.extra["substeps"])
         return Population(self.elements, self.bonds, *following)
 
     def fragment_rows(self) -> list[Fragment]:
@@ -114,18 +99,19 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
     with _open_restart(path) as file, reading(path, "a damaged restart file", _REMEDY):
         file.set_auto_mask(False)
         _check_header(file, path)
+        ends = np.zeros(file.dimensions["bond"].size, np.int64)
         state = RestartState(
-            elements=_read_elements(file, path),
-            bonds=_read_bonds(file, path),
-            parameters=_read_parameters(file, path),
+            elements=_filled(file, "element", ELEMENT_VARIABLES, new_elements(file.dimensions["element"].size), path),
+            bonds=_filled(file, "bond", BOND_VARIABLES, new_bonds(ends, ends), path),
+            parameters=read_parameters(getattr(file, "parameters_json", None), path),
             start=read_start(getattr(file, "start", None), path),
             time=float(file["time"][...]),
             step_number=int(file["step_number"][...]),
             fragments=_read_fragments(file),
             extra={name: variable[...] for name, variable in file["extra"].variables.items()},
             forcing=str(file.getncattr("forcing")),
-            bergs=[(str(name), int(count)) for name, count in _json(file, "bergs_json", [])],
-            contacts=dict(_json(file, "contacts_json", {})),
+            bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
+            contacts=dict(json.loads(file.contacts_json)),
         )
         state.fragment_rows()  # rows that are no fragments are found here
         state.contact_log()
@@ -164,12 +150,14 @@ def _write_header(file: netCDF4.Dataset, model: BareModel) -> None:
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
     file.createDimension(dim, len(next(iter(arrays.arrays().values()))))
-    for v in variables:
-        if v.restart:
-            # No compression and no fill value: the bytes of the arrays, as they are.
-            stored = file.createVariable(f"{dim}_{v.name}", v.dtype, (dim,), fill_value=False)
-            stored.setncatts({"units": v.units, "long_name": v.long_name})
-            stored[:] = getattr(arrays, v.name)
+    kept = [v for v in variables if v.restart]
+    # By this list a reader tells a variable that was lost from one that was added to the registry later.
+    file.setncattr(f"{dim}_variables", " ".join(v.name for v in kept))
+    for v in kept:
+        # No compression and no fill value: the bytes of the arrays, as they are.
+        stored = file.createVariable(f"{dim}_{v.name}", v.dtype, (dim,), fill_value=False)
+        stored.setncatts({"units": v.units, "long_name": v.long_name})
+        stored[:] = getattr(arrays, v.name)
 
 
 def _write_fragments(file: netCDF4.Dataset, rows: list[dict[str, Any]]) -> None:
@@ -179,12 +167,10 @@ def _write_fragments(file: netCDF4.Dataset, rows: list[dict[str, Any]]) -> None:
 
 def _write_meetings(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the names of the bergs, and which of them met."""
-    tree, log = getattr(model, "fragments", None), getattr(model, "contacts", None)
-    file.setncattr("bergs_json", json.dumps([list(berg) for berg in getattr(tree, "bergs", ())]))
-    if log is not None:
-        rows = [dataclasses.asdict(row) for row in log.rows]
-        suppressed = [[*pair, time] for pair, time in log.suppressed.items()]
-        file.setncattr("contacts_json", json.dumps({"rows": rows, "quiet": suppressed}, default=_plain))
+    bergs = getattr(getattr(model, "fragments", None), "bergs", ())
+    file.setncattr("bergs_json", json.dumps([list(berg) for berg in bergs]))
+    quiet = [[*pair, time] for pair, time in getattr(getattr(model, "contacts", None), "suppressed", {}).items()]
+    file.setncattr("contacts_json", json.dumps({"rows": contact_rows(model), "quiet": quiet}, default=_plain))
 
 
 def _plain(value: Any) -> Any:
@@ -206,14 +192,12 @@ def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
 
 @contextmanager
 def _open_restart(path: Path) -> Iterator[netCDF4.Dataset]:
-    with NETCDF, _opened(path) as file:
-        yield file
-
-
-def _opened(path: Path) -> netCDF4.Dataset:
     check_file(path, remedy=_REMEDY)
-    with reading(path, "not readable as NetCDF-4", _REMEDY), opening(path):
-        return netCDF4.Dataset(path)
+    with NETCDF:
+        with reading(path, "not readable as NetCDF-4", _REMEDY), opening(path):
+            file = netCDF4.Dataset(path)
+        with file:
+            yield file
 
 
 def _check_header(file: netCDF4.Dataset, path: Path) -> None:
@@ -226,62 +210,34 @@ def _check_header(file: netCDF4.Dataset, path: Path) -> None:
         )
     if not isinstance(layout, int | np.integer) or layout < 1:
         raise InputError(f"restart layout {layout!r} is none", where=str(path), remedy=_REMEDY)
-    if int(layout) > FORMAT:
+    if layout != FORMAT:
+        newer = layout > FORMAT
         raise InputError(
-            f"restart layout {layout} is newer than this Riftberg ({__version__}) knows ({FORMAT})",
+            f"restart layout {layout} is {'newer' if newer else 'older'} than this Riftberg ({__version__}) reads ({FORMAT})",
             where=str(path),
-            remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')} or later",
+            remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')}{' or later' if newer else ''}, or make the run again",
         )
 
 
-def _json(file: netCDF4.Dataset, name: str, default: Any) -> Any:
-    """Return an attribute that layouts before 4 did not have."""
-    return json.loads(getattr(file, name)) if hasattr(file, name) else default
-
-
-def _read_elements(file: netCDF4.Dataset, path: Path) -> Elements:
-    elements = new_elements(file.dimensions["element"].size)
-    _fill_arrays(file, "element", ELEMENT_VARIABLES, elements, path)
-    return elements
-
-
-def _read_bonds(file: netCDF4.Dataset, path: Path) -> Bonds:
-    empty = np.zeros(file.dimensions["bond"].size, dtype="i8")
-    bonds = new_bonds(empty, empty)
-    _fill_arrays(file, "bond", BOND_VARIABLES, bonds, path)
-    return bonds
-
-
-def _fill_arrays(
-    file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds, path: Path
-) -> None:
+def _filled(file: netCDF4.Dataset, table: str, variables: Iterable[Variable], arrays: _Table, path: Path) -> _Table:
+    """Fill the arrays of a table; what was added to the registry since the file was written keeps its default."""
+    written = str(getattr(file, f"{table}_variables", "")).split()
     for v in variables:
-        if v.restart:
-            name = f"{dim}_{v.name}"
-            if name not in file.variables:
-                if file.riftberg_restart_format < ADDED.get(name, 0):
-                    continue
-                raise InputError(
-                    f"variable {name} ({v.long_name}) is missing",
-                    where=str(path),
-                    remedy=f"The file was written by Riftberg {getattr(file, 'riftberg_version', '?')}; use that",
-                )
-            target, stored = getattr(arrays, v.name), file[name]
-            if stored.dtype != target.dtype or stored.shape != target.shape:
-                raise InputError(
-                    f"type {stored.dtype} and shape {stored.shape}, not {target.dtype} and {target.shape}",
-                    where=f"{path}, variable {name}",
-                    remedy="The file is damaged: resume from another restart",
-                )
-            target[:] = stored[:]
-
-
-def _read_parameters(file: netCDF4.Dataset, path: Path) -> Parameters:
-    parameters = read_parameters(getattr(file, "parameters_json", None), path)
-    if file.riftberg_restart_format < 3 and parameters.compatibility.zero_start:
-        # Before layout 3 these were no switches, and runs with the reference's numerics had its rules.
-        return parameters.changed(compatibility={"rest_length_from_sizes": True, "bergs_coupled": True})
-    return parameters
+        if not v.restart or v.name not in written:
+            continue
+        name = f"{table}_{v.name}"
+        if name not in file.variables:
+            raise InputError(f"variable {name} ({v.long_name}) is missing", where=str(path), remedy=DAMAGED)
+        target, stored = getattr(arrays, v.name), file[name]
+        if stored.dtype != target.dtype or stored.shape != target.shape:
+            raise InputError(
+                f"type {stored.dtype} and shape {stored.shape}, not {target.dtype} and {target.shape}",
+                where=f"{path}, variable {name}", remedy=DAMAGED,
+            )  # fmt: skip
+        target[:] = stored[:]
+    if not written:
+        raise InputError(f"attribute {table}_variables is missing", where=str(path), remedy=DAMAGED)
+    return arrays
 
 
 def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:
