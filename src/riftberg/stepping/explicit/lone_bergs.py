@@ -69,27 +69,31 @@ def find_islands(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> tupl
         unfit |= el.place.lat > POLAR_LATITUDE
     general = np.zeros(numbers.size, np.bool_)
     general[group[unfit]] = True
-    others = general[group[first]]
-    if others.all():
-        return None, others
+    pair_group = group[first]
+    others = general[pair_group]
     # By island, and within one in the order of the rows: what happens elsewhere has no say in the order of sums.
     pairs = np.flatnonzero(~others)
-    pairs = pairs[np.argsort(group[first[pairs]], kind="stable")]
+    if pairs.size == 0:
+        return None, others
+    pairs = pairs[pair_group[pairs].argsort(kind="stable")]
+    first, second, pair_group = first[pairs], second[pairs], pair_group[pairs]
     meets = np.zeros(el.size, np.bool_)
-    meets[first[pairs]] = meets[second[pairs]] = True
+    meets[first] = meets[second] = True
     rows = np.flatnonzero(meets)
-    rows = rows[np.argsort(group[rows], kind="stable")]
-    start = np.flatnonzero(np.diff(group[rows], prepend=-1))
-    pair_start = np.searchsorted(group[first[pairs]], group[rows[start]])
+    row_group = group[rows]
+    order = row_group.argsort(kind="stable")
+    rows, row_group = rows[order], row_group[order]
+    start, pair_start = _starts(row_group), _starts(pair_group)
     place = np.empty(el.size, np.int64)
     place[rows] = np.arange(rows.size)
-    needed = np.maximum.reduceat(contact_substeps(run, sizes, first[pairs], second[pairs]), pair_start)
-    substeps = np.maximum(needed, el.body.substeps[rows[start]])
-    islands = Islands(
-        rows, np.append(start, rows.size), place[first[pairs]], place[second[pairs]], np.append(pair_start, pairs.size),
-        substeps,
-    )  # fmt: skip
-    return islands, others
+    needed = np.maximum.reduceat(contact_substeps(run, sizes, first, second), pair_start[:-1])
+    substeps = np.maximum(needed, el.body.substeps[rows[start[:-1]]])
+    return Islands(rows, start, place[first], place[second], pair_start, substeps), others
+
+
+def _starts(group: Ints) -> Ints:
+    """Return where each run of equal numbers begins, and the size at the end."""
+    return np.concatenate(([0], np.flatnonzero(group[1:] != group[:-1]) + 1, [group.size]))
 
 
 def take_substeps_of_islands(
