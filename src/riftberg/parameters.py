@@ -10,7 +10,8 @@ import html
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar, Final, NamedTuple
+from operator import attrgetter
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, get_type_hints
 
 from pydantic import Field, model_validator
 
@@ -74,77 +75,86 @@ CONTACT_PHASE: Final = 0.5
 
 
 class KernelParameters(NamedTuple):
-    """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees."""
+    """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees.
+
+    One with a path is that parameter as it stands; `Parameters.kernel_values` derives the others.
+    """
 
     multiple_steps: bool
     rigid_bodies: bool
-    rho_ice: float
-    ocean_scale: float
-    sides_by_bonds: bool
-    radius_based: bool
-    rotational_drag: bool
+    rho_ice: Annotated[float, "ice.density"]
+    ocean_scale: Annotated[float, "drag.ocean_scale"]
+    sides_by_bonds: Annotated[bool, "drag.sides_by_bonds"]
+    radius_based: Annotated[bool, "drag.radius_based"]
+    rotational_drag: Annotated[bool, "drag.rotational"]
     max_sides: int
     ground_coefficient: float
     ground_quadratic: float
-    ground_ramp: float
+    ground_ramp: Annotated[float, "grounding.ramp_height"]
     ground_on_substeps: bool
-    ground_implicit: bool
-    ground_torque: bool
+    ground_implicit: Annotated[bool, "grounding.implicit"]
+    ground_torque: Annotated[bool, "grounding.torque"]
     modulus: float
     contact_spring: float
     contact_stiffest: float
-    contact_distance: float
+    contact_distance: Annotated[float, "contact.distance"]
     contact_on_substeps: bool
-    critical_damping: bool
-    tangential_critical_damping: bool
-    radial_damping: float
-    tangential_damping: float
-    damping_by_speed: bool
-    iterate: bool
-    tolerance: float
-    max_iterations: int
+    critical_damping: Annotated[bool, "contact.critical_damping"]
+    tangential_critical_damping: Annotated[bool, "contact.tangential_critical_damping"]
+    radial_damping: Annotated[float, "contact.radial_damping"]
+    tangential_damping: Annotated[float, "contact.tangential_damping"]
+    damping_by_speed: Annotated[bool, "contact.damping_by_speed"]
+    iterate: Annotated[bool, "contact.iterate"]
+    tolerance: Annotated[float, "contact.tolerance"]
+    max_iterations: Annotated[int, "contact.max_iterations"]
     dem: bool
     bonds_on: bool
     hexagonal: bool
     spring: float
-    youngs_modulus: float
-    poisson: float
-    bond_damping: float
-    objective_damping: bool
-    flat_relative_velocity: bool
-    no_shear: bool
-    linear_bending: bool
+    youngs_modulus: Annotated[float, "bonds.youngs_modulus"]
+    poisson: Annotated[float, "bonds.poisson"]
+    bond_damping: Annotated[float, "bonds.damping"]
+    objective_damping: Annotated[bool, "bonds.objective_damping"]
+    flat_relative_velocity: Annotated[bool, "compatibility.flat_relative_velocity"]
+    no_shear: Annotated[bool, "bonds.no_shear"]
+    linear_bending: Annotated[bool, "bonds.linear_bending"]
     max_bonds: int
-    constant_size: bool
-    constant_length: float
-    constant_width: float
-    fracture: bool
-    normal_strength: float
-    shear_strength: float
-    fracture_on_substeps: bool
-    broken_as_contact: bool
-    damage_threshold: float
-    damage_time: float
-    damage_exponent: float
-    explicit_substeps: bool
-    only_interactions: bool
-    interactions: bool
-    latlon: bool
-    earth_radius: float
-    period: float
-    f_plane: bool
-    reference_latitude: float
-    sticky_collision_flags: bool
-    shared_shear_lever: bool
-    bond_thickness_of_second: bool
-    grid_position_round_trip: bool
-    swapped_implicit_velocity: bool
-    uncentred_half_kicks: bool
-    explicit_contact_damping: bool
-    frozen_sea_ice_drag: bool
-    rest_length_from_sizes: bool
-    plain_kid_branch: bool
-    stages_from_start: bool
+    constant_size: Annotated[bool, "bonds.constant_size"]
+    constant_length: Annotated[float, "bonds.constant_length"]
+    constant_width: Annotated[float, "bonds.constant_width"]
+    fracture: Annotated[bool, "fracture.enabled"]
+    normal_strength: Annotated[float, "fracture.normal_strength"]
+    shear_strength: Annotated[float, "fracture.shear_strength"]
+    fracture_on_substeps: Annotated[bool, "fracture.on_substeps"]
+    broken_as_contact: Annotated[bool, "fracture.broken_as_contact"]
+    damage_threshold: Annotated[float, "damage.threshold"]
+    damage_time: Annotated[float, "damage.time_scale"]
+    damage_exponent: Annotated[float, "damage.exponent"]
+    explicit_substeps: Annotated[bool, "stepping.explicit_substeps"]
+    only_interactions: Annotated[bool, "stepping.only_interactions"]
+    interactions: Annotated[bool, "stepping.interactions"]
+    latlon: Annotated[bool, "earth.latlon"]
+    earth_radius: Annotated[float, "earth.radius"]
+    period: Annotated[float, "earth.period"]
+    f_plane: Annotated[bool, "earth.f_plane"]
+    reference_latitude: Annotated[float, "earth.reference_latitude"]
+    sticky_collision_flags: Annotated[bool, "compatibility.sticky_collision_flags"]
+    shared_shear_lever: Annotated[bool, "compatibility.shared_shear_lever"]
+    bond_thickness_of_second: Annotated[bool, "compatibility.bond_thickness_of_second"]
+    grid_position_round_trip: Annotated[bool, "compatibility.grid_position_round_trip"]
+    swapped_implicit_velocity: Annotated[bool, "compatibility.swapped_implicit_velocity"]
+    uncentred_half_kicks: Annotated[bool, "compatibility.uncentred_half_kicks"]
+    explicit_contact_damping: Annotated[bool, "compatibility.explicit_contact_damping"]
+    frozen_sea_ice_drag: Annotated[bool, "compatibility.frozen_sea_ice_drag"]
+    rest_length_from_sizes: Annotated[bool, "compatibility.rest_length_from_sizes"]
+    plain_kid_branch: Annotated[bool, "compatibility.plain_kid_branch"]
+    stages_from_start: Annotated[bool, "compatibility.stages_from_start"]
+
+
+_AS_THEY_STAND: Final = {
+    name: attrgetter(hint.__metadata__[0])
+    for name, hint in get_type_hints(KernelParameters, include_extras=True).items() if hasattr(hint, "__metadata__")
+}  # fmt: skip
 
 
 class Parameters(Group):
@@ -311,7 +321,7 @@ class Parameters(Group):
 
     def kernel_values(self) -> KernelParameters:
         """Flatten the groups into the named tuple that compiled code reads."""
-        p, c = self, self.compatibility
+        p = self
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
         quadratic = p.grounding.law == "quadratic"
@@ -319,77 +329,24 @@ class Parameters(Group):
         explicit = p.stepping.explicit_substeps
         fast_contact = p.stepping.scheme == "quasi_static" or (multiple and p.contact.on_substeps and explicit)
         return KernelParameters(
+            **{name: read(self) for name, read in _AS_THEY_STAND.items()},
             multiple_steps=multiple,
             rigid_bodies=p.stepping.scheme == "quasi_static",
-            rho_ice=p.ice.density,
-            ocean_scale=p.drag.ocean_scale,
-            sides_by_bonds=p.drag.sides_by_bonds,
-            radius_based=p.drag.radius_based,
-            rotational_drag=p.drag.rotational,
             max_sides=6 if hexagonal else 4,
             ground_coefficient=0.0 if quadratic else p.grounding.coefficient,
             ground_quadratic=p.grounding.quadratic_coefficient if quadratic else 0.0,
-            ground_ramp=p.grounding.ramp_height,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
             ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,
-            ground_implicit=p.grounding.implicit,
-            ground_torque=p.grounding.torque,
             modulus=p.bonds.youngs_modulus / p.ice.density,
             contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
             # What a long step can resolve, where contact between bergs acts in it.
             contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
-            contact_distance=p.contact.distance,
             contact_on_substeps=fast_contact,
-            critical_damping=p.contact.critical_damping,
-            tangential_critical_damping=p.contact.tangential_critical_damping,
-            radial_damping=p.contact.radial_damping,
-            tangential_damping=p.contact.tangential_damping,
-            damping_by_speed=p.contact.damping_by_speed,
-            iterate=p.contact.iterate,
-            tolerance=p.contact.tolerance,
-            max_iterations=p.contact.max_iterations,
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
             spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
-            youngs_modulus=p.bonds.youngs_modulus,
-            poisson=p.bonds.poisson,
-            bond_damping=p.bonds.damping,
-            objective_damping=p.bonds.objective_damping,
-            flat_relative_velocity=c.flat_relative_velocity,
-            no_shear=p.bonds.no_shear,
-            linear_bending=p.bonds.linear_bending,
             max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
-            constant_size=p.bonds.constant_size,
-            constant_length=p.bonds.constant_length,
-            constant_width=p.bonds.constant_width,
-            fracture=p.fracture.enabled,
-            normal_strength=p.fracture.normal_strength,
-            shear_strength=p.fracture.shear_strength,
-            fracture_on_substeps=p.fracture.on_substeps,
-            broken_as_contact=p.fracture.broken_as_contact,
-            damage_threshold=p.damage.threshold,
-            damage_time=p.damage.time_scale,
-            damage_exponent=p.damage.exponent,
-            explicit_substeps=p.stepping.explicit_substeps,
-            only_interactions=p.stepping.only_interactions,
-            interactions=p.stepping.interactions,
-            latlon=p.earth.latlon,
-            earth_radius=p.earth.radius,
-            period=p.earth.period,
-            f_plane=p.earth.f_plane,
-            reference_latitude=p.earth.reference_latitude,
-            sticky_collision_flags=c.sticky_collision_flags,
-            shared_shear_lever=c.shared_shear_lever,
-            bond_thickness_of_second=c.bond_thickness_of_second,
-            grid_position_round_trip=c.grid_position_round_trip,
-            swapped_implicit_velocity=c.swapped_implicit_velocity,
-            uncentred_half_kicks=c.uncentred_half_kicks,
-            explicit_contact_damping=c.explicit_contact_damping,
-            frozen_sea_ice_drag=c.frozen_sea_ice_drag,
-            rest_length_from_sizes=c.rest_length_from_sizes,
-            plain_kid_branch=c.plain_kid_branch,
-            stages_from_start=c.stages_from_start,
         )
 
 

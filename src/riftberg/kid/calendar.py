@@ -1,7 +1,8 @@
-"""The calendar of KID's stand-alone driver: months of 30 days from the year 1 (dynamics, section 10.1)."""
+"""The clock of KID's stand-alone driver: a calendar with months of 30 days from the year 1 (dynamics, section 10.1)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 MONTH: Final = 30 * 86_400
@@ -51,3 +52,16 @@ def date_after(seconds: float) -> Date:
 def is_sampled(date: Date, hours: float) -> bool:
     """Whether a step that starts at a date gives a record every so many hours; -1 means every step."""
     return hours == -1.0 or date.seconds_of_month() % (3600.0 * hours) == 0.0
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Length of the run and its calendar."""
+
+    dt: float  # Long step, s
+    steps: int  # Number of long steps
+    offset: float  # Start of the run after 0001-01-01 00:00, s
+
+    def date(self, time: float) -> Date:
+        """Return the date at a time (s) after the start of the run."""
+        return date_after(self.offset + time)

@@ -15,7 +15,7 @@ from riftberg.errors import BergError
 from riftberg.kid.calving_file import CALVING_FILE, read_stores
 from riftberg.kid.entries import REALS_SIZE
 from riftberg.kid.namelist import NamelistGroup
-from riftberg.kid.restart import split_id
+from riftberg.kid.restart import id_text, split_id
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.state import Bonds, Elements
@@ -35,7 +35,7 @@ def check_calving_store(folder: Path, group: NamelistGroup, grid: Grid) -> None:
             if float(classes[k].max()) >= m * s:
                 raise group.error(
                     f"{path} stores {float(classes[k].max()):g} kg in size class {k + 1}, enough to calve a berg",
-                    "Calving is not built into KID runs yet: remove the file",
+                    "Only cases with an ocean (group drv_nml) calve: remove the file",
                 )
 
 
@@ -47,8 +47,7 @@ def check_distances(elements: Elements, packing: Packing, metric: Metric) -> Non
     """Refuse elements that lie on top of each other: contact and bonds have no direction between them."""
     near = form_bonds(elements, BondRule(packing=packing, radii_factor=TOO_CLOSE), metric)
     if len(near.first):
-        pair = [split_id(elements.id[rows[:1]]) for rows in (near.first, near.second)]
-        names = " and ".join(f"id_cnt = {counter[0]}, id_ij = {cell[0]}" for counter, cell in pair)
+        names = " and ".join(id_text(elements.id[rows[0]]) for rows in (near.first, near.second))
         raise BergError(
             f"two elements lie on top of each other, {near.bond_length[0]:.3g} m apart at "
             f"{elements.lon[near.first[0]]:g}, {elements.lat[near.first[0]]:g}",

@@ -13,26 +13,24 @@ from typing import Final
 import numpy as np
 
 from riftberg.bergs.bonding import Metric
-from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
+from riftberg.kid.calendar import Clock
 from riftberg.kid.calving_file import CALVING_FILE, read_stores, write_stores
 from riftberg.kid.checks import check_distances
-from riftberg.kid.driver import MOST_CELLS, Clock, check_medium
+from riftberg.kid.driver import MOST_CELLS, check_medium, field_rules
 from riftberg.kid.life import attach_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step, to_parameters
-from riftberg.kid.restart import read_restart
+from riftberg.kid.restart import as_iceberg, read_restart
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.model import Recorder, finish_all
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.gridded import FieldRules
 from riftberg.ocean.loading import celsius, wind_from_stress
-from riftberg.parameters import Parameters, element_radius
 from riftberg.runs.model import Model
-from riftberg.state import Elements, Floats, Ints, new_bonds, new_elements
+from riftberg.state import Elements, Floats, new_elements
 from riftberg.system.atomic_files import replacing
 from riftberg.system.interrupts import held
 from riftberg.system.limits import MOST_STEPS, refuse_large
@@ -57,7 +55,7 @@ OCEAN: Final = {
 """Fields of ``ocean.nc`` with units and comment."""
 
 
-def coupled_clock(namelist: KidNamelist) -> Clock:
+def _clock(namelist: KidNamelist) -> Clock:
     """Return length and calendar."""
     driver = namelist.driver
     steps = driver.whole("nsteps")
@@ -69,7 +67,7 @@ def coupled_clock(namelist: KidNamelist) -> Clock:
     return Clock(time_step(namelist), steps, 0.0)
 
 
-def coupled_grid(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
+def _grid(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     """Return the grid: square cells in metres, closed unless ``Lx`` spans them."""
     ni, nj, spacing = driver.whole("ni"), driver.whole("nj"), driver.number("gridres")
     if icebergs.flag("grid_is_latlon"):
@@ -135,12 +133,36 @@ class CoupledRun:
     """A case with an ocean, read and checked, ready to run; nothing is written."""
 
     def __init__(self, folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> None:
-        self.namelist = namelist
-        self.parameters, self.clock, self.grid, self.exchange, self.notes = _set_up(folder, namelist, ranks)
-        model = self.exchange.model
-        assert isinstance(model, Model)
-        self.model = model
+        group, driver = namelist.icebergs, namelist.driver
+        parameters = to_parameters(namelist)
+        if group.flag("iceberg_bonds_on"):
+            raise group.error(
+                "iceberg_bonds_on = T with drv_nml", "Set iceberg_bonds_on = .false.: this driver has no bonds"
+            )
+        clock, grid = _clock(namelist), _grid(driver, group)
+        restarts = folder / group.text("restart_input_dir")
+        elements = _bergs(restarts / RESTART, grid, group)
+        earth = parameters.earth
+        if elements.size > 1:
+            check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+        check_medium(driver, group)
+        first = ocean_fields(driver, group, grid)
+        forcing = OceanForcing(grid, first, rules=field_rules(group), source="KID's driver with an ocean")
+        for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):
+            check_flux(*flux, np.ones_like(flux[0]), driver.where)
+        model = Model(as_iceberg(elements, None, parameters, restarts), forcing, parameters, datetime(1, 1, 1))
+        attach_life(model, group, clock, restarts, ranks)
+        stores = read_stores(restarts / CALVING_FILE, grid, len(parameters.calving.south.mass))
+        calving = FluxCalving(parameters, grid)
+        random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
+        calving.stores = random if stores is None else stores
+        _share_counter(model, calving)
+        self.namelist, self.parameters, self.clock, self.grid, self.model = namelist, parameters, clock, grid, model
+        self.exchange = ReferenceExchange(model, calving, _return_rules(group))
         self.returned: list[Returned] = []
+        self.notes = (
+            [] if stores is not None else ["stores of land ice filled at random, as KID does without calving.res.nc"]
+        )
 
     def advance(self, recorders: Sequence[Recorder]) -> None:
         """Take all steps, calling the recorders; Ctrl-C takes effect between two steps."""
@@ -177,47 +199,6 @@ class CoupledRun:
         write_stores(stores, self.exchange.calving.stores)
 
 
-_Parts = tuple[Parameters, Clock, Grid, ReferenceExchange, list[str]]
-
-
-def _set_up(folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> _Parts:
-    group, driver = namelist.icebergs, namelist.driver
-    parameters = to_parameters(namelist)
-    if group.flag("iceberg_bonds_on"):
-        raise group.error(
-            "iceberg_bonds_on = T with drv_nml", "Set iceberg_bonds_on = .false.: this driver has no bonds"
-        )
-    clock, grid = coupled_clock(namelist), coupled_grid(driver, group)
-    restarts = folder / group.text("restart_input_dir")
-    elements = _bergs(restarts / RESTART, grid, group)
-    earth = parameters.earth
-    if elements.size > 1:
-        check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
-    check_medium(driver, group)
-    first = ocean_fields(driver, group, grid)
-    rules = FieldRules(
-        depth_rule="biquadratic" if group.flag("mts") else "cell",
-        coastal_drift=group.number("coastal_drift"),
-        tidal_drift=group.number("tidal_drift"),
-        mirrored=group.flag("old_bug_bilin"),
-        even_parity=group.flag("rev_mind"),
-        listed_draws=True,
-    )
-    forcing = OceanForcing(grid, first, rules=rules, source="KID's driver with an ocean")
-    for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):
-        check_flux(*flux, np.ones_like(flux[0]), driver.where)
-    model = Model(_iceberg(elements, parameters, restarts), forcing, parameters, datetime(1, 1, 1))
-    attach_life(model, group, clock, restarts, ranks)
-    stores = read_stores(restarts / CALVING_FILE, grid, len(parameters.calving.south.mass))
-    calving = FluxCalving(parameters, grid)
-    random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
-    calving.stores = random if stores is None else stores
-    _share_counter(model, calving)
-    exchange = ReferenceExchange(model, calving, return_rules(group))
-    notes = [] if stores is not None else ["stores of land ice filled at random, as KID does without calving.res.nc"]
-    return parameters, clock, grid, exchange, notes
-
-
 def _bergs(path: Path, grid: Grid, group: NamelistGroup) -> Elements:
     if path.is_file():
         return read_restart(path, grid)
@@ -234,17 +215,7 @@ def _share_counter(model: Model, calving: FluxCalving) -> None:
         calving.stores.counter = counter.counts
 
 
-def _iceberg(elements: Elements, p: Parameters, source: Path) -> Iceberg:
-    none: Ints = np.zeros(0, dtype=np.int64)
-    area = float(np.mean(elements.length * elements.width)) if elements.size else 1.0
-    return Iceberg(
-        elements=elements, bonds=new_bonds(none, none), packing=p.bonds.packing,
-        radius=element_radius(area, p.bonds.packing, False), report={"source": str(source)}, latlon=p.earth.latlon,
-        earth_radius=p.earth.radius, density=p.ice.density,
-    )  # fmt: skip
-
-
-def return_rules(group: NamelistGroup) -> ReturnRules:
+def _return_rules(group: NamelistGroup) -> ReturnRules:
     """Return how a namelist wants bergs spread and returned."""
     cutoff = group.number("melt_cutoff")
     nine = NineCellRules(

@@ -6,7 +6,7 @@ Source: equations 3.1 and 10.1 to 10.5; files 7.2 and 8.9.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,14 +14,14 @@ import numpy as np
 
 from riftberg.errors import NamelistError
 from riftberg.kid.a68 import LIMITS, STRESS, a68_grid, a68_records
-from riftberg.kid.calendar import LATE_START, Date, date_after
+from riftberg.kid.calendar import LATE_START, Clock
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.gridded import DepthRule, FieldRules, GriddedForcing
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.ocean.loading import celsius, wind_from_stress
-from riftberg.state import Elements, Floats
+from riftberg.state import Floats
 from riftberg.system.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
 
 OCEAN_DEPTH: Final = 1000.0
@@ -51,19 +51,6 @@ LONGEST: Final = 2.5e11
 
 COLLISION_CENTRE: Final = 10_000.0
 """Line towards which the currents of the collision test converge, m (10.2)."""
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Length of the run and its calendar."""
-
-    dt: float  # Long step, s
-    steps: int  # Number of long steps
-    offset: float  # Start of the run after 0001-01-01 00:00, s
-
-    def date(self, time: float) -> Date:
-        """Return the date at a time (s) after the start of the run."""
-        return date_after(self.offset + time)
 
 
 def build_clock(namelist: KidNamelist) -> Clock:
@@ -120,22 +107,21 @@ def _cartesian(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     seamount = driver.flag("big_grounding_test")
     if seamount and spacing != SEAMOUNT["spacing"]:
         raise driver.error(f"big_grounding_test with gridres = {spacing}", "The seamount is made for gridres = 5000")
-    offset = _offset(driver)
     mask = np.ones((nj + 2, ni + 2))
     if seamount:
-        _, y = _ring_corners(ni, nj, spacing, offset)
+        _, y = _ring_corners(driver, ni, nj)
         mask[(y <= SEAMOUNT_LAND[0]) | (y >= SEAMOUNT_LAND[1])] = 0.0
-    grid = Grid.cartesian(ni, nj, spacing, period=max(period, 0.0), offset=offset, mask=mask)
+    grid = Grid.cartesian(
+        ni, nj, spacing, period=max(period, 0.0), offset=SEAMOUNT["offset"] if seamount else 0.0, mask=mask
+    )
     grid.arrays = grid.arrays._replace(regular=icebergs.flag("grid_is_regular"))
     return grid
 
 
-def _offset(driver: NamelistGroup) -> float:
-    return SEAMOUNT["offset"] if driver.flag("big_grounding_test") else 0.0
-
-
-def _ring_corners(ni: int, nj: int, spacing: float, offset: float) -> tuple[Floats, Floats]:
+def _ring_corners(driver: NamelistGroup, ni: int, nj: int) -> tuple[Floats, Floats]:
     """Return north-east corners of the domain and one ring around it."""
+    spacing = driver.number("gridres")
+    offset = SEAMOUNT["offset"] if driver.flag("big_grounding_test") else 0.0
     x, y = np.meshgrid(spacing * np.arange(ni + 2) + offset, spacing * np.arange(nj + 2) + offset)
     return x, y
 
@@ -146,7 +132,12 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
     ``sample`` at the start time of a step gives the fields that the driver hands over in that step.
     """
     driver, icebergs = namelist.driver, namelist.icebergs
-    rules = _field_rules(icebergs)
+    # The artificial depth of A68 has a zone, with multiple time steps alone.
+    zoned = icebergs.flag("mts") and icebergs.flag("A68_test")
+    rules = field_rules(icebergs)
+    if zoned:
+        zone = (icebergs.number("A68_xdisp") + 360.0, icebergs.number("A68_ydisp"))
+        rules = replace(rules, depth_rule="zone", zone=zone, sea_level_gaps=True)
     if driver.flag("a68_test"):
         records, times = a68_records(driver, icebergs, grid, case, clock.dt, clock.steps)
         source = f"the A68 data of {driver.text('data_dir')}"
@@ -155,16 +146,10 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
     return GriddedForcing(grid, fields, rules=rules, source="KID's stand-alone driver")
 
 
-def _field_rules(icebergs: NamelistGroup) -> FieldRules:
+def field_rules(icebergs: NamelistGroup) -> FieldRules:
     """Return how the fields reach the elements (section 3.2)."""
-    rule: DepthRule = "biquadratic" if icebergs.flag("mts") else "cell"
-    zone = None
-    if icebergs.flag("mts") and icebergs.flag("A68_test"):
-        rule, zone = "zone", (icebergs.number("A68_xdisp") + 360.0, icebergs.number("A68_ydisp"))
     return FieldRules(
-        depth_rule=rule,
-        zone=zone,
-        sea_level_gaps=rule == "zone",
+        depth_rule="biquadratic" if icebergs.flag("mts") else "cell",
         coastal_drift=icebergs.number("coastal_drift"),
         tidal_drift=icebergs.number("tidal_drift"),
         mirrored=icebergs.flag("old_bug_bilin"),
@@ -177,8 +162,19 @@ def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -
     """Return the constant fields of the Cartesian cases."""
     g = grid.arrays
     check_medium(driver, icebergs)
-    x, y = _ring_corners(g.ni, g.nj, driver.number("gridres"), _offset(driver))
-    vo = _meridional_current(driver, x, y)
+    x, y = _ring_corners(driver, g.ni, g.nj)
+    vo = np.full_like(x, driver.number("ibvo"))
+    if driver.flag("collision_test"):  # currents converge on a line, west of it
+        vo *= np.sign(COLLISION_CENTRE - y)
+        vo[(x > COLLISION_CENTRE) | (x <= 0.0)] = 0.0
+    if driver.flag("fl_test"):
+        vo[x > COLLISION_CENTRE] *= -1.0
+    depth = np.full_like(x, OCEAN_DEPTH)
+    if driver.flag("big_grounding_test"):
+        dx = x - SEAMOUNT["half_cell"] - SEAMOUNT["x"]
+        dy = y - SEAMOUNT["half_cell"] - SEAMOUNT["y"]
+        height = OCEAN_DEPTH - driver.number("bump_depth")
+        depth = OCEAN_DEPTH - height * np.exp(-(dx * dx + dy * dy) / (2.0 * SEAMOUNT["width"] ** 2))
     tau = np.array([[driver.number("ibua")]]), np.array([[driver.number("ibuy")]])
     ua, va = tau if icebergs.flag("tau_is_velocity") else wind_from_stress(*tau)
     fields = grid.fields(
@@ -189,7 +185,7 @@ def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -
         ua=float(ua[0, 0]),
         va=float(va[0, 0]),
         sst=driver.number("sst"),
-        depth=_depth(driver, x, y),
+        depth=depth,
     )
     return fields._replace(sst=celsius(fields.sst, g.mask))
 
@@ -212,36 +208,3 @@ def check_medium(driver: NamelistGroup, icebergs: NamelistGroup) -> None:
             raise driver.error(
                 f"{name} = {driver.number(name):g} cannot be", f"Give a number from 0 to {most:g}, {MEANT}"
             )
-
-
-def _meridional_current(driver: NamelistGroup, x: Floats, y: Floats) -> Floats:
-    vo = np.full_like(x, driver.number("ibvo"))
-    if driver.flag("collision_test"):
-        vo *= np.sign(COLLISION_CENTRE - y)
-        vo[(x > COLLISION_CENTRE) | (x <= 0.0)] = 0.0
-    if driver.flag("fl_test"):
-        vo[x > COLLISION_CENTRE] *= -1.0
-    return vo
-
-
-def _depth(driver: NamelistGroup, x: Floats, y: Floats) -> Floats:
-    if not driver.flag("big_grounding_test"):
-        return np.full_like(x, OCEAN_DEPTH)
-    dx = x - SEAMOUNT["half_cell"] - SEAMOUNT["x"]
-    dy = y - SEAMOUNT["half_cell"] - SEAMOUNT["y"]
-    height = OCEAN_DEPTH - driver.number("bump_depth")
-    depth: Floats = OCEAN_DEPTH - height * np.exp(-(dx * dx + dy * dy) / (2.0 * SEAMOUNT["width"] ** 2))
-    return depth
-
-
-def apply_beam_test(elements: Elements, kind: int) -> None:
-    """Put the loads and supports of the beam tests on the elements (section 10.3).
-
-    They are found by exact equality of their x with the ends or the middle of the beam.
-    """
-    west, east = elements.lon.min(), elements.lon.max()
-    if kind == 1:
-        elements.free_y[(elements.lon == west) | (elements.lon == east)] = 0.0
-        elements.load_y[elements.lon == 0.5 * (west + east)] = -1.5e5
-    elif kind == 2:
-        elements.load_y[elements.lon == east] = -1.5e10 / 3.0

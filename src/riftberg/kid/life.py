@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.kid.calendar import Clock
 from riftberg.kid.calving_file import IdentifierCounter
-from riftberg.kid.driver import Clock
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.trajectories import look_around
 from riftberg.life.draws import ReferenceDraws

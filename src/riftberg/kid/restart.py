@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, count_bonds, separations
+from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import BergError, InputError
 from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole_column, write_restart_file
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import Parameters
+from riftberg.parameters import Parameters, element_radius
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.system.limits import MEANT, extreme_allowed
 
@@ -34,6 +35,12 @@ def split_id(identifiers: Ints) -> tuple[Ints, Ints]:
     """Return the signed 32-bit components (``id_cnt``, ``id_ij``) of identifiers."""
     ids = np.asarray(identifiers, dtype=np.int64)
     return (ids >> 32) & _LOW, (ids & _LOW).astype(np.uint32).astype(np.int32).astype(np.int64)
+
+
+def id_text(identifier: int) -> str:
+    """Return an identifier as KID's files write it."""
+    counter, cell = split_id(np.array([identifier]))
+    return f"id_cnt = {counter[0]}, id_ij = {cell[0]}"
 
 
 def cell_indices(elements: Elements, grid: Grid) -> tuple[Ints, Ints]:
@@ -118,13 +125,28 @@ def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
     with opened_dataset(path) as dataset:
         elements = _read_bergs(dataset, path)
         _read_life(dataset, path, elements)
-        _check_values(elements, path)
-        _check_sense(elements, path, degrees=grid.arrays.latlon)
-        _check_life(elements, path)
+        _check_values(elements, path, degrees=grid.arrays.latlon)
         grid.locate(elements)
         elements.id[:] = _read_identifiers(dataset, path, elements, grid, seam)
     _check_unique(elements, path)
     return elements
+
+
+def as_iceberg(elements: Elements, bonds: Bonds | None, p: Parameters, source: Path) -> Iceberg:
+    """Return elements and bonds of a restart as the bergs that a model begins with."""
+    none: Ints = np.zeros(0, dtype=np.int64)
+    area = float(np.mean(elements.length * elements.width)) if elements.size else 1.0
+    bonded = bonds is not None and p.bonds.law != "none"
+    return Iceberg(
+        elements=elements,
+        bonds=new_bonds(none, none) if bonds is None else bonds,
+        packing=p.bonds.packing,
+        radius=element_radius(area, p.bonds.packing, bonded),
+        report={"source": str(source)},
+        latlon=p.earth.latlon,
+        earth_radius=p.earth.radius,
+        density=p.ice.density,
+    )
 
 
 def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
@@ -162,22 +184,6 @@ def _read_identifiers(dataset: netCDF4.Dataset, path: Path, elements: Elements, 
     return join_id(whole_column(dataset, path, "id_cnt", size), whole_column(dataset, path, "id_ij", size))
 
 
-def _check_values(elements: Elements, path: Path) -> None:
-    for name, field in {**REQUIRED, **OPTIONAL}.items():
-        values = getattr(elements, field)
-        good = np.isfinite(values)
-        demand = "a finite number"
-        if name in _POSITIVE:
-            good, demand = good & (values > 0), "a positive number"
-        if not good.all():
-            k = int(np.argmin(good))
-            raise BergError(
-                f"{name} = {values[k]} of record {k + 1} is not {demand}",
-                where=f"{path}, variable {name}",
-                remedy="Correct the record, or remove that element",
-            )
-
-
 _LARGEST: Final = {"thickness": 5000.0, "length": 1e6, "width": 1e6, "uvel": 100.0, "vvel": 100.0, "ang_vel": 1.0}
 """Sizes (m) and speeds (m s-1, rad s-1) that no element has."""
 
@@ -188,19 +194,36 @@ DENSITIES: Final = (200.0, 1100.0)
 """Densities (kg m-3) between which mass over volume lies."""
 
 
-def _check_sense(elements: Elements, path: Path, *, degrees: bool) -> None:
+def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
     """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers too."""
+    fields, life = {**REQUIRED, **OPTIONAL}, elements.life
+
+    def refuse(bad: NDArray[np.bool_], values: Floats, name: str, demand: str, shown: str = "g") -> None:
+        if bad.any():
+            k = int(np.argmax(bad))
+            raise BergError(
+                f"{name} = {values[k]:{shown}} of record {k + 1} is not {demand}",
+                where=f"{path}, variable {name}",
+                remedy="Correct the record, or remove that element",
+            )
+
+    for name, field in fields.items():
+        values = getattr(elements, field)
+        good, demand = np.isfinite(values), "a finite number"
+        if name in _POSITIVE:
+            good, demand = good & (values > 0), "a positive number"
+        refuse(~good, values, name, demand, "")
     for name, most in _LARGEST.items():
-        values = getattr(elements, {**REQUIRED, **OPTIONAL}[name])
-        _refuse(np.abs(values) > most, values, name, path, f"at most {most:g}")
+        values = getattr(elements, fields[name])
+        refuse(np.abs(values) > most, values, name, f"at most {most:g}")
     speed = np.hypot(elements.u, elements.v)
     if np.median(speed) > FASTEST and not extreme_allowed():  # some may be debris that contact has flung, not most
         name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
         values = getattr(elements, REQUIRED[name])
-        _refuse(speed > FASTEST, values, name, path, f"a speed of ice, at most {FASTEST:g} m/s, {MEANT},")
+        refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s, {MEANT},")
     if degrees:
-        _refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", path, "a latitude from -90 to 90")
-        _refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", path, "a longitude in degrees")
+        refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", "a latitude from -90 to 90")
+        refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", "a longitude in degrees")
     density = elements.mass / (elements.thickness * elements.length * elements.width)
     wrong = (density < DENSITIES[0]) | (density > DENSITIES[1])
     if wrong.any():
@@ -210,38 +233,22 @@ def _check_sense(elements: Elements, path: Path, *, degrees: bool) -> None:
             where=f"{path}, variable mass",
             remedy=f"Correct mass, thickness, length or width: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g} kg m-3",
         )
-
-
-def _check_life(elements: Elements, path: Path) -> None:
-    """Refuse scalings, masses of bits and flags that cannot be."""
-    life = elements.life
     for name in LIFE:
         values = getattr(life, name)
-        _refuse(~np.isfinite(values), values, name, path, "a finite number")
-    _refuse(~(life.mass_scaling > 0.0), life.mass_scaling, "mass_scaling", path, "a number above 0")
+        refuse(~np.isfinite(values), values, name, "a finite number")
+    refuse(~(life.mass_scaling > 0.0), life.mass_scaling, "mass_scaling", "a number above 0")
     for name in ("start_mass", "mass_of_bits", "start_day", "mass_of_fl_bits", "mass_of_fl_bergy_bits"):
         values = getattr(life, name)
-        _refuse(values < 0.0, values, name, path, "0 or more")
+        refuse(values < 0.0, values, name, "0 or more")
     flagged = (life.fl_k < 0.0) & ~np.isin(life.fl_k, CHILD_FLAGS)
-    _refuse(flagged, life.fl_k, "fl_k", path, "0 or more, or -1 or -2 of a child of footloose calving")
-
-
-def _refuse(bad: NDArray[np.bool_], values: Floats, name: str, path: Path, demand: str) -> None:
-    if bad.any():
-        k = int(np.argmax(bad))
-        raise BergError(
-            f"{name} = {values[k]:g} of record {k + 1} is not {demand}",
-            where=f"{path}, variable {name}",
-            remedy="Correct the record, or remove that element",
-        )
+    refuse(flagged, life.fl_k, "fl_k", "0 or more, or -1 or -2 of a child of footloose calving")
 
 
 def _check_unique(elements: Elements, path: Path) -> None:
     unique, counts = np.unique(elements.id, return_counts=True)
     if (counts > 1).any():
-        cnt, ij = split_id(unique[counts > 1][:1])
         raise BergError(
-            f"identifier id_cnt = {cnt[0]}, id_ij = {ij[0]} stands {counts.max()} times",
+            f"identifier {id_text(unique[counts > 1][0])} stands {counts.max()} times",
             where=str(path),
             remedy="Identifiers must be unique",
         )
@@ -381,10 +388,9 @@ def _check_lengths(bonds: Bonds, elements: Elements, path: Path) -> None:
     far = bonds.bond_length > LONGEST * 0.5 * (side[bonds.first] + side[bonds.second])
     if far.any():
         k = int(np.argmax(far))
-        one, other = (split_id(elements.id[rows[k : k + 1]]) for rows in (bonds.first, bonds.second))
+        one, other = (id_text(elements.id[rows[k]]) for rows in (bonds.first, bonds.second))
         raise BergError(
-            f"a bond of {bonds.bond_length[k]:g} m, from element id_cnt = {one[0][0]}, id_ij = {one[1][0]} to "
-            f"id_cnt = {other[0][0]}, id_ij = {other[1][0]}",
+            f"a bond of {bonds.bond_length[k]:g} m, from element {one} to {other}",
             where=str(path),
             remedy="Both restart files must be of the same moment",
         )
@@ -431,10 +437,9 @@ def _check_mirrors(first: Ints, second: Ints, elements: Elements, path: Path) ->
     for what, wrong in faults:
         if wrong.any():
             k = int(np.argmax(wrong))
-            one, other = (split_id(elements.id[rows[k : k + 1]]) for rows in (first, second))
+            one, other = (id_text(elements.id[rows[k]]) for rows in (first, second))
             raise BergError(
-                f"bond {k + 1}, from element id_cnt = {one[0][0]}, id_ij = {one[1][0]} to id_cnt = {other[0][0]}, "
-                f"id_ij = {other[1][0]}, {what}",
+                f"bond {k + 1}, from element {one} to {other}, {what}",
                 where=str(path),
                 remedy="The file must hold each bond once in each direction",
             )

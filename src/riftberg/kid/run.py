@@ -11,21 +11,21 @@ from typing import Final
 import numpy as np
 
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
-from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
+from riftberg.kid.calendar import Clock
 from riftberg.kid.calving_file import CALVING_FILE
 from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, check_footloose, order_sides
 from riftberg.kid.coupled import CoupledRun
-from riftberg.kid.driver import Clock, apply_beam_test, build_clock, build_grid, driver_forcing
+from riftberg.kid.driver import build_clock, build_grid, driver_forcing
 from riftberg.kid.life import attach_life, without_idle_life
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
-from riftberg.kid.restart import read_bonds, read_restart, split_id, write_bonds, write_restart
+from riftberg.kid.restart import as_iceberg, id_text, read_bonds, read_restart, write_bonds, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import Parameters, element_radius
+from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
 from riftberg.system.atomic_files import refusal
@@ -103,25 +103,20 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     check_footloose(elements, namelist.icebergs)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
     check_both_sides(elements, bonds, namelist.icebergs, parameters)
-    notes = _prepare_elements(elements, namelist.icebergs, parameters, restarts, grid)
+    check_calving_store(restarts, namelist.icebergs, grid)
+    notes = []
+    # Melt orders the sides itself, in every step.
+    ordered = parameters.melt.enabled or namelist.icebergs.flag("Iceberg_melt_without_decay")
+    if not ordered and (turned := order_sides(elements)):
+        notes.append(f"length and width exchanged in {turned} elements, as KID does in its first step")
     if namelist.driver.flag("a68_test"):
         notes += place_note(namelist.driver, folder, grid)
-    _start_beam_test(elements, namelist.icebergs)
-    berg = _iceberg(elements, bonds, parameters, restarts / RESTART)
+    apply_beam_test(elements, namelist.icebergs.whole("dem_beam_test"))
+    berg = as_iceberg(elements, bonds, parameters, restarts / RESTART)
     start = datetime(1, 1, 1) + timedelta(seconds=clock.offset)
     model = Model(berg, forcing, parameters, start)
     attach_life(model, namelist.icebergs, clock, restarts, ranks)
     return KidCase(folder, namelist, parameters, clock, grid, model, notes)
-
-
-def _prepare_elements(
-    elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path, grid: Grid
-) -> list[str]:
-    check_calving_store(restarts, group, grid)
-    if parameters.melt.enabled:
-        return []  # melt orders the sides itself
-    turned = 0 if group.flag("Iceberg_melt_without_decay") else order_sides(elements)
-    return [f"length and width exchanged in {turned} elements, as KID does in its first step"] if turned else []
 
 
 def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
@@ -140,27 +135,21 @@ def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parame
     return bonds
 
 
-def _start_beam_test(elements: Elements, group: NamelistGroup) -> None:
-    """Put on the loads of a beam test, which also makes the present positions the places of origin."""
-    kind = group.whole("dem_beam_test")
+def apply_beam_test(elements: Elements, kind: int) -> None:
+    """Put the loads and supports of the beam tests on the elements (section 10.3).
+
+    They are found by exact equality of their x with the ends or the middle of the beam. The present positions become the
+    places of origin.
+    """
     if kind < 1:
         return
-    apply_beam_test(elements, kind)
+    west, east = elements.lon.min(), elements.lon.max()
+    if kind == 1:
+        elements.free_y[(elements.lon == west) | (elements.lon == east)] = 0.0
+        elements.load_y[elements.lon == 0.5 * (west + east)] = -1.5e5
+    elif kind == 2:
+        elements.load_y[elements.lon == east] = -1.5e10 / 3.0
     elements.life.start_lon[:], elements.life.start_lat[:] = elements.lon, elements.lat
-
-
-def _iceberg(elements: Elements, bonds: Bonds, parameters: Parameters, source: Path) -> Iceberg:
-    area = float(np.mean(elements.length * elements.width))
-    return Iceberg(
-        elements=elements,
-        bonds=bonds,
-        packing=parameters.bonds.packing,
-        radius=element_radius(area, parameters.bonds.packing, parameters.bonds.law != "none"),
-        report={"source": str(source)},
-        latlon=parameters.earth.latlon,
-        earth_radius=parameters.earth.radius,
-        density=parameters.ice.density,
-    )
 
 
 def run_kid(
@@ -229,10 +218,7 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
         raise
     except Exception as error:
         if isinstance(error, SpeedError):
-            counter, cell = split_id(np.array([error.element]))
-            error = RunError(
-                f"{error} or --allow-extreme; by KID's names it is id_cnt = {counter[0]}, id_ij = {cell[0]}"
-            )
+            error = RunError(f"{error} or --allow-extreme; by KID's names it is {id_text(error.element)}")
         if case.model.step_number == 0:
             for writer in writers:  # nothing was run: no file may look like a result
                 writer.discard()

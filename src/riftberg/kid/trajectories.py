@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.kid.calendar import Date, is_sampled
-from riftberg.kid.driver import Clock
+from riftberg.kid.calendar import Clock, Date, is_sampled
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import BlockWriter, Column
-from riftberg.kid.restart import DEM_COLUMNS, GONE, directed, split_id
+from riftberg.kid.restart import DEM_COLUMNS, GONE, LIFE, OPTIONAL, REQUIRED, directed, split_id
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
@@ -90,48 +89,18 @@ _SPIN: Final = (
 )
 
 FIELDS: Final = {
-    "lon": "lon",
-    "lat": "lat",
-    "mass": "mass",
-    "thickness": "thickness",
-    "uvel": "u",
-    "vvel": "v",
+    **REQUIRED,
+    **OPTIONAL,
+    **{name: name for name in LIFE},
     "uvel_prev": "u_sync",
     "vvel_prev": "v_sync",
-    "uo": "uo",
-    "vo": "vo",
-    "ui": "ui",
-    "vi": "vi",
-    "ua": "ua",
-    "va": "va",
-    "width": "width",
-    "length": "length",
+    **{name: name for name in ("uo", "vo", "ui", "vi", "ua", "va", "sst", "sss")},
     "ssh_x": "slope_x",
     "ssh_y": "slope_y",
-    "sst": "sst",
-    "sss": "sss",
     "cn": "ice_fraction",
     "hi": "ice_thickness",
-    "axn": "ax",
-    "ayn": "ay",
-    "bxn": "bx",
-    "byn": "by",
     "od": "depth",
-    "axn_fast": "ax_fast",
-    "ayn_fast": "ay_fast",
-    "bxn_fast": "bx_fast",
-    "byn_fast": "by_fast",
     "n_bonds": "bond_count",
-    "ang_vel": "spin",
-    "ang_accel": "spin_rate",
-    "rot": "rotation",
-    "start_mass": "start_mass",
-    "mass_of_bits": "mass_of_bits",
-    "heat_density": "heat_density",
-    "mass_scaling": "mass_scaling",
-    "mass_of_fl_bits": "mass_of_fl_bits",
-    "mass_of_fl_bergy_bits": "mass_of_fl_bergy_bits",
-    "fl_k": "fl_k",
 }
 """Variables of the trajectory and the fields of `Elements` that they come from."""
 
