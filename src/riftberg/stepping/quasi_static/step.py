@@ -361,9 +361,11 @@ class TimeStep:
         before = self.applied[contact.rows] if contact else self.applied[:0]
         part = 0.5 * trial.h / self.dt
         middle, drag_twist = np.empty_like(start.bodies.twist), np.empty_like(start.bodies.twist)
+        op, end_op = start.operators, end.operators
         accumulate_step_forces(
-            start.operators, start.terms, start.bodies.twist, end.operators, end.terms, end.bodies.twist, 0.5 * trial.h,
-            part, middle, drag_twist, self.applied, work,
+            op.body, op.levers, end_op.levers, op.forcing.floor_rate, end_op.forcing.floor_rate, op.matrices,
+            end_op.matrices, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part, middle,
+            drag_twist, self.applied, work,
         )  # fmt: skip
         self.touched.append((end.operators.contacts.first, end.operators.contacts.second))
         if contact is not None:
@@ -393,8 +395,9 @@ class TimeStep:
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
         contact_bodies, contact_mean = (contact.bodies, contact.mean) if contact else (NO_PAIRS[0], bodies.twist[:0])
         predict(
-            new, bodies, start.operators, start.terms.net_force, self.frozen_displacement, h, c.latlon, c.earth_radius,
-            c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation, contact_bodies, contact_mean, work,
+            new, bodies, start.operators.matrices, start.operators.levers, start.terms.net_force, self.frozen_displacement,
+            h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
+            contact_bodies, contact_mean, work,
         )  # fmt: skip
         new = self._constrained_by_land(new)
 
@@ -471,7 +474,7 @@ class TimeStep:
         for b, inside in self._supported(bodies):
             # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
             z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
-            op.mobility[b] = z @ np.linalg.solve(z.T @ op.inertia[b] @ z, z.T) if z.size else 0.0
+            op.matrices.mobility[b] = z @ np.linalg.solve(z.T @ op.matrices.inertia[b] @ z, z.T) if z.size else 0.0
         return op
 
     def _partners(self, bodies: Bodies) -> PairList:
@@ -666,7 +669,7 @@ class TimeStep:
         momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(bodies.body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return np.asarray((op.mobility @ sums[:, :, None])[:, :, 0])
+        return np.asarray((op.matrices.mobility @ sums[:, :, None])[:, :, 0])
 
     def _workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""
