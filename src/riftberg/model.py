@@ -171,20 +171,20 @@ class BareModel(RunState):
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault.
-            self._stepper.surround(self)
+            self._stepper.sample_forcing(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
         state = dict(self.__dict__)
         stepper = state.pop("_stepper")
-        return {**state, "_memory": stepper.memory(), "_applied": stepper.applied}
+        return {**state, "_stepper_state": stepper.state_dict(), "_applied": stepper.applied}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take up a state with a stepper of its own, which goes on bit for bit."""
-        memory, applied = state.pop("_memory"), state.pop("_applied")
+        stepper_state, applied = state.pop("_stepper_state"), state.pop("_applied")
         self.__dict__.update(state)
         self._stepper = make_stepper(self)
-        self._stepper.recall(memory)
+        self._stepper.load_state_dict(stepper_state)
         if self._stepper.applied.shape == applied.shape:
             self._stepper.applied[...] = applied
 

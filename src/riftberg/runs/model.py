@@ -160,7 +160,7 @@ class Model(BareModel):
         """Write a restart file from which `resume` goes on bit for bit."""
         required(path, (str, Path), "the path of a restart file", where="Model.save")
         coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
-        return save(self, path, extra={**coming, **self.remembered, **self._stepper.memory()})
+        return save(self, path, extra={**coming, **self.remembered, **self._stepper.state_dict()})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing) -> Self:
@@ -180,5 +180,5 @@ class Model(BareModel):
             state.fragment_rows(), state.bergs, state.contact_log(),
         )  # fmt: skip
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
-        model._stepper.recall(state.extra)
+        model._stepper.load_state_dict(state.extra)
         return model

@@ -36,8 +36,8 @@ class Stepper(Protocol):
     def step(self, run: RunState) -> None:
         """Advance by one long step; ``run.time`` moves on, ``run.step_number`` does not."""
 
-    def surround(self, run: RunState) -> None:
-        """Take the environment that the elements carry between two steps from the forcing."""
+    def sample_forcing(self, run: RunState) -> None:
+        """Sample the forcing for the environment that the elements carry between two steps."""
 
     def synchronised(self, run: RunState) -> tuple[Floats, Floats]:
         """Return the velocity (m s-1) at the time of the positions, after a step; the state stays as it is."""
@@ -50,22 +50,22 @@ class Stepper(Protocol):
     def touched(self) -> tuple[Ints, Ints]:
         """Rows of the pairs of elements of different bergs that were in contact in the last long step."""
 
-    def memory(self) -> dict[str, Any]:
-        """Return arrays of numbers, beside the state, that a run needs to go on bit for bit."""
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
 
-    def recall(self, kept: Mapping[str, Any]) -> None:
-        """Take up what `memory` gave, from among other arrays."""
+    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave; other arrays in ``kept`` are left alone."""
 
 
-class Forgetful:
-    """Schemes whose state is all that they need."""
+class Stateless:
+    """Schemes that need nothing beside the state."""
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return nothing."""
         return {}
 
-    def recall(self, kept: Mapping[str, Any]) -> None:
-        """Take up nothing."""
+    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
+        """Restore nothing."""
 
 
 def make_stepper(run: RunState) -> Stepper:
@@ -85,7 +85,7 @@ def make_stepper(run: RunState) -> Stepper:
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 
 
-class FrozenStepper(Forgetful):
+class FrozenStepper(Stateless):
     """Nothing moves: time goes on, and the environment with it."""
 
     def __init__(self) -> None:
@@ -96,12 +96,12 @@ class FrozenStepper(Forgetful):
         self._move(run)
         run.time += run.parameters.stepping.time_step
         self._applied = np.zeros((run.elements.size, len(FORCES), 2))
-        self.surround(run)
+        self.sample_forcing(run)
 
     def _move(self, run: RunState) -> None:
         """Leave everything where it is."""
 
-    def surround(self, run: RunState) -> None:
+    def sample_forcing(self, run: RunState) -> None:
         """Sample where the elements stand."""
         p = run.parameters
         lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
@@ -183,7 +183,7 @@ def _update_fragments(run: RunState) -> None:
     run.fragments.update(el, bonds, run.time, c)
 
 
-class MultipleStepper(Forgetful):
+class MultipleStepper(Stateless):
     """Multiple time steps (equations 6.4).
 
     The slow kicks are those of all bergs together. The sub-steps concern each group of bergs that may meet in the step
@@ -247,7 +247,7 @@ class MultipleStepper(Forgetful):
         )
         settle(run)
         run.time += run.parameters.stepping.time_step
-        self.surround(run)
+        self.sample_forcing(run)
         if broken > 0:
             _update_fragments(run)
 
@@ -284,7 +284,7 @@ class MultipleStepper(Forgetful):
                 f"{run.date:%Y-%m-%d %H:%M}; raise contact.tolerance or shorten stepping.time_step"
             )
 
-    def surround(self, run: RunState) -> None:
+    def sample_forcing(self, run: RunState) -> None:
         """Sample at the new positions: the fields of the next step, or with the lag of Q5 of the step just taken."""
         p = run.parameters
         lag = p.stepping.time_step if p.compatibility.forcing_lag else 0.0
@@ -422,7 +422,7 @@ def _uniform(run: RunState) -> bool:
     return all(bool(np.ptp(a) <= 1e-12 * abs(a[0])) for a in (el.length, el.width, el.thickness))
 
 
-class SingleStepper(Forgetful):
+class SingleStepper(Stateless):
     """What the single-step schemes share: partners by the rules of equations 5.1."""
 
     def __init__(self, run: RunState) -> None:
@@ -442,7 +442,7 @@ class SingleStepper(Forgetful):
         """See `Stepper.touched`."""
         return self._touched
 
-    def surround(self, run: RunState) -> None:
+    def sample_forcing(self, run: RunState) -> None:
         """Do nothing: these schemes sample within the step."""
 
     def _partners(self, run: RunState, sizes: Sizes) -> Partners:

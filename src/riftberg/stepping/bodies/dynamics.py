@@ -1,4 +1,4 @@
-"""Fragments as rigid bodies under the forces on their elements: one long step of second order, stable aground.
+"""Dynamics of fragments as rigid bodies under the forces on their elements: a step of second order, stable aground.
 
 With the velocity q of a fragment (east, north, spin) and that of its elements ``v_k = B_k q``, virtual work gives
 
@@ -438,7 +438,7 @@ class BodyWorkspace(NamedTuple):
     residual: Floats  # Of the equation of the second half kick; shape (fragments, 3)
     increment: Floats  # Of Newton's method; shape (fragments, 3)
     last_change: Floats  # Relative size of the last increment; shape (fragments,)
-    active: Booleans  # Fragments whose velocities are still sought; shape (fragments,)
+    active: Booleans  # Fragments whose velocities have not converged; shape (fragments,)
     scratch: Floats  # shape (4, 3, 3)
 
 
@@ -539,7 +539,7 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
             # Convergence is superlinear, so the next change is at most change (change / before)^2: where that is
             # nothing, the iteration that would find it is spared. False at first, with nothing before it.
             converged = change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * before**2
-            # Velocities that are not numbers end the search; the checks of loads and places then say where they came from.
+            # Velocities that are not numbers end the iteration; the checks of loads and places then say where they came from.
             active[b] = not converged and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
             more = more or active[b]
         if not more:

@@ -183,7 +183,7 @@ def _linearised_force(about: Linearisation, floor_drag: Floats, twist: Floats, n
 
 @stage
 def _record_peak_load(island: Island, count: int, result: IslandResult, work: IslandWorkspace) -> None:
-    """Keep the loads of the bonded bodies that contact presses harder in this kick than before in the step."""
+    """Record the loads of the bonded bodies that contact presses harder in this kick than before in the step."""
     if count == 0:
         return
     body_of, levers, bonded, twist, forcing = island.body_of, island.levers, island.bonded, result.twist, island.forcing

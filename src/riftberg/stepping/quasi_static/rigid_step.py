@@ -144,7 +144,7 @@ def remove_rigid_modes(
     body: Ints, xy: Floats, displacement: Floats, before: Floats, rotation: Floats, forcing: ElementForcing,
     supported: Booleans, mean: Floats, moments: Floats,
 ) -> bool:  # fmt: skip
-    """Subtract the mean displacement of each fragment, which its pose holds, and rotate the elements by the rest.
+    """Subtract the mean displacement of each fragment, which its pose contains, and rotate the elements by the rest.
 
     Fragments with supports keep theirs. Returns whether all displacements are finite; ``before`` are those until now.
     """
