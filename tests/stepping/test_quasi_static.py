@@ -327,7 +327,7 @@ def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> No
     assert 1 < iterations < 8
     work.active[:] = True
     newton_increment(op, middle, twist, 900.0, work)
-    assert relative_increment(work.increment[0], twist[0], op.inertia[0]) < 1e-10
+    assert relative_increment(work.increment[0], twist[0], op.matrices.inertia[0]) < 1e-10
 
 
 def test_a_large_berg_that_does_not_turn_is_stepped() -> None:

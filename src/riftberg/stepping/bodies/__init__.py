@@ -1,1 +1,1 @@
-"""Fragments as rigid bodies: pose, inertia, Newton's method for their velocities."""
+"""Fragments as rigid bodies: pose and dynamics."""

@@ -1,4 +1,4 @@
-"""Fragments as rigid bodies under the forces on their elements: one long step of second order, stable aground.
+"""Dynamics of fragments as rigid bodies under the forces on their elements: a step of second order, stable aground.
 
 With the velocity q of a fragment (east, north, spin) and that of its elements ``v_k = B_k q``, virtual work gives
 
@@ -110,6 +110,14 @@ class ForceTerms(NamedTuple):
     net_force: Floats  # On the fragments, with contact, N, N, N m; shape (fragments, 3)
 
 
+class BodyMatrices(NamedTuple):
+    """Inertia and drag of the fragments: the matrices of the equation of motion."""
+
+    inertia: Floats  # M; shape (fragments, 3, 3)
+    mobility: Floats  # Inverse of M, without the freedoms that supports take; shape (fragments, 3, 3)
+    floor_drag: Floats  # L, the linear drag of the sea floor; shape (fragments, 3, 3)
+
+
 class BodyOperators(NamedTuple):
     """What place and time give for the motion of all fragments, before velocities are known."""
 
@@ -117,9 +125,7 @@ class BodyOperators(NamedTuple):
     levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
     forcing: ElementForcing
     contacts: ContactPairs
-    inertia: Floats  # M; shape (fragments, 3, 3)
-    mobility: Floats  # Inverse of M, without the freedoms that supports take; shape (fragments, 3, 3)
-    floor_drag: Floats  # L, the linear drag of the sea floor; shape (fragments, 3, 3)
+    matrices: BodyMatrices
 
 
 def allocate_forcing(el: Elements, p: KernelParameters) -> ElementForcing:
@@ -256,7 +262,13 @@ def element_velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
 
 @kernel
 def accumulate_forces(
-    op: BodyOperators, accelerations: Floats, drag_twist: Floats, part: float, applied: Floats
+    body: Ints,
+    levers: Floats,
+    floor_rate: Floats,
+    accelerations: Floats,
+    drag_twist: Floats,
+    part: float,
+    applied: Floats,
 ) -> None:
     """Add ``part`` of the accelerations by all forces to ``applied`` (elements, forces, 2).
 
@@ -266,7 +278,6 @@ def accumulate_forces(
     one, other = accelerations.reshape(accelerations.size), applied.reshape(applied.size)
     for k in range(one.size):
         other[k] += part * one[k]
-    body, levers, floor_rate = op.body, op.levers, op.forcing.floor_rate
     for e in range(body.size):
         if floor_rate[e] > 0.0:
             u, v, _ = element_velocity(levers[e], drag_twist[body[e]])
@@ -428,7 +439,7 @@ class BodyWorkspace(NamedTuple):
     residual: Floats  # Of the equation of the second half kick; shape (fragments, 3)
     increment: Floats  # Of Newton's method; shape (fragments, 3)
     last_change: Floats  # Relative size of the last increment; shape (fragments,)
-    active: Booleans  # Fragments whose velocities are still sought; shape (fragments,)
+    active: Booleans  # Fragments whose velocities have not converged; shape (fragments,)
     scratch: Floats  # shape (4, 3, 3)
 
 
@@ -443,9 +454,9 @@ def allocate_body_workspace(count: int) -> BodyWorkspace:
 
 
 @kernel
-def pade_factors(op: BodyOperators, half_dt: float, work: BodyWorkspace) -> None:
+def pade_factors(matrices: BodyMatrices, half_dt: float, work: BodyWorkspace) -> None:
     """Find W and P M^-1 of the text above over half a step of ``half_dt`` seconds, for each fragment."""
-    mobility, floor_drag = op.mobility, op.floor_drag
+    mobility, floor_drag = matrices.mobility, matrices.floor_drag
     z, square, ahead = work.scratch[0], work.scratch[1], work.scratch[2]
     for b in range(floor_drag.shape[0]):
         multiply(mobility[b], floor_drag[b], z)
@@ -462,10 +473,10 @@ def pade_factors(op: BodyOperators, half_dt: float, work: BodyWorkspace) -> None
 
 @kernel
 def half_kick_explicit(
-    op: BodyOperators, twist: Floats, net_force: Floats, half_dt: float, new: Floats, work: BodyWorkspace
+    matrices: BodyMatrices, twist: Floats, net_force: Floats, half_dt: float, new: Floats, work: BodyWorkspace
 ) -> None:
     """First half kick: velocities ``new`` at mid-step from those at the start, at which the forces are ``net_force``."""
-    pade_factors(op, half_dt, work)
+    pade_factors(matrices, half_dt, work)
     right = work.scratch[0, 0]
     for b in range(twist.shape[0]):
         x, y, z = times(work.phi_factor[b], net_force[b])
@@ -513,7 +524,7 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
     Only ``work.active`` fragments take part. Each goes its own number of iterations, so its result does not depend, to
     the last digit, on which others there are. Returns the most iterations, -1 where they do not converge.
     """
-    pade_factors(op, half_dt, work)
+    pade_factors(op.matrices, half_dt, work)
     active, last_change = work.active, work.last_change
     last_change[:] = 0.0
     for n in range(MAX_ITERATIONS):
@@ -524,12 +535,12 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
                 continue
             for i in range(3):
                 new[b, i] += work.increment[b, i]
-            before, change = last_change[b], relative_increment(work.increment[b], new[b], op.inertia[b])
+            before, change = last_change[b], relative_increment(work.increment[b], new[b], op.matrices.inertia[b])
             last_change[b] = change
             # Convergence is superlinear, so the next change is at most change (change / before)^2: where that is
             # nothing, the iteration that would find it is spared. False at first, with nothing before it.
             converged = change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * before**2
-            # Velocities that are not numbers end the search; the checks of loads and places then say where they came from.
+            # Velocities that are not numbers end the iteration; the checks of loads and places then say where they came from.
             active[b] = not converged and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
             more = more or active[b]
         if not more:
@@ -539,7 +550,7 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
 
 @kernel
 def mean_drag_velocity(
-    op: BodyOperators, net_force: Floats, after: Floats, half_dt: float, drag_twist: Floats, scratch: Floats
+    matrices: BodyMatrices, net_force: Floats, after: Floats, half_dt: float, drag_twist: Floats, scratch: Floats
 ) -> None:
     """Find the velocities at which the sea floor has acted in half a step to ``after``, under other forces ``net_force``.
 
@@ -548,8 +559,8 @@ def mean_drag_velocity(
     """
     z = scratch[0]
     for b in range(after.shape[0]):
-        multiply(op.mobility[b], op.floor_drag[b], z)
-        slowed, pushed = times(z, after[b]), times(op.mobility[b], net_force[b])
+        multiply(matrices.mobility[b], matrices.floor_drag[b], z)
+        slowed, pushed = times(z, after[b]), times(matrices.mobility[b], net_force[b])
         for i in range(3):
             drag_twist[b, i] = after[b, i] + 0.5 * half_dt * slowed[i] - 0.5 * half_dt * pushed[i]
 

@@ -1,1 +1,1 @@
-"""Who may touch whom (broad phase), islands of fragments in contact, impulses, land."""
+"""Contact: broad phase, islands of fragments in contact, impulses, the constraint of land."""

@@ -73,7 +73,7 @@ class NeighbourSearch:
 
     def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
         """Partners over unbroken bonds and the bond of each entry."""
-        # Bonds only break, and a new one raises the largest identifier; elements that go change the number of elements.
+        # Bonds only break, and a new one raises the largest identifier; elements that are removed change their number.
         listed = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
         if self._bonded is None or listed != self._listed:
             self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
@@ -185,10 +185,10 @@ def _owners(pairs: PairList) -> Ints:
     return np.repeat(np.arange(pairs.start.size - 1), np.diff(pairs.start))
 
 
-def _selected(pairs: PairList, keep: NDArray[np.bool_]) -> PairList:
+def _selected(pairs: PairList, chosen: NDArray[np.bool_]) -> PairList:
     """Return ``pairs`` with some of their entries."""
-    number = np.bincount(_owners(pairs)[keep], minlength=pairs.start.size - 1)
-    return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[keep])
+    number = np.bincount(_owners(pairs)[chosen], minlength=pairs.start.size - 1)
+    return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[chosen])
 
 
 def rest_lengths(bonds: Bonds, bond: Ints, p: KernelParameters) -> Floats:

@@ -61,8 +61,8 @@ def contact_rows(el: Elements, pairs: PairList, sizes: Sizes, p: KernelParameter
     shown = el.shown
     near = _in_reach(shown.lon_pair, shown.lat_pair, sizes.radius, pairs, p)
     first = np.repeat(np.arange(el.size), np.diff(pairs.start))
-    kept = near & (first < pairs.partner)
-    return first[kept], pairs.partner[kept]
+    once = near & (first < pairs.partner)
+    return first[once], pairs.partner[once]
 
 
 def concatenate_pairs(pairs: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.dynamics import ElementForcing
+from riftberg.stepping.bodies.dynamics import BodyMatrices, ElementForcing
 from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_terms, stiffness_and_reach
 from riftberg.stepping.mat3 import solve
 
@@ -40,9 +40,7 @@ class Island(NamedTuple):
     body_of: Ints  # Body of each element
     levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
     forcing: ElementForcing  # On the elements
-    inertia: Floats  # shape (bodies, 3, 3)
-    mobility: Floats  # shape (bodies, 3, 3)
-    floor_drag: Floats  # shape (bodies, 3, 3)
+    matrices: BodyMatrices  # Of the bodies
     bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
     first: Ints  # Elements of the candidate pairs
     second: Ints
@@ -151,7 +149,7 @@ def find_contacts(
     The step resolves the springs at hand, and ends before any other pair gets deep into each other.
     """
     count, max_dt = 0, np.inf
-    body_of, levers, inertia, pair_mass = island.body_of, island.levers, island.inertia, island.pair_mass
+    body_of, levers, inertia, pair_mass = island.body_of, island.levers, island.matrices.inertia, island.pair_mass
     stiffness_sum, acceleration, rotation = work.stiffness_sum, work.acceleration, work.rotation
     for b in range(twist.shape[0]):
         stiffness_sum[b] = 0.0
@@ -159,7 +157,7 @@ def find_contacts(
         rotation[b, 0], rotation[b, 1] = math.cos(path[b, 2]), math.sin(path[b, 2])
         for i in range(3):
             for j in range(3):
-                acceleration[b, i] += island.mobility[b, i, j] * work.net_force[b, j]
+                acceleration[b, i] += island.matrices.mobility[b, i, j] * work.net_force[b, j]
     fastest, quickest = _approach_bound(twist, work.arm), _approach_bound(acceleration, work.arm)
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
@@ -234,7 +232,7 @@ def solve_kick(
         for i in range(3):
             right[b, i] = work.net_force[b, i]
             for j in range(3):
-                block[b, i, j] = 0.5 * jacobian[b, i, j] + island.floor_drag[b, i, j]
+                block[b, i, j] = 0.5 * jacobian[b, i, j] + island.matrices.floor_drag[b, i, j]
     for k in range(count):
         i, j = island.first[active[k]], island.second[active[k]]
         a, b, t, s = body_of[i], body_of[j], work.kick_law[k], work.spin_levers[k]
@@ -256,7 +254,7 @@ def solve_kick(
         _add_damping(block[b], n, t)
     for b in range(bodies):
         begin[b + 1] += begin[b]
-    _solve_uncoupled(island.mobility, h, work)
+    _solve_uncoupled(island.matrices.mobility, h, work)
     return count == 0 or _gauss_seidel(island, count, h, twist, work)
 
 
@@ -329,7 +327,7 @@ def _gauss_seidel(island: Island, count: int, h: float, twist: Floats, work: Isl
     _assemble_coupling(island, count, h, work)
     scale = 0.0
     for b in range(bodies):
-        size[b] = math.sqrt(island.inertia[b, 2, 2] / island.inertia[b, 0, 0])  # radius of gyration
+        size[b] = math.sqrt(island.matrices.inertia[b, 2, 2] / island.matrices.inertia[b, 0, 0])  # radius of gyration
         scale = max(scale, abs(twist[b, 0]), abs(twist[b, 1]), size[b] * abs(twist[b, 2]))
         scale = max(scale, abs(increment[b, 0]), abs(increment[b, 1]), size[b] * abs(increment[b, 2]))
         for i in range(3):

@@ -21,6 +21,7 @@ from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.physics.geometry import separation
 from riftberg.state import Floats, Ints
 from riftberg.stepping.bodies.dynamics import (
+    BodyMatrices,
     ElementForcing,
     add_forces,
     assemble_force_and_jacobian,
@@ -60,7 +61,7 @@ class Linearisation(NamedTuple):
 @kernel
 def integrate_islands(
     start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,
-    forcing: ElementForcing, inertia: Floats, mobility: Floats, floor_drag: Floats, twist: Floats,
+    forcing: ElementForcing, matrices: BodyMatrices, twist: Floats,
     bonded: NDArray[np.bool_], x1: Floats, y1: Floats, x2: Floats, y2: Floats, sum_radii: Floats, pair_mass: Floats,
     dt: float, law: PairLaw,
 ) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float]:  # fmt: skip
@@ -83,8 +84,9 @@ def integrate_islands(
             f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
             f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
         )  # fmt: skip
+        of_bodies = BodyMatrices(matrices.inertia[b], matrices.mobility[b], matrices.floor_drag[b])
         island = Island(
-            body_of[e], levers[e], of_island, inertia[b], mobility[b], floor_drag[b], bonded[b], first[n], second[n],
+            body_of[e], levers[e], of_island, of_bodies, bonded[b], first[n], second[n],
             apart[n], sum_radii[n], pair_mass[n],
         )  # fmt: skip
         result = IslandResult(after[b], path[b], touched[n], applied[e], force[e], axes[e], spin[b])
@@ -117,7 +119,7 @@ def _integrate_island(
             assemble_force_and_jacobian(body_of, levers, twist, forcing, work.everyone, about.force, about.jacobian)
             work.net_force[:, :] = 0.0
             add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
-        _linearised_force(about, island.floor_drag, twist, work.net_force)
+        _linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         count, max_dt = find_contacts(island, law, twist, result.path, result.touched, work)
         step = 0.0
         if left > 0.0:
@@ -181,7 +183,7 @@ def _linearised_force(about: Linearisation, floor_drag: Floats, twist: Floats, n
 
 @stage
 def _record_peak_load(island: Island, count: int, result: IslandResult, work: IslandWorkspace) -> None:
-    """Keep the loads of the bonded bodies that contact presses harder in this kick than before in the step."""
+    """Record the loads of the bonded bodies that contact presses harder in this kick than before in the step."""
     if count == 0:
         return
     body_of, levers, bonded, twist, forcing = island.body_of, island.levers, island.bonded, result.twist, island.forcing

@@ -15,7 +15,13 @@ import numpy as np
 from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
-from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
+from riftberg.stepping.bodies.dynamics import (
+    BodyMatrices,
+    BodyOperators,
+    ElementForcing,
+    add_forces,
+    assemble_force_and_jacobian,
+)
 from riftberg.stepping.contact.island_step import integrate_islands
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
@@ -101,14 +107,14 @@ def resolve_contacts(
     """
     if first.size == 0:
         return None
-    count = op.mobility.shape[0]
+    count = op.matrices.mobility.shape[0]
     i = find_islands(op.body, count, first, second)
     first, second = first[i.order], second[i.order]
     bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     shown = el.shown
     touched, path, after, applied, force, axes, spin, shortest = integrate_islands(
         i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows], _of_rows(i.rows, op.forcing),
-        op.inertia[i.members], op.mobility[i.members], op.floor_drag[i.members], twist[i.members], bonded,
+        BodyMatrices(*(matrix[i.members] for matrix in op.matrices)), twist[i.members], bonded,
         shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second],
         sizes.radius[first] + sizes.radius[second], np.minimum(sizes.mass[first], sizes.mass[second]), dt,
         plain(pair_law)(p),
@@ -143,7 +149,7 @@ def trapezoidal_correction(
     place = np.empty(twist.shape[0], np.int64)
     place[bodies] = np.arange(bodies.size)
     body_of = place[end.body[rows]]
-    new, mobility = contact.twist.copy(), end.mobility[bodies]
+    new, mobility = contact.twist.copy(), end.matrices.mobility[bodies]
 
     def forces(op: BodyOperators) -> tuple[Floats, Floats]:
         """Accelerations of the elements by each force, and net forces on the bodies, at the twists ``new``."""

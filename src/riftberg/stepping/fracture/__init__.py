@@ -1,1 +1,1 @@
-"""When a bond breaks: criteria, strengths, damage, breaking within the sub-steps."""
+"""Fracture in equilibrium: criteria, strengths, growth of damage."""

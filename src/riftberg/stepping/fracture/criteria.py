@@ -33,13 +33,13 @@ CHUNK = 512
 
 
 class Equilibrium:
-    """A lattice under its loads, with the stresses of its bonds, found when they are first asked for."""
+    """A lattice under its loads, with the stresses of its bonds, found when first needed."""
 
     def __init__(
         self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, p: KernelParameters
     ) -> None:
         self.lattice = lattice
-        self.intact = intact  # rows of the bonds that hold
+        self.intact = intact  # bonds, as rows of the state
         self.displacement = displacement  # m, m and rad; shape (elements, 3)
         self.load = load  # balanced, N, N and N m; shape (elements, 3)
         self._p = p

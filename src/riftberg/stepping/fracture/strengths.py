@@ -94,7 +94,7 @@ def _store_stresses(
 
 @kernel
 def record_peak_stress(peak: Floats, intact: Ints, stress: Floats) -> None:
-    """Keep the largest tensile stress (Pa) of each intact bond."""
+    """Record the largest tensile stress (Pa) of each intact bond."""
     for k in range(intact.size):
         peak[intact[k]] = max(peak[intact[k]], stress[k, 0])
 

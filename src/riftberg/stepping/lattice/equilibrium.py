@@ -8,12 +8,12 @@ For each bond with direction n (from the second end to the first), length l, sec
 
 With the strain operator B of a bond, which gives (e, s, b) from the displacements of its ends, the stiffness matrix is
 ``K = sum B^T diag(k_n, k_s, k_b) B``, and ``K d = b`` under balanced loads b. K is singular by the rigid motions of each
-fragment, so three gauge springs hold one element of each: as the loads are in balance they carry nothing, and what they
+fragment, so three gauge springs fix one element of each: as the loads are in balance they carry nothing, and what they
 carry is the residual of every solve. Rotations are measured as paths at the rim of the element (m), so that all unknowns
 are of one size.
 
 K is factored by blocks of one element (`riftberg.stepping.lattice.block_ldl`). A bond that breaks takes three columns off
-it: the factors are kept and corrected for these (a downdate of low rank by Woodbury's formula).
+it: the factors are kept, and corrected for these (a downdate of low rank by Woodbury's formula).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ EQUILIBRIUM_RTOL = 1e-5
 """Largest force on a gauge spring, as a part of the largest load, before a solve counts as failed."""
 
 GAUGE_ATOL = 1e-9
-"""Displacement (m) of a gauge spring that counts as round-off: a berg that goes with the water has no loads to compare with."""
+"""Displacement (m) of a gauge spring that counts as round-off: a berg that moves with the water has no loads to compare with."""
 
 
 class ElasticLattice(NamedTuple):
@@ -259,7 +259,7 @@ class Supports:
         return np.sort(np.concatenate([whole, np.array(chosen, np.int64)])).astype(np.int64)
 
     def rigid_modes(self, inside: Ints, xy: Floats) -> Floats:
-        """Rigid motions (columns: east, north, turn) that the supports of one fragment allow."""
+        """Rigid motions (columns; rows: east, north, rotation) that the supports of one fragment allow."""
         rows = [rigid_mode_row(xy[e], k) for e in inside for k in range(3) if self.free[3 * e + k] == 0.0]
         if not rows:
             return np.eye(3)
@@ -271,7 +271,7 @@ class Supports:
 
 
 def rigid_mode_row(place: Floats, freedom: int) -> Floats:
-    """How a freedom of an element at a place (m) moves with a rigid motion (east, north, turn)."""
+    """Displacement of a freedom of an element at a place (m) by a unit of each rigid motion (east, north, rotation)."""
     return np.array([[1.0, 0.0, -place[1]], [0.0, 1.0, place[0]], [0.0, 0.0, 1.0]][freedom])
 
 
@@ -292,7 +292,7 @@ class StiffnessSolver:
         #
         # Freedoms that supports take: uncoupled and without load, so their displacement is 0 and any stiffness will do.
         # Gauge springs: carry nothing where the loads are in balance, which `solve` checks.
-        # Elements without bonds: nothing else couples them, so each is held by all three freedoms. What these springs
+        # Elements without bonds: nothing else couples them, so each gets a spring for all three freedoms. What these springs
         # carry is the imbalance of the load of one element, which is round-off; in a berg of single elements there are no
         # other loads to compare it with, so the check leaves them out.
         self.gauge_stiffness = float(lattice.stiffness[intact, 0].mean()) if intact.size else 1.0
@@ -351,7 +351,7 @@ class StiffnessSolver:
 
 @borrower
 def max_gauge_displacement(displacement: Floats, gauge_springs: Ints) -> float:
-    """Largest displacement (m) of the freedoms that springs hold; not a number where one is none."""
+    """Largest displacement (m) of the freedoms with gauge springs; not a number where one of them is none."""
     most = 0.0
     for n in range(gauge_springs.size):
         x = abs(displacement[gauge_springs[n] // 3, gauge_springs[n] % 3])

@@ -14,6 +14,7 @@ from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints, Motion, Shown
 from riftberg.stepping.bodies.dynamics import (
+    BodyMatrices,
     BodyOperators,
     BodyWorkspace,
     Booleans,
@@ -58,22 +59,22 @@ class BodyState(NamedTuple):
 
 @borrower
 def predict(
-    new: Bodies, bodies: Bodies, op: BodyOperators, net_force: Floats, frozen_displacement: Floats, h: float, latlon: bool,
-    radius: float, period: float, lon: Floats, lat: Floats, static: Floats, rotation: Floats, contact_bodies: Ints,
-    contact_mean: Floats, work: BodyWorkspace,
+    new: Bodies, bodies: Bodies, matrices: BodyMatrices, levers: Floats, net_force: Floats, frozen_displacement: Floats,
+    h: float, latlon: bool, radius: float, period: float, lon: Floats, lat: Floats, static: Floats, rotation: Floats,
+    contact_bodies: Ints, contact_mean: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Take the first half kick and drift over ``h`` s: fill twist and pose of ``new``, and place the elements.
 
     ``contact_bodies`` drift with the mean twists ``contact_mean`` of their sub-steps in contact instead.
     """
     body, twist = bodies.body, new.twist
-    half_kick_explicit(op, bodies.twist, net_force, 0.5 * h, twist, work)
+    half_kick_explicit(matrices, bodies.twist, net_force, 0.5 * h, twist, work)
     for k in range(contact_bodies.size):
         for i in range(3):
             twist[contact_bodies[k], i] = contact_mean[k, i]
     move_poses(bodies.pose, twist, h, latlon, radius, new.pose, work.scratch[0])
     for e in range(body.size):
-        m, q = op.levers[e], twist[body[e]]
+        m, q = levers[e], twist[body[e]]
         rotation[e] += h * (m[6] * q[0] + m[7] * q[1] + m[8] * q[2])
     # Displacements lag by the whole time step: those of a trial are known only after its velocities and loads.
     there = Bodies(body, bodies.reference, new.pose, twist, frozen_displacement)
@@ -86,28 +87,27 @@ def assemble_operators(
     """Find what moves the fragments, from the environment that the elements carry; no supports yet."""
     count = bodies.pose.shape[0]
     forcing, levers = allocate_forcing(el, p), np.empty((el.size, 11))
-    inertia, floor_drag, mobility = np.zeros((3, count, 3, 3))
-    op = BodyOperators(bodies.body, levers, forcing, contacts, inertia, mobility, floor_drag)
+    matrices = BodyMatrices(*np.zeros((3, count, 3, 3)))
     # The groups that it needs: to pass the whole state to compiled code takes longer than the forces of a small berg.
     seen, acts, nothing = (
         ForcedElements(el.place, el.body, el.environment),
         np.ones(len(MEDIA), np.bool_),
         np.empty((1, 0, 0)),
     )
-    _assemble_operators(seen, sizes, p, bodies, acts, nothing, op, work)
-    return op
+    _assemble_operators(seen, sizes, p, bodies, acts, nothing, levers, forcing, matrices, work)
+    return BodyOperators(bodies.body, levers, forcing, contacts, matrices)
 
 
 @borrower
 def _assemble_operators(
-    el: ForcedElements, sizes: Sizes, p: KernelParameters, bodies: Bodies, acts: Booleans, nothing: Floats, op: BodyOperators,
-    work: BodyWorkspace,
+    el: ForcedElements, sizes: Sizes, p: KernelParameters, bodies: Bodies, acts: Booleans, nothing: Floats, levers: Floats,
+    forcing: ElementForcing, matrices: BodyMatrices, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Fill the arrays of `assemble_operators`."""
-    fill_levers(bodies, p.latlon, p.earth_radius, op.levers)
-    evaluate_forcing(el, sizes, p, acts, nothing, op.forcing)
-    add_inertia_and_floor_drag(bodies.body, op.levers, op.forcing, op.inertia, op.floor_drag)
-    invert(op.inertia, op.mobility, work.scratch)
+    fill_levers(bodies, p.latlon, p.earth_radius, levers)
+    evaluate_forcing(el, sizes, p, acts, nothing, forcing)
+    add_inertia_and_floor_drag(bodies.body, levers, forcing, matrices.inertia, matrices.floor_drag)
+    invert(matrices.inertia, matrices.mobility, work.scratch)
 
 
 @borrower
@@ -133,8 +133,8 @@ def correct(
         for i in range(3):
             f = terms.net_force[b, i]
             for j in range(3):
-                f -= op.floor_drag[b, i, j] * twist[b, j]
-            angular += op.mobility[b, 2, i] * f
+                f -= op.matrices.floor_drag[b, i, j] * twist[b, j]
+            angular += op.matrices.mobility[b, 2, i] * f
         work.residual[b, 2] = angular
     for e in range(body.size):
         spin_rate[e] = work.residual[body[e], 2]
@@ -148,7 +148,7 @@ def remove_rigid_modes(
     body: Ints, xy: Floats, displacement: Floats, before: Floats, rotation: Floats, forcing: ElementForcing,
     supported: Booleans, mean: Floats, moments: Floats,
 ) -> bool:  # fmt: skip
-    """Subtract the mean displacement of each fragment, which its pose holds, and rotate the elements by the rest.
+    """Subtract the mean displacement of each fragment, which its pose contains, and rotate the elements by the rest.
 
     Fragments with supports keep theirs. Returns whether all displacements are finite; ``before`` are those until now.
     """
@@ -168,12 +168,13 @@ def remove_rigid_modes(
 
 @borrower
 def accumulate_step_forces(
-    start: BodyOperators, start_terms: ForceTerms, start_twist: Floats, end: BodyOperators, end_terms: ForceTerms,
-    end_twist: Floats, half_dt: float, part: float, middle: Floats, drag_twist: Floats, applied: Floats, work: BodyWorkspace,
+    body: Ints, levers: Floats, end_levers: Floats, floor_rate: Floats, end_floor_rate: Floats, matrices: BodyMatrices,
+    end_matrices: BodyMatrices, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, end_twist: Floats, half_dt: float,
+    part: float, middle: Floats, drag_twist: Floats, applied: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``part`` of those at each of its ends."""
-    half_kick_explicit(start, start_twist, start_terms.net_force, half_dt, middle, work)
-    mean_drag_velocity(start, start_terms.net_force, middle, half_dt, drag_twist, work.scratch)
-    accumulate_forces(start, start_terms.accelerations, drag_twist, part, applied)
-    mean_drag_velocity(end, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
-    accumulate_forces(end, end_terms.accelerations, drag_twist, part, applied)
+    half_kick_explicit(matrices, twist, terms.net_force, half_dt, middle, work)
+    mean_drag_velocity(matrices, terms.net_force, middle, half_dt, drag_twist, work.scratch)
+    accumulate_forces(body, levers, floor_rate, terms.accelerations, drag_twist, part, applied)
+    mean_drag_velocity(end_matrices, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
+    accumulate_forces(body, end_levers, end_floor_rate, end_terms.accelerations, drag_twist, part, applied)

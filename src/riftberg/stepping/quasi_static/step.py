@@ -105,7 +105,7 @@ SNAPSHOT_NAMES = tuple(f"rigid_left_{name}" for name in StepSnapshot._fields)
 
 
 class QuasiStaticStepper:
-    """The scheme: what it knows from one time step to the next."""
+    """The scheme, and what lives from one time step to the next."""
 
     def __init__(self) -> None:
         self._bodies: Bodies | None = None
@@ -137,13 +137,13 @@ class QuasiStaticStepper:
             bodies if self._snapshot is None else {**bodies, **dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))}
         )
 
-    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
-        if all(name in kept for name in BODY_NAMES):
-            body, *rest = (np.asarray(kept[name]) for name in BODY_NAMES)
+        if all(name in saved for name in BODY_NAMES):
+            body, *rest = (np.asarray(saved[name]) for name in BODY_NAMES)
             self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
-        if all(name in kept for name in SNAPSHOT_NAMES):
-            ids, *rest = (np.asarray(kept[name]) for name in SNAPSHOT_NAMES)
+        if all(name in saved for name in SNAPSHOT_NAMES):
+            ids, *rest = (np.asarray(saved[name]) for name in SNAPSHOT_NAMES)
             self._snapshot = StepSnapshot(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
 
     def sample_forcing(self, model: RunState) -> None:
@@ -197,14 +197,24 @@ class QuasiStaticStepper:
 
 
 def _topology_key(model: RunState) -> list[bytes]:
-    """What bodies and lattice are made of: elements, supports, bonds that hold, and ice; as bytes, which compare quickly."""
+    """What bodies and lattice are made of: elements, supports, intact bonds, and ice; as bytes, which compare quickly."""
     body, bonds = model.elements.body, model.bonds
-    kept = body.id, body.static, body.free_y, bonds.id, bonds.status, body.mass, body.thickness, body.length, body.width
-    return [array.tobytes() for array in kept]
+    arrays = (
+        body.id,
+        body.static,
+        body.free_y,
+        bonds.id,
+        bonds.status,
+        body.mass,
+        body.thickness,
+        body.length,
+        body.width,
+    )
+    return [array.tobytes() for array in arrays]
 
 
 N_CONNECTIVITY = 5
-"""How many of them are about connectivity: which elements there are, and what holds them together and in place."""
+"""How many of them are about connectivity: which elements there are, how they are bonded and supported."""
 
 
 @dataclass
@@ -214,7 +224,7 @@ class Trial:
     h: float  # s
     state: BodyState  # At its end
     contact: ContactPhase | None  # What contact did on the way
-    peak: Equilibrium | None = None  # Under the peak contact loads, once they have been asked for
+    peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
 
 class TimeStep:
@@ -263,19 +273,19 @@ class TimeStep:
     def _advance_to_event(self, h: float, may_break: bool) -> float:
         """Take one step of at most ``h`` s that ends at the first event in it; returns the longest step to come next (s).
 
-        The order in which events are looked for is the order in which one invalidates what the trial says about the next:
+        The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
 
         1. The set of grounded elements changes in a step that is too long to resolve the drag of the sea floor. All loads
            of the trial are then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in
-           shorter steps. No event is taken: they are looked for again in these.
+           shorter steps, in which all events are looked for again.
         2. Touch-down. The floor acts at once and with full force, and stress is largest at that moment. Before a bond is
            judged, the step must end either just before the touch or just after it: in a longer step the load at its end
            would be that of a fragment that the floor has slowed already.
         3. Fracture by contact. Its loads peak within the step, so it comes before what the end of the step shows.
         4. Overload under the loads at the end, which grow evenly from the start of the step.
 
-        A step that ends before a touch-down may still hold a fracture; one that breaks bonds ends the step, as its pieces are
-        other bodies. Overload at the start can not be: the crack of the step before ran until there was none.
+        A step that ends before a touch-down may still hold a fracture; a fracture always ends the step, as the pieces are
+        other bodies. No bond is overloaded at its start: the crack of the step before ran until none was.
         """
         grounding_dt = self.dt / self.model.parameters.stepping.landing_steps
         start, checkpoint = self.state, self._checkpoint()
@@ -296,15 +306,15 @@ class TimeStep:
             before, after = _bracket(lambda t: _newly_grounded(retry(t), aground), h, tolerance)
             if h > tolerance:  # else the trial ends just after the touch already
                 trial = retry(before or after)
-                # The next step must reach past the touch, and no farther than it must. From its new start the fragment goes
-                # on a slightly other path than in the trials, so half the bracket is added for it.
+                # The next step must reach past the touch, and hardly farther. From its new start the fragment takes a slightly
+                # other path than in the trials, so half the bracket is added.
                 next_dt = 1.5 * (after - before) if before else math.inf
             touched_down = _newly_grounded(trial, aground)
         if not may_break:
             self._accept(start, trial)
             return next_dt
 
-        # After a first crack the next one begins no sooner than this: a piece that shatters must not stop the clock.
+        # After a first crack the next one begins no sooner than this: a berg that shatters must not stop the clock.
         h, least = trial.h, self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
         if self._overload(self._peak_equilibrium(trial)) > 0.0 and trial.contact is not None:
             shortest = trial.contact.shortest_substep
@@ -361,9 +371,11 @@ class TimeStep:
         before = self.applied[contact.rows] if contact else self.applied[:0]
         part = 0.5 * trial.h / self.dt
         middle, drag_twist = np.empty_like(start.bodies.twist), np.empty_like(start.bodies.twist)
+        op, end_op = start.operators, end.operators
         accumulate_step_forces(
-            start.operators, start.terms, start.bodies.twist, end.operators, end.terms, end.bodies.twist, 0.5 * trial.h,
-            part, middle, drag_twist, self.applied, work,
+            op.body, op.levers, end_op.levers, op.forcing.floor_rate, end_op.forcing.floor_rate, op.matrices,
+            end_op.matrices, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part, middle,
+            drag_twist, self.applied, work,
         )  # fmt: skip
         self.touched.append((end.operators.contacts.first, end.operators.contacts.second))
         if contact is not None:
@@ -374,7 +386,7 @@ class TimeStep:
             self._record_peaks(self._equilibrium(end), self._peak_equilibrium(trial))
 
     def _record_peaks(self, *moments: Equilibrium | None) -> None:
-        """Keep the largest stress of each bond within the time step."""
+        """Record the largest stress of each bond within the time step."""
         for moment in moments:
             if moment is not None:
                 record_peak_stress(self.bonds.peak_stress, self.lattice.intact, moment.stress)
@@ -393,8 +405,9 @@ class TimeStep:
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
         contact_bodies, contact_mean = (contact.bodies, contact.mean) if contact else (NO_PAIRS[0], bodies.twist[:0])
         predict(
-            new, bodies, start.operators, start.terms.net_force, self.frozen_displacement, h, c.latlon, c.earth_radius,
-            c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation, contact_bodies, contact_mean, work,
+            new, bodies, start.operators.matrices, start.operators.levers, start.terms.net_force, self.frozen_displacement,
+            h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
+            contact_bodies, contact_mean, work,
         )  # fmt: skip
         new = self._constrained_by_land(new)
 
@@ -471,7 +484,7 @@ class TimeStep:
         for b, inside in self._supported(bodies):
             # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
             z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
-            op.mobility[b] = z @ np.linalg.solve(z.T @ op.inertia[b] @ z, z.T) if z.size else 0.0
+            op.matrices.mobility[b] = z @ np.linalg.solve(z.T @ op.matrices.inertia[b] @ z, z.T) if z.size else 0.0
         return op
 
     def _partners(self, bodies: Bodies) -> PairList:
@@ -544,7 +557,7 @@ class TimeStep:
         return self._equilibrium(trial.state)
 
     def _between(self, start: BodyState, trial: Trial, share: float) -> Equilibrium:
-        """Return the equilibrium at a part of a trial: loads go evenly from start to end, and displacements with them."""
+        """Return the equilibrium at a part of a trial: loads change linearly from start to end, and displacements with them."""
         one, two = start.bodies.displacement, trial.state.bodies.displacement
         load = start.load + share * (trial.state.load - start.load)
         return Equilibrium(self.lattice.lattice, self.lattice.intact, one + share * (two - one), load, self.c)
@@ -617,8 +630,8 @@ class TimeStep:
         el.bond_count[j] -= 1
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
         if int(body.max()) + 1 != state.bodies.pose.shape[0]:
-            # Pieces part where they are, with the displacements at the start of the time step: held by their last bonds
-            # alone, they would be found turned by up to 30 degrees, for which a crack leaves no time.
+            # Pieces part where they are, with the displacements at the start of the time step: on their last bonds
+            # alone they would be found turned by up to 30 degrees, for which a crack leaves no time.
             forcing, frozen = state.operators.forcing, self.frozen_displacement
             el.rotation[:] += frozen[:, 2] - state.bodies.displacement[:, 2]
             bodies = split_bodies(
@@ -666,7 +679,7 @@ class TimeStep:
         momentum = mass[:, None] * (m[:, 0:3] * el.u[:, None] + m[:, 3:6] * el.v[:, None])
         momentum += (inertia * el.spin)[:, None] * m[:, 6:9]
         sums = np.array([np.bincount(bodies.body, momentum[:, k], bodies.pose.shape[0]) for k in range(3)]).T
-        return np.asarray((op.mobility @ sums[:, :, None])[:, :, 0])
+        return np.asarray((op.matrices.mobility @ sums[:, :, None])[:, :, 0])
 
     def _workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""
@@ -675,7 +688,7 @@ class TimeStep:
         return self.work
 
     def _factored_lattice(self, bodies: Bodies) -> FactoredLattice:
-        """Describe and factor the lattice of the bonds that hold."""
+        """Describe and factor the lattice of the intact bonds."""
         el, bonds, c = self.el, self.bonds, self.c
         xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
         lattice = find_lattice(bonds, xy, el.thickness, self.sizes, c)
@@ -697,7 +710,7 @@ class FactoredLattice:
 
     xy: Floats  # Reference coordinates of the elements in their fragments, m; shape (elements, 2)
     lattice: ElasticLattice
-    intact: Ints  # Bonds that hold, as rows of the state
+    intact: Ints  # As rows of the state
     supports: Supports
     solver: StiffnessSolver
     criterion: Criterion
@@ -712,7 +725,7 @@ class FactoredLattice:
         return self._strengths[1]
 
     def equilibrium(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
-        """Return the equilibrium with these displacements; the latest is kept, so that its stresses are found once."""
+        """Return the equilibrium with these displacements; the latest is cached, so that its stresses are found once."""
         latest = self._latest
         if latest is None or latest.displacement is not displacement or latest.intact is not self.intact:
             self._latest = latest = Equilibrium(self.lattice, self.intact, displacement, load, p)

@@ -85,8 +85,8 @@ def sync_bodies(
     parted = ~anew & ~whole
     if parted.any():
         inside = parted[body]
-        kept = row[inside]
-        of_old = Bodies(old.body[kept], old.reference[kept], old.pose, old.twist, old.displacement[kept])
+        was = row[inside]
+        of_old = Bodies(old.body[was], old.reference[was], old.pose, old.twist, old.displacement[was])
         mass = el.body.mass[inside]
         inertia = 0.5 * mass * interaction_sizes(el, p).bond_radius[inside] ** 2
         _insert(
