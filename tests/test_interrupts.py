@@ -22,7 +22,7 @@ import typer
 
 import riftberg
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.cli.failures import EXIT_INTERRUPTED, reported
+from riftberg.cli.terminal import EXIT_INTERRUPTED, reported
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model

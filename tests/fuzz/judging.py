@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from riftberg.cli.failures import EXIT_ERROR
+from riftberg.cli.terminal import EXIT_ERROR
 from riftberg.cli.main import app
 from riftberg.system.watchdog import STUCK_AFTER
 

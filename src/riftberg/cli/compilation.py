@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from riftberg.cli.failures import say
+from riftberg.cli.terminal import say
 
 COMPILE_TIME = "about a minute on a free core"
 """About how long the first run compiles, as announced."""

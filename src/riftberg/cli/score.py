@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from riftberg.cli.failures import reported, say
+from riftberg.cli.terminal import reported, say
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
-from riftberg.cli.spans import within
+from riftberg.cli.options import within
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
 
@@ -91,7 +91,7 @@ def score(
 
 
 def _span(text: str | None) -> tuple[datetime, datetime] | None:
-    from riftberg.cli.spans import dates
+    from riftberg.cli.options import dates
 
     span = dates(text, "--between")
     if span is None:
