@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from riftberg.cli.terminal import reported
-from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.options import positive
+from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 from riftberg.system.limits import refuse_large
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.terminal import reported
-from riftberg.cli.output import results_folder
 from riftberg.cli.options import dates, pair, positive
+from riftberg.cli.output import results_folder
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")

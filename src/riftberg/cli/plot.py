@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.terminal import reported
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Dates, Format, ObservedFile, Run, check_picture_format, folder_beside, moments, seen
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from riftberg.cli.compilation import announce_compilation
-from riftberg.cli.terminal import EXIT_INTERRUPTED, reported, say
-from riftberg.cli.output import check_folder, results_folder
 from riftberg.cli.options import positive, within
+from riftberg.cli.output import check_folder, results_folder
+from riftberg.cli.terminal import EXIT_INTERRUPTED, reported, say
 from riftberg.config.usual_ranges import of_records
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options

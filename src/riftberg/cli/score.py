@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.options import within
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
-from riftberg.cli.options import within
+from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from riftberg.cli.compilation import announce_compilation
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.options import positive
 from riftberg.cli.output import check_folder, results_folder
 from riftberg.cli.run import Data, Days, NumericsName, Settings, Without, make_options, output_folder
-from riftberg.cli.options import positive
+from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 

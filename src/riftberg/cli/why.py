@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.terminal import reported, say
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
+from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:
