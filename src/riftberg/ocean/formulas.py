@@ -24,7 +24,7 @@ import numpy as np
 from riftberg.config.places import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said
 from riftberg.ocean.formula_schema import (
     M2,
     EddyPart,
@@ -41,7 +41,6 @@ from riftberg.ocean.formula_schema import (
 )
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
-from riftberg.ocean.shown import ShownForcing, compass, flows_text, pair_text, said
 from riftberg.state import Elements, Floats
 
 SUMMED: Final = ("uo", "vo", "slope_x", "slope_y", "ua", "va", "ui", "vi", "ice_thickness", "vorticity")
@@ -53,7 +52,7 @@ UNKNOWN: Final = ("sst", "sss", "ice_fraction")
 Pair = tuple[float, float]
 
 
-class Formula(ShownForcing):
+class Formula(DescribedForcing):
     """Forcing that formulas give at the elements themselves, and that can be added to other forcing.
 
     A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are
