@@ -11,8 +11,8 @@ import numpy as np
 from riftberg.config.values import given, native, number
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
+from riftberg.ocean.forcing import flows_text, pair_text, said
 from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
-from riftberg.ocean.shown import flows_text, pair_text, said
 from riftberg.ocean.steady_schema import ConstantForcing, steady_value
 from riftberg.parameters import Earth
 from riftberg.state import Elements, Floats, new_elements

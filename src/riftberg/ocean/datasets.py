@@ -24,11 +24,11 @@ from riftberg.ocean.at_elements import (
     fill_values,
     fill_vorticity,
 )
+from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
-from riftberg.ocean.shown import ShownForcing
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
@@ -107,7 +107,7 @@ def served(records: ProductRecords) -> tuple[str, ...]:
     return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
 
 
-class DatasetForcing(ShownForcing):
+class DatasetForcing(DescribedForcing):
     """Several products as one forcing; implements `riftberg.ocean.forcing.Forcing`.
 
     Parameters

@@ -31,10 +31,9 @@ from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, V
 from riftberg.config.values import UnfitError, explained, fields_of, in_metres, plain_value, says_metres
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
-from riftberg.ocean.shown import ShownForcing, compass, flows_text, pair_text, said
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
 
@@ -51,7 +50,7 @@ _CENTRE = "longitude and latitude (x and y in m where positions are metres)"
 _TOWARDS = "direction, clockwise from north: 90 is eastward"
 
 
-class Formula(ShownForcing):
+class Formula(DescribedForcing):
     """Forcing that formulas give at the elements themselves, and that can be added to other forcing.
 
     A forcing class of one's own may stand on this one: `add_to` is all that it must have, and `currents` and `depth` are

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
+from riftberg.ocean.forcing import DescribedForcing, SharedLock
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.interpolation import (
@@ -27,9 +28,7 @@ from riftberg.ocean.interpolation import (
 )
 from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
 from riftberg.ocean.search import locate_points
-from riftberg.ocean.shown import ShownForcing
 from riftberg.ocean.tides import add_tidal_drift
-from riftberg.ocean.turn import Turn
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.order import listed
 
@@ -106,7 +105,7 @@ class FieldRules:
             raise ForcingError(f"stepwise names {unknown[0]!r}", remedy=f"Fields are {', '.join(Fields._fields)}")
 
 
-class GriddedForcing(ShownForcing):
+class GriddedForcing(DescribedForcing):
     """Ocean, air, sea ice and sea floor from fields on a grid, constant or in records over time.
 
     Implements `riftberg.ocean.forcing.Forcing`.
@@ -365,7 +364,7 @@ class _Records:
         self._prepared: dict[int, tuple[Floats, Floats, tuple[int, int]]] = {}
         self._kept: dict[int, tuple[Fields, tuple[str, int, int] | None]] = {}
         self._load: Callable[[int], Fields] | None = None
-        self._turn = Turn()
+        self._lock = SharedLock()
         self.count = -1
         if callable(records):
             self._load = records
@@ -408,7 +407,7 @@ class _Records:
         known = self._kept.get(k)
         if known is not None:
             return known
-        with self._turn:  # another thread may have loaded it meanwhile
+        with self._lock:  # another thread may have loaded it meanwhile
             return self._kept.get(k) or self._loaded(k)
 
     def _loaded(self, k: int) -> tuple[Fields, tuple[str, int, int] | None]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from riftberg.config.places import latitude, longitude
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
+from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.loading import wind_from_stress
-from riftberg.ocean.turn import Turn
 from riftberg.products.canonical import QUANTITIES, unlikely
 from riftberg.products.keel import layer_limits
 from riftberg.products.packing import VALID
@@ -89,7 +89,7 @@ class ProductRecords:
         size = sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
         self._length = int(np.clip(BLOCK_BYTES / (8 * max(size, 1)), 1, MOST_RECORDS))
         self._blocks: dict[int, Block] = {}
-        self._turn = Turn()
+        self._lock = SharedLock()
 
     @property
     def cover(self) -> tuple[float, float]:
@@ -166,7 +166,7 @@ class ProductRecords:
         first = number // self._length * self._length
         block = self._blocks.get(first)
         if block is None:
-            with self._turn:  # another thread may have read it meanwhile
+            with self._lock:  # another thread may have read it meanwhile
                 block = self._blocks.get(first) or self._read(first)
         # A field without time beside others has one record.
         return {name: values[number - first if len(values) > 1 else 0] for name, values in block.items()}

@@ -30,8 +30,8 @@ import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
+from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.shown import ShownForcing
 from riftberg.state import Elements, Floats
 
 LATITUDE, LONGITUDE = -55.8, -37.4
@@ -203,7 +203,7 @@ def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
         out[e] = -(x * x + y * y) / length**2
 
 
-class StoryOcean(ShownForcing):
+class StoryOcean(DescribedForcing):
     """The fitted ocean as forcing, evaluated at the elements themselves."""
 
     grid: Grid | None = None
