@@ -272,7 +272,7 @@ class Parameters(Group):
             )
 
     def __repr__(self) -> str:
-        """Return what differs from the defaults; `describe` tells all."""
+        """Return what differs from the defaults; `describe` has all."""
         changes = []
         for name in type(self).model_fields:
             group = getattr(self, name)
@@ -296,7 +296,7 @@ class Parameters(Group):
                 if value != field.get_default():
                     cells = (f"{name}.{key}", f"{value} {unit_of(field)}", str(field.description or ""))
                     rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
-        note = "all others have their defaults; describe() tells them"
+        note = "all others have their defaults; see describe()"
         return f"<table><caption>Parameters ({note})</caption>{''.join(rows)}</table>"
 
     def describe(self) -> str:
@@ -306,8 +306,8 @@ class Parameters(Group):
     def changed(self, /, **groups: dict[str, Any]) -> Parameters:
         """Return a copy with some values of some groups changed, and checked again.
 
-        Who asks for what only the explicit scheme has (sub-steps, spring bonds, bonds without shear) and names no scheme
-        gets that scheme, `mts`, in place of the quasi-static one.
+        Changes that only the explicit scheme allows (sub-steps, spring bonds, bonds without shear) select that scheme, `mts`,
+        in place of the quasi-static one, unless they name a scheme.
         """
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)

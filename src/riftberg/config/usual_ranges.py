@@ -16,7 +16,7 @@ from riftberg.config.values import unit_of
 
 
 class Usual(NamedTuple):
-    """Smallest and largest usual value, their unit where no field tells it, and where the range comes from.
+    """Smallest and largest usual value, their unit where no field has it, and where the range comes from.
 
     A value of 0 that leaves a law out (``off``) is as usual.
     """
@@ -165,7 +165,7 @@ _DEPTHS: Final = ("water", "plain", "middle")
 
 
 def _label(name: str) -> str:
-    """Return a name as whoever gave the value knows it."""
+    """Return a name as the user wrote it."""
     kind, _, key = name.partition(".")
     return f"forcing, {kind}: {'depth' if key in _DEPTHS else key}" if kind[0].isupper() else name
 

@@ -39,10 +39,10 @@ LARGEST_CHUNK: Final = 32 * 2**20
 
 
 STRESS: Final = 10.0
-"""Largest stress of the wind that is believed, Pa."""
+"""Largest plausible stress of the wind, Pa."""
 
 LIMITS: Final = {"ua": 80.0, "va": 80.0, "uo": 5.0, "vo": 5.0, "SSH": 10.0}
-"""Largest magnitudes that are believed, m s-1 and m."""
+"""Largest plausible magnitudes, m s-1 and m."""
 
 HALF_CELL: Final = 0.56
 """Cells between the positions of a file and of the grid at most: files may give centres, the grid gives corners."""
@@ -103,7 +103,7 @@ class HourlyFile:
 
     def _checked(self, name: str, raw: NDArray[Any], number: int) -> Floats:
         """Return the values of a record, after a check that they can be."""
-        packing, (unit, limit) = self._packing[name], self._believed(name)
+        packing, (unit, limit) = self._packing[name], self._plausible(name)
         values = true_values(raw, packing)
         with np.errstate(invalid="ignore"):
             bad = ~np.isfinite(values) | ((np.abs(values) > limit) & (not extreme_allowed()))
@@ -119,7 +119,7 @@ class HourlyFile:
             value, halo, g = float(values[j, i]), self._grid.arrays.halo, self._grid.arrays
             place = f"in row {j + 1}, column {i + 1} ({g.lon[j + halo, i + halo]:g}, {g.lat[j + halo, i + halo]:g})"
             if math.isfinite(value):
-                what = f"{name} = {value:g} {place} is not believed: the most is {limit:g} {unit}"
+                what = f"{name} = {value:g} {place} is not plausible: the most is {limit:g} {unit}"
                 remedy = f"Write {name} in {unit}, declare what is missing as _FillValue, {MEANT}"
             else:
                 what = f"{name} = {value:g} {place} is no number, and not declared as missing"
@@ -133,7 +133,7 @@ class HourlyFile:
             raise ForcingError("holds no value at all, only gaps", where=where, remedy="Give the field of that hour")
         return values
 
-    def _believed(self, name: str) -> tuple[str, float]:
+    def _plausible(self, name: str) -> tuple[str, float]:
         """Return unit and largest magnitude of a variable."""
         if self._stress and name in ("ua", "va"):
             return "Pa", STRESS
@@ -169,7 +169,7 @@ class HourlyFile:
         """Refuse units that say something else than how the driver takes the numbers."""
         with opened_dataset(self.path) as dataset:
             for name in self.names:
-                unit = self._believed(name)[0]
+                unit = self._plausible(name)[0]
                 given = str(getattr(dataset.variables[name], "units", unit))
                 if " ".join(given.lower().split()) not in (*UNITS[unit], "", "1", "none"):
                     raise ForcingError(

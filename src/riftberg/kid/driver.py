@@ -36,12 +36,12 @@ SEAMOUNT_LAND: Final = (-5000.0, 220_000.0)
 MOST_CELLS: Final = 10_000_000
 """Cells of the driver's grid."""
 
-BELIEVED: Final = {
+PLAUSIBLE: Final = {
     **dict.fromkeys(("ibuo", "ibvo", "uo0", "vo0"), ("current", LIMITS["uo"], "m/s")),
     **dict.fromkeys(("ibui", "ibvi", "ui0", "vi0"), ("drift of sea ice", LIMITS["uo"], "m/s")),
     **dict.fromkeys(("ibua", "ibuy", "ua0", "va0"), ("wind", LIMITS["ua"], "m/s (or Pa of stress, at most 10)")),
 }
-"""Largest magnitudes that are believed of the driver's entries, with what they are."""
+"""Largest plausible magnitudes of the driver's entries, with what they are."""
 
 WIDEST_CELL: Final = 1e7
 """Widest cell of the driver's grid, m."""
@@ -192,7 +192,7 @@ def uniform_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -
 
 def check_medium(driver: NamelistGroup, icebergs: NamelistGroup) -> None:
     """Refuse water, ice and air of a driver that cannot be, unless they are said to be meant."""
-    for name, (what, most, unit) in BELIEVED.items():
+    for name, (what, most, unit) in PLAUSIBLE.items():
         if name not in driver.values:
             continue
         if what == "wind" and not icebergs.flag("tau_is_velocity"):

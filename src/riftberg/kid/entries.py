@@ -42,60 +42,45 @@ def find_entry(group: str, name: str, where: str = "") -> Entry:
     raise NamelistError(f"unknown entry '{name}'", where=where, remedy=remedy)
 
 
-def _wrong(entry: Entry, raw: object, where: str, expected: str) -> NamelistError:
-    what = f"{entry.name} = {value_shown(raw)} is not {expected}"
-    return NamelistError(what, where=where, remedy=f"KID's default is {entry.default!r}")
-
-
-def _logical(entry: Entry, raw: object, where: str) -> bool:
-    if isinstance(raw, bool):
-        return raw
-    if isinstance(raw, str) and raw.strip().lstrip(".")[:1].lower() in ("t", "f"):
-        return raw.strip().lstrip(".")[0].lower() == "t"
-    raise _wrong(entry, raw, where, "a logical (.true. or .false.)")
-
-
-def _real(entry: Entry, raw: object, where: str) -> float:
-    if isinstance(raw, bool) or not isinstance(raw, int | float) or not math.isfinite(raw):
-        raise _wrong(entry, raw, where, "a finite number")
-    return float(raw)
-
-
-def _integer(entry: Entry, raw: object, where: str) -> int:
-    if isinstance(raw, int) and not isinstance(raw, bool):
-        return raw
-    if isinstance(raw, float) and math.isfinite(raw) and raw.is_integer():
-        return int(raw)
-    raise _wrong(entry, raw, where, "a whole number")
-
-
-def _reals(entry: Entry, raw: object, where: str, start: int) -> tuple[float, ...]:
-    items = raw if isinstance(raw, list) else [raw]
-    values = list(entry.default) if isinstance(entry.default, tuple) else []
-    if start < 1 or start - 1 + len(items) > REALS_SIZE:
-        raise _wrong(entry, raw, where, f"a list of at most {REALS_SIZE} numbers")
-    for k, item in enumerate(items):
-        if item is not None:
-            values[start - 1 + k] = _real(entry, item, where)
-    return tuple(values)
-
-
 def convert(entry: Entry, raw: Any, where: str = "", start: int = 1) -> Value:
-    """Return a raw namelist value as the entry's type."""
+    """Return a raw namelist value as the entry's type; ``start``: place from which a list fills a table, from 1."""
+
+    def wrong(expected: str, value: object = raw) -> NamelistError:
+        what = f"{entry.name} = {value_shown(value)} is not {expected}"
+        return NamelistError(what, where=where, remedy=f"KID's default is {entry.default!r}")
+
+    def is_number(value: object) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
     if raw is None:
         return entry.default
     if entry.kind == REALS:
-        return _reals(entry, raw, where, start)
+        items = raw if isinstance(raw, list) else [raw]
+        values = list(entry.default) if isinstance(entry.default, tuple) else []
+        if start < 1 or start - 1 + len(items) > REALS_SIZE:
+            raise wrong(f"a list of at most {REALS_SIZE} numbers")
+        for k, item in enumerate(items, start - 1):
+            if item is not None and not is_number(item):
+                raise wrong("a finite number", item)
+            values[k] = values[k] if item is None else float(item)
+        return tuple(values)
     if isinstance(raw, list):
-        raise _wrong(entry, raw, where, "a single value")
+        raise wrong("a single value")
     if entry.kind == LOGICAL:
-        return _logical(entry, raw, where)
+        letter = raw.strip().lstrip(".")[:1].lower() if isinstance(raw, str) else ""
+        if not isinstance(raw, bool) and letter not in ("t", "f"):
+            raise wrong("a logical (.true. or .false.)")
+        return raw if isinstance(raw, bool) else letter == "t"
     if entry.kind == INTEGER:
-        return _integer(entry, raw, where)
+        if not is_number(raw) or raw != int(raw):
+            raise wrong("a whole number")
+        return int(raw)
     if entry.kind == REAL:
-        return _real(entry, raw, where)
+        if not is_number(raw):
+            raise wrong("a finite number")
+        return float(raw)
     if not isinstance(raw, str):
-        raise _wrong(entry, raw, where, "a text in quotes")
+        raise wrong("a text in quotes")
     return raw.strip()
 
 
@@ -169,5 +154,5 @@ def lacking(name: str, values: Mapping[str, Value]) -> str:
     ways = [way.split() for way in NEEDS.get(name, "").split(" | ")]
     if any(all(bool(values.get(flag.lstrip("-"))) is not flag.startswith("-") for flag in way) for way in ways):
         return ""
-    told = (" and ".join(f"{f.lstrip('-')} = {'.false.' if f[0] == '-' else '.true.'}" for f in way) for way in ways)
-    return f"it acts with {', or with '.join(told)} only"
+    words = (" and ".join(f"{f.lstrip('-')} = {'.false.' if f[0] == '-' else '.true.'}" for f in way) for way in ways)
+    return f"it acts with {', or with '.join(words)} only"

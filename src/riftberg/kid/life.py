@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from riftberg.kid.calendar import Clock
 from riftberg.kid.calving_file import IdentifierCounter
 from riftberg.kid.namelist import NamelistGroup
-from riftberg.kid.trajectories import look_around
+from riftberg.kid.trajectories import resample_environment
 from riftberg.life.draws import ReferenceDraws
 from riftberg.life.process import LifeModel
 from riftberg.life.values import life_values
@@ -68,6 +68,6 @@ def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path
 
     def look(m: LifeModel) -> None:
         if single:
-            look_around(m, (m.step_number - 1) * clock.dt, group)
+            resample_environment(m, (m.step_number - 1) * clock.dt, group)
 
     life.born, life.look_around = born, look

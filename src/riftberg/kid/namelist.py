@@ -76,10 +76,8 @@ class KidNamelist:
     """The two groups of a KID namelist file that matter."""
 
     path: Path  # The file
-    # Groups ``icebergs_nml`` and ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``
-    icebergs: NamelistGroup
-    # Groups ``icebergs_nml`` and ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``
-    driver: NamelistGroup
+    icebergs: NamelistGroup  # Group ``icebergs_nml``
+    driver: NamelistGroup  # Group ``icebergs_driver_nml``; in cases that exchange with an ocean ``drv_nml``
     ignored_groups: tuple[str, ...]  # Other groups in the file
 
     @property

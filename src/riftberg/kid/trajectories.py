@@ -132,7 +132,7 @@ def sampling_hours(group: NamelistGroup) -> float:
 def recorded(elements: Elements, group: NamelistGroup, density: float, year: int) -> NDArray[np.bool_]:
     """Return which elements KID records: large enough, bonded, late enough, or of a chosen class of initial mass.
 
-    Children of footloose calving have a threshold of their own too, but a lower one for all serves them as well.
+    Children of footloose calving have a threshold of their own too, but a lower threshold for all applies to them too.
     """
     area = elements.mass / (density * elements.thickness)
     chosen = (area >= group.number("traj_area_thres") * KM2) | (elements.bond_count > 0)
@@ -200,7 +200,7 @@ class TrajectoryRecorder(_Sampler):
 
     def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
         if model.parameters.stepping.scheme != "mts":
-            look_around(model, (model.step_number - 1) * self.clock.dt, self.group)
+            resample_environment(model, (model.step_number - 1) * self.clock.dt, self.group)
         e = model.elements
         rows = np.flatnonzero(recorded(e, self.group, model.parameters.ice.density, date.year))
         columns: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
@@ -210,11 +210,11 @@ class TrajectoryRecorder(_Sampler):
         return columns
 
 
-def look_around(model: LifeModel, time: float, group: NamelistGroup) -> None:
-    """Take the environment at the new positions with the fields of the step that ended (files, section 1.1).
+def resample_environment(model: LifeModel, time: float, group: NamelistGroup) -> None:
+    """Sample the environment at the new positions with the fields of the step that ended (files, section 1.1).
 
     KID does so in its thermodynamics, without the random tide, and leaves the depth as the step found it. With ``dem`` or
-    ``footloose`` it does so after the move, with the tide and the depth. The next step looks again.
+    ``footloose`` it does so after the move, with the tide and the depth. The next step samples again.
     """
     after_move = group.flag("dem") or group.flag("footloose")
     depth = model.elements.depth.copy()
