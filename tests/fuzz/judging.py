@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from riftberg.cli.terminal import EXIT_ERROR
 from riftberg.cli.main import app
+from riftberg.cli.terminal import EXIT_ERROR
 from riftberg.system.watchdog import STUCK_AFTER
 
 REFUSED, HARMLESS, RIGHT, TOLD = "refused well", "accepted, harmless", "right value", "told before the run"

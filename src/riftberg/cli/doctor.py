@@ -11,8 +11,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import typer
 
-from riftberg.cli.terminal import reported
 from riftberg.cli.options import dates, pair
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError, RiftbergError
 
 EXIT_LACKING = 1

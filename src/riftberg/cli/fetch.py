@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.terminal import reported
+from riftberg.cli.options import Quiet, dates, pair, positive
 from riftberg.cli.output import results_folder
-from riftberg.cli.options import dates, pair, positive
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
@@ -37,7 +37,7 @@ def fetch(
     ] = None,
     depth: Annotated[float, typer.Option("--depth", help="Deepest level (m), for products with levels.")] = 250.0,
     small: Annotated[bool, typer.Option("--small", help="a68a: only the small files, no hourly fields.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Fetch forcing files; a fetch that was cut goes on where it stopped."""
     positive(depth, "--depth", "m", most=12_000.0)

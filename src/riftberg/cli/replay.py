@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.terminal import reported
-from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.options import within
+from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 
 
