@@ -17,6 +17,7 @@ from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.fragments.tree import Fragment
+from riftberg.system.interrupts import held
 
 SIDE = 3000.0
 EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
@@ -163,13 +164,15 @@ class FakeModel:
             for recorder in recorders:
                 recorder.start(self)
                 started.append(recorder)
-            while self.time < end - 1e-6:
-                self.step()
-                for recorder in recorders:
-                    recorder.record(self)
+            with held() as hold:
+                while self.time < end - 1e-6 and not hold.requested:
+                    self.step()
+                    for recorder in recorders:
+                        recorder.record(self)
         finally:
             for recorder in started:
                 recorder.finish(self)
+        hold.check()
 
 
 class BendingModel(FakeModel):

@@ -134,7 +134,8 @@ def test_going_on_names_the_options_that_the_forcing_depends_on(invoke: Any) -> 
     Path("my data").mkdir()
     result = invoke("run", "fake", "--without", "shoal", "--numerics", "own", "--data", "my data", "--no-map")
     asked = (
-        "riftberg run fake --without shoal --data 'my data' --numerics own --resume riftberg-out/fake/failed.restart.nc"
+        "riftberg run fake --without shoal --numerics own --data 'my data' --no-map "
+        "--resume riftberg-out/fake/failed.restart.nc"
     )
     assert asked in result.stderr
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from riftberg.cli.options import positive
+from riftberg.cli.options import Quiet, positive
 from riftberg.cli.pictures import ObservedFile, Run, outlines, picture_path
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
@@ -31,7 +31,7 @@ def animate(
         int | None, typer.Option("--dpi", min=30, max=400, help="Resolution.  [default: 110, GIF 80]")
     ] = None,
     observed: ObservedFile = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Write a film of a run."""
     from riftberg.runs.run_file import open_run

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.compilation import announce_compilation
-from riftberg.cli.options import positive
-from riftberg.cli.run import Settings, make_options
-from riftberg.cli.terminal import reported
+from riftberg.cli.options import Settings, make_options, positive
+from riftberg.cli.terminal import announce_compilation, reported
 from riftberg.errors import InputError
 from riftberg.experiments import Options
 from riftberg.system.limits import check_elements

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.options import dates, pair, positive
+from riftberg.cli.options import Quiet, dates, pair, positive
 from riftberg.cli.output import results_folder
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
@@ -36,10 +36,8 @@ def fetch(
         ),
     ] = None,
     depth: Annotated[float, typer.Option("--depth", help="Deepest level (m), for products with levels.")] = 250.0,
-    small: Annotated[
-        bool, typer.Option("--small", help="a68a: only the small files, without the hourly fields.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    small: Annotated[bool, typer.Option("--small", help="a68a: only the small files, no hourly fields.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Download forcing files; an interrupted download resumes where it stopped."""
     positive(depth, "--depth", "m", most=12_000.0)

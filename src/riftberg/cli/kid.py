@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.compilation import announce_compilation
 from riftberg.cli.output import check_folder, check_output, results_folder
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError
 from riftberg.system.input_files import is_folder
 from riftberg.system.limits import allow_extreme, allow_large

@@ -55,7 +55,8 @@ class Commands(TyperGroup):
         self.commands = {name: TyperCommand(name, help=summary) for name, summary in SUMMARIES.items()}
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse empty words: as a path they would mean the folder at hand."""
+        """Keep the words for commands that print how to go on; refuse empty ones: a path would mean the folder at hand."""
+        ctx.obj = list(args)
         if "" in args:
             place = args.index("")
             ctx.fail(f"Nothing stands after '{args[place - 1]}', only an empty word." if place else "An empty word.")

@@ -1,11 +1,39 @@
-"""Options that are numbers, or two of something with a comma between them: a box, a span of dates."""
+"""Options that several commands take, and their checks: numbers, and two of something with a comma between them."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
 
 from riftberg.errors import InputError
-from riftberg.system.input_files import value_shown
+from riftberg.system.input_files import is_folder, value_shown
+
+if TYPE_CHECKING:
+    from riftberg.experiments import Numerics, Options
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", "-s", metavar="GROUP.NAME=VALUE",
+        help="Set a parameter, for example fracture.normal_strength='20 kPa'.",
+    ),
+]  # fmt: skip
+Days = Annotated[float | None, typer.Option("--days", help="Length of the run, instead of the experiment's.")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of data files.")]
+Without = Annotated[list[str] | None, typer.Option("--without", help="Leave out a part of the experiment.")]
+NumericsName = Annotated[
+    str | None,
+    typer.Option(
+        "--numerics",
+        help="'own', 'reference' for the numerics and quirks of iKID, or 'both' for both, side by side.  "
+        "[default: own; reference for a68a-paper]",
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
+OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 
 def positive(value: float | None, option: str, unit: str, most: float = math.inf) -> None:
@@ -59,3 +87,42 @@ def dates(text: str | None, where: str = "--time") -> tuple[str, str] | None:
     if first > last:
         raise InputError(f"{parts[0]} is later than {parts[1]}", where=where, remedy="The earlier date stands first")
     return first.isoformat(), last.isoformat()
+
+
+def make_options(
+    settings: list[str] | None,
+    days: float | None,
+    data: Path | None,
+    without: list[str] | None,
+    numerics: str | None = None,
+    fetch: bool = False,
+    grid: float | None = None,
+) -> Options:
+    """Check what was given on the command line."""
+    from riftberg.experiments import Options
+
+    if numerics not in (None, "own", "reference", "both"):
+        raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
+    if grid is not None and not 1e-4 <= grid <= 5.0:
+        raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
+    positive(days, "--days", "days")
+    if data is not None and not is_folder(data) and not fetch:
+        raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
+    changes: dict[str, dict[str, Any]] = {}
+    if settings:
+        from riftberg.experiments.changes import parse_settings
+
+        changes = parse_settings(settings)
+    chosen: Numerics | None = None if numerics == "both" else cast("Numerics | None", numerics)
+    return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
+
+
+def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path:
+    """Return the folder of the results; without a wish, one that holds no earlier run."""
+    if wished is not None:
+        return wished
+    folder, number = Path("riftberg-out") / name, 1
+    while (folder / holds).exists():
+        number += 1
+        folder = Path("riftberg-out") / f"{name}-{number}"
+    return folder

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from riftberg.cli.options import OutputBeside
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Dates, Format, ObservedFile, Run, check_picture_format, folder_beside, moments, seen
 from riftberg.cli.terminal import reported
@@ -22,7 +23,7 @@ KINDS = ("map", "dates", "stress", "timeline", "damage", "story")
 @reported
 def plot(
     run: Run,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")] = None,
+    output: OutputBeside = None,
     kind: Annotated[
         list[str] | None,
         typer.Option(

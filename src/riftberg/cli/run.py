@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 
-from riftberg.cli.compilation import announce_compilation
-from riftberg.cli.options import positive, within
+from riftberg.cli.options import (
+    Data,
+    Days,
+    NumericsName,
+    Quiet,
+    Settings,
+    Without,
+    make_options,
+    output_folder,
+    positive,
+    within,
+)
 from riftberg.cli.output import check_folder, results_folder
-from riftberg.cli.terminal import EXIT_INTERRUPTED, reported, say
+from riftberg.cli.terminal import EXIT_INTERRUPTED, announce_compilation, reported, say
 from riftberg.config.usual_ranges import of_records
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.system.atomic_files import refusal
 from riftberg.system.input_files import check_file, is_folder, shown
 from riftberg.system.interrupts import held
-from riftberg.system.limits import allow_large, large_allowed
+from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
@@ -28,30 +38,6 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
     from riftberg.runs.track import DailyTrack
 
-Name = Annotated[str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")]
-Output = Annotated[
-    Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME]")
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", "-s", metavar="GROUP.NAME=VALUE",
-        help="Set a parameter, for example fracture.normal_strength='20 kPa'.",
-    ),
-]  # fmt: skip
-Days = Annotated[float | None, typer.Option("--days", help="Length of the run, instead of the experiment's.")]
-Data = Annotated[Path | None, typer.Option("--data", help="Folder of data files.")]
-Without = Annotated[
-    list[str] | None, typer.Option("--without", help="Leave out a part of the experiment, for example shoal.")
-]
-NumericsName = Annotated[
-    str | None,
-    typer.Option(
-        "--numerics",
-        help="'own', 'reference' for the numerics and quirks of iKID, or 'both' to run and compare both.  "
-        "[default: own; reference for a68a-paper]",
-    ),
-]
 RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
 """Files that a run may write into its folder."""
 
@@ -63,8 +49,13 @@ BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 @reported
 def run(
-    experiment: Name,
-    output: Output = None,
+    context: typer.Context,
+    experiment: Annotated[
+        str, typer.Argument(help="A built-in experiment (see 'riftberg experiments') or a YAML file.")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME]")
+    ] = None,
     settings: Settings = None,
     days: Days = None,
     data: Data = None,
@@ -105,7 +96,7 @@ def run(
         typer.Option("--keep-minutes", help="Minutes of computing between the states saved for --resume; 0 for none."),
     ] = KEEP_MINUTES,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: Quiet = False,
     large: Annotated[
         bool,
         typer.Option(
@@ -120,38 +111,29 @@ def run(
         positive(every, "--every", "hours", most=1e6)
         positive(keep_days, "--keep-days", "days", most=1e6)
         within(keep_minutes, "--keep-minutes", 0.0, 1e6)
-        wishes = Wishes(output, every, forces, map_, quiet, cells, (keep_days, keep_minutes))
-        _run(experiment, options, wishes, resume, both=numerics == "both")
+        words = ["riftberg", *context.find_root().obj]
+        wanted = RunOptions(output, every, forces, map_, quiet, cells, keep_days, keep_minutes, words)
+        if output is not None:
+            check_folder(output, RESULTS)
+        announce_compilation(quiet)
+        if numerics == "both":
+            _run_both(experiment, options, wanted, resume)
+        else:
+            _run_one(experiment, options, wanted, resume)
 
 
-class Wishes(NamedTuple):
-    """What a run shall write and show, as it was asked for on the command line.
+class RunOptions(NamedTuple):
+    """What a run shall write and show, as given on the command line."""
 
-    Attributes
-    ----------
-    output : pathlib.Path or None
-        Folder of the results.
-    every : float or None
-        Hours between records; None for those of the experiment.
-    forces : bool
-        Write the mean force of each medium.
-    draw : bool
-        Draw a map at the end.
-    quiet : bool
-        Show no progress.
-    cells : float or None
-        Width (degrees) of the cells of the gridded output; None for none.
-    keep : tuple of float
-        Simulated days (or None), and minutes of computing, between two states that are kept.
-    """
-
-    output: Path | None
-    every: float | None
-    forces: bool
-    draw: bool
-    quiet: bool
-    cells: float | None = None
-    keep: tuple[float | None, float] = (None, KEEP_MINUTES)
+    output: Path | None  # Folder of the results
+    every: float | None  # Hours between records; None for those of the experiment
+    forces: bool  # Write the mean force of each medium
+    draw: bool  # Draw a map at the end
+    quiet: bool  # Show no progress
+    cells: float | None  # Width (degrees) of the cells of the gridded output; None for none
+    keep_days: float | None  # Simulated days between two states that are kept
+    keep_minutes: float  # The same in minutes of computing
+    words: list[str]  # The command line
 
     def added_to(self, info: Info) -> Info:
         """Return an experiment with the files that were asked for on the command line."""
@@ -162,81 +144,71 @@ class Wishes(NamedTuple):
         """Return the hours between records of an experiment."""
         return info.output_every_hours if self.every is None else self.every
 
-    def recording(self, options: Options) -> list[str]:
-        """Return the options of length and records, for going on with a run."""
-        words = [] if options.days is None else ["--days", f"{options.days!r}"]
-        if self.every is not None:
-            words += ["--every", f"{self.every!r}"]
-        if self.cells is not None:
-            words += ["--cells", f"{self.cells!r}"]
-        return words + (["--forces"] if self.forces else [])
 
-    def shown(self) -> str:
-        """Return the options of what is shown, for going on with a run."""
-        large = " --allow-large" if large_allowed() else ""
-        return ("" if self.draw else " --no-map") + (" --quiet" if self.quiet else "") + large
-
-
-def _run(experiment: str, options: Options, wishes: Wishes, resume: Path | None, *, both: bool) -> None:
-    if wishes.output is not None:
-        check_folder(wishes.output, RESULTS)
-    announce_compilation(wishes.quiet)
-    if both:
-        if resume is not None:
-            raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
-        _run_both(experiment, options, wishes)
-        return
+def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
     goes_on = resume is not None and is_folder(resume)
-    if goes_on and wishes.output not in (None, resume):
+    if goes_on and wanted.output not in (None, resume):
         raise InputError(
             f"the run in {shown(resume)} goes on there",
             where="--output",
             remedy="Leave --output out, or name a file to resume",
         )
-    model, info = _built(experiment, options, resume, wishes)
-    info = wishes.added_to(info)
-    days = options.days if options.days is not None else info.days
-    _tell(info, model, options, wishes)
-    command = shlex.join([*_as_given(experiment, options), *wishes.recording(options)])
-    folder = resume if goes_on and resume is not None else output_folder(wishes.output, info.name)
-    placed = goes_on or wishes.output is not None
-    session = Session(model, info, folder, command, placed, wishes.shown(), goes_on=goes_on, keep=wishes.keep)
-    session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
+    model, info = _built(experiment, options, resume, wanted)
+    info = wanted.added_to(info)
+    _tell(info, model, options, wanted)
+    folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
+    placed = goes_on or wanted.output is not None
+    session = Session(model, info, folder, wanted, placed=placed, goes_on=goes_on)
+    session.run_and_report(options.days if options.days is not None else info.days)
 
 
-def _run_both(experiment: str, options: Options, wishes: Wishes) -> None:
+def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
     """Run an experiment with both numerics and show them side by side."""
     from riftberg.cli.compare import comparison, joined_maps, show
     from riftberg.experiments import build
 
+    if resume is not None:
+        raise InputError("two runs cannot go on from one state", where="--resume", remedy="Resume them one by one")
     folders: list[Path] = []
-    folder = wishes.output
+    folder = wanted.output
+    words = words_without(wanted.words, "--numerics")
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
-        info = wishes.added_to(info)
+        info = wanted.added_to(info)
         if not folders:
-            _tell(info, model, chosen, wishes)
+            _tell(info, model, chosen, wanted)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
-        command = shlex.join([*_as_given(experiment, chosen), *wishes.recording(options)])
-        session = Session(model, info, folders[-1], command, True, wishes.shown(), keep=wishes.keep)
-        days = options.days if options.days is not None else info.days
-        session.run_and_report(days, wishes.hours(info), wishes.quiet, wishes.draw)
+        one = wanted._replace(words=[*words, "--numerics", numerics])
+        session = Session(model, info, folders[-1], one, placed=True)
+        session.run_and_report(options.days if options.days is not None else info.days)
     assert folder is not None
     table = comparison(folders, BOTH)
     show(table)
     files = [table.write(folder / "comparison.json")]
-    if wishes.draw:
+    if wanted.draw:
         files += joined_maps(folders, folder / "comparison.png")
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
-def _tell(info: Info, model: Model, options: Options, wishes: Wishes) -> None:
+def words_without(words: Iterable[str], *options: str) -> list[str]:
+    """Return a command line without some options and their values."""
+    rest: list[str] = []
+    values = iter(words)
+    for word in values:
+        if word in options:
+            next(values, None)
+        elif not any(word.startswith(f"{option}=" if option.startswith("--") else option) for option in options):
+            rest.append(word)
+    return rest
+
+
+def _tell(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
     """Say what should be known before the run: what was made of the berg that was asked for, and what is doubtful."""
-    if info.made and not wishes.quiet:
+    if info.made and not wanted.quiet:
         say(info.made)
-    for notice in notices_of(info, model, options, wishes.hours(info)):
+    for notice in notices_of(info, model, options, wanted.hours(info)):
         say(f"Notice: {notice}")
 
 
@@ -270,61 +242,12 @@ def check_start(model: Model, days: float, every_hours: float) -> None:
     model.check(days - model.time / 86400.0)
 
 
-def _as_given(experiment: str, options: Options) -> list[str]:
-    """Return the experiment with the options that its forcing depends on, for going on with a run."""
-    words = [experiment, *(word for part in sorted(options.without) for word in ("--without", part))]
-    if options.data is not None:
-        words += ["--data", str(options.data)]
-    if options.grid is not None:
-        words += ["--grid", str(options.grid)]
-    if options.numerics is not None:
-        words += ["--numerics", options.numerics]
-    return words + (["--fetch"] if options.fetch else [])
-
-
 def experiments() -> None:
     """List the built-in experiments."""
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
         parts = f"  (--without {' | '.join(entry.parts)})" if entry.parts else ""
         typer.echo(f"{entry.name:{width}}  {entry.summary}{parts}")
-
-
-def make_options(
-    settings: list[str] | None,
-    days: float | None,
-    data: Path | None,
-    without: list[str] | None,
-    numerics: str | None = None,
-    fetch: bool = False,
-    grid: float | None = None,
-) -> Options:
-    """Check what was given on the command line."""
-    if numerics not in (None, "own", "reference", "both"):
-        raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
-    if grid is not None and not 1e-4 <= grid <= 5.0:
-        raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
-    positive(days, "--days", "days")
-    if data is not None and not is_folder(data) and not fetch:
-        raise InputError("no such folder", where=f"--data {data}", remedy="Name a folder with data files")
-    changes: dict[str, dict[str, Any]] = {}
-    if settings:
-        from riftberg.experiments.changes import parse_settings
-
-        changes = parse_settings(settings)
-    chosen: Numerics | None = "own" if numerics == "own" else "reference" if numerics == "reference" else None
-    return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
-
-
-def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path:
-    """Return the folder of the results; without a wish, one that holds no earlier run."""
-    if wished is not None:
-        return wished
-    folder, number = Path("riftberg-out") / name, 1
-    while (folder / holds).exists():
-        number += 1
-        folder = Path("riftberg-out") / f"{name}-{number}"
-    return folder
 
 
 def _beside(folder: Path) -> Path:
@@ -335,7 +258,7 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def _built(experiment: str, options: Options, resume: Path | None, wishes: Wishes) -> tuple[Model, Info]:
+def _built(experiment: str, options: Options, resume: Path | None, wanted: RunOptions) -> tuple[Model, Info]:
     from riftberg.experiments import build
 
     if resume is None:
@@ -353,9 +276,9 @@ def _built(experiment: str, options: Options, resume: Path | None, wishes: Wishe
         check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
     fresh, info = build(experiment, options)
     if is_folder(resume):
-        interval = 3600.0 * wishes.hours(info)
+        interval = 3600.0 * wanted.hours(info)
         resume = last_good(resume, interval, lambda state, path: check_same_run(state, fresh, path, named=experiment))
-        if not wishes.quiet:
+        if not wanted.quiet:
             say(f"Going on from {resume}")
     else:
         check_same_run(load_state(resume), fresh, resume, named=experiment)
@@ -364,47 +287,26 @@ def _built(experiment: str, options: Options, resume: Path | None, wishes: Wishe
 
 @dataclass
 class Session:
-    """One run from the command line.
+    """One run from the command line."""
 
-    Attributes
-    ----------
-    model : Model
-        At its start.
-    info : Info
-        Of the experiment.
-    folder : pathlib.Path
-        Where the results go.
-    experiment : str
-        As it was given on the command line, with the options that a run that goes on needs again.
-    placed : bool
-        The folder was given.
-    shown : str
-        Options of what is shown, as given.
-    goes_on : bool
-        The run in the folder goes on.
-    keep : tuple of float
-        Simulated days (or None), and minutes of computing, between two states that are kept.
-    """
-
-    model: Model
-    info: Info
-    folder: Path
-    experiment: str
-    placed: bool = False
-    shown: str = ""
-    goes_on: bool = False
-    keep: tuple[float | None, float] = (None, KEEP_MINUTES)
+    model: Model  # At its start
+    info: Info  # Of the experiment
+    folder: Path  # Where the results go
+    wanted: RunOptions
+    placed: bool = False  # The folder was given
+    goes_on: bool = False  # The run in the folder goes on
     gridded: list[Path] = field(default_factory=list)
     track: DailyTrack | None = None
     stopwatch: Stopwatch | None = None
 
-    def run_and_report(self, days: float, every_hours: float, quiet: bool = False, draw: bool = True) -> None:
+    def run_and_report(self, days: float) -> None:
         """Run and report in a folder of its own, which is not left behind by a run that was refused."""
-        check_start(self.model, days, every_hours)
-        needed = self._size(days, every_hours)
+        hours = self.wanted.hours(self.info)
+        check_start(self.model, days, hours)
+        needed = self._size(days, hours)
         with results_folder(self.folder, RESULTS, needed=needed, taken=["summary.json"]):
-            self.run(days, every_hours, quiet)
-            self.report(draw=draw)
+            self.run(days, hours)
+            self.report(draw=self.wanted.draw)
 
     def _size(self, days: float, every_hours: float) -> float:
         """Return the room (bytes) that the run takes beyond what its folder holds, about.
@@ -428,9 +330,8 @@ class Session:
             2.0 * (records * record + 3e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
         )
 
-    def run(self, days: float, every_hours: float, quiet: bool = False) -> None:
+    def run(self, days: float, every_hours: float) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
-        from riftberg.cli.progress import Interrupt
         from riftberg.diagnostics.summary import Stopwatch
         from riftberg.runs.kept import StateKeeper
         from riftberg.runs.progress import ProgressRecorder
@@ -447,21 +348,21 @@ class Session:
             forces=self.info.output_forces,
             goes_on=self.goes_on,
         )
-        keeper = StateKeeper(writer, every_days=self.keep[0], minutes=self.keep[1])
+        keeper = StateKeeper(writer, every_days=self.wanted.keep_days, minutes=self.wanted.keep_minutes)
         recorders: list[Recorder] = [
             writer,
             self.track,
             self.stopwatch,
-            ProgressRecorder(remaining, quiet=quiet),
+            ProgressRecorder(remaining, quiet=self.wanted.quiet),
         ]
         if self.info.output_cells is not None:
             recorders.append(self._on_cells(self.info.output_cells, every_hours))
         before = self.model.step_number
-        if not quiet:
+        if not self.wanted.quiet:
             say(berg_line(self.model))
         try:
-            with held() as hold:
-                self._advance(remaining, [*recorders, keeper, Interrupt(hold)])
+            with held():  # also while the state is saved and reported after an interrupt
+                self._advance(remaining, [*recorders, keeper])
             keeper.remove()
         except typer.Exit:
             raise
@@ -505,8 +406,10 @@ class Session:
             path = self.model.save(self.folder / f"{why}.restart.nc")
         except (OSError, RiftbergError) as error:  # it must not hide why the run ended
             return f"The state cannot be saved ({refusal(error)})"
-        place = f" --output {shlex.quote(str(_beside(self.folder)))}" if self.placed else ""
-        return f"Go on with: riftberg run {self.experiment}{place} --resume {shlex.quote(str(path))}{self.shown}"
+        # The restart file knows the parameters; the files of the part that was run stay as they are.
+        words = words_without(self.wanted.words, "--output", "-o", "--resume", "--set", "-s")
+        place = ["--output", str(_beside(self.folder))] if self.placed else []
+        return f"Go on with: {shlex.join([*words, *place, '--resume', str(path)])}"
 
     def report(self, *, draw: bool = True) -> None:
         """Write summary and map, and print the summary."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from riftberg.cli.options import within
+from riftberg.cli.options import OutputBeside, within
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.cli.terminal import reported, say
@@ -31,7 +31,7 @@ def score(
             help="Outlines (GeoJSON, KML, shapefile, CSV, masks in NetCDF) or tracks (BYU/NIC and other CSV).",
         ),
     ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")] = None,
+    output: OutputBeside = None,
     hour: Annotated[
         float | None,
         typer.Option(

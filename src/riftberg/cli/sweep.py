@@ -7,11 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.compilation import announce_compilation
-from riftberg.cli.options import positive
+from riftberg.cli.options import (
+    Data,
+    Days,
+    NumericsName,
+    Quiet,
+    Settings,
+    Without,
+    make_options,
+    output_folder,
+    positive,
+)
 from riftberg.cli.output import check_folder, results_folder
-from riftberg.cli.run import Data, Days, NumericsName, Settings, Without, make_options, output_folder
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 
@@ -67,7 +75,7 @@ def sweep(
         Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue the sweep in a folder.")
     ] = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw sweep.png.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: Quiet = False,
     large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""

@@ -65,3 +65,11 @@ def _refused(error: OSError) -> str:
     """Say what the machine refused, and for which file."""
     place = f"{error.filename}: " if error.filename is not None else ""
     return f"{place}{refusal(error)}. Name a place that can be used, with room on its disk"
+
+
+def announce_compilation(quiet: bool = False) -> None:
+    """Say beforehand that the first step takes long where nothing has been compiled yet."""
+    from riftberg.compiled.kernels import is_warm
+
+    if not quiet and not is_warm():
+        say("First run with this version: compiling takes about a minute on a free core, once.")

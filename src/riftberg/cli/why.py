@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from riftberg.cli.options import OutputBeside
 from riftberg.cli.output import results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.cli.terminal import reported, say
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 @reported
 def why(
     run: Run,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")] = None,
+    output: OutputBeside = None,
     controls: Annotated[
         bool,
         typer.Option(
