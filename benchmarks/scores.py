@@ -27,11 +27,12 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.diagnostics.observed import Observations, read_observed
 from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.overlap import aligned_overlap, distance, intersection_over_union
+from riftberg.diagnostics.overlap import aligned_overlap, intersection_over_union
 from riftberg.diagnostics.score import Match, Score, ScoredDay, score_run
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL
+from riftberg.ocean.metrics import haversine
 from riftberg.plane import OrthographicPlane
 from riftberg.runs.run_file import open_run
 
@@ -198,7 +199,7 @@ def bergs(score: Score) -> list[tuple[ScoredDay, Match]]:
 def drift(match: Match) -> float:
     """Return how far from its first place the berg was seen, km."""
     first = A68A_OBSERVED[0]
-    return distance(match.lon_observed, match.lat_observed, first.lon, first.lat, EARTH_RADIUS_A68) / 1e3
+    return haversine(match.lon_observed, match.lat_observed, first.lon, first.lat, EARTH_RADIUS_A68) / 1e3
 
 
 def by_piece(run: Told) -> str:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polygon_on, rectangle_azimuth
+from riftberg.diagnostics.overlap import axis_difference, polygon_moments, polygon_on
 from riftberg.experiments.a68a_observed import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.plane import ConformalPlane
@@ -65,7 +67,7 @@ def test_the_observed_axes_are_those_of_the_outlines(shared: Path) -> None:
         assert axis_difference(polygon_moments(np.asarray(shape.exterior.coords))[2], moment) == pytest.approx(
             0.0, abs=0.06
         )
-        assert axis_difference(rectangle_azimuth(shape), seen.azimuth) == pytest.approx(0.0, abs=2.0)
+        assert axis_difference(SCRIPT.rectangle_azimuth(shape), seen.azimuth) == pytest.approx(0.0, abs=2.0)
         apart.append(abs(axis_difference(seen.azimuth, moment)))
     assert round(max(apart)) == 13  # as the page says, on 18 December
     assert A68A_OBSERVED[int(np.argmax(apart))].day == 18
@@ -83,3 +85,16 @@ def test_the_shoal_is_as_large_as_the_page_says() -> None:
         metres = np.radians(near) * EARTH_RADIUS_A68
         assert SCRIPT.contact_radius(ocean, draft) == pytest.approx(metres, rel=1e-6)
         assert metres / 1e3 == pytest.approx(radius, abs=0.05)
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 100.0, 170.0])
+def test_the_least_rectangle_of_a_berg_with_a_finger(turn: float) -> None:
+    """Its long side is that of the rectangle, whatever lies within; the axis of the second moment goes by the area."""
+    flag = shapely.Polygon([(0.0, -20.0), (2.0, -20.0), (2.0, 10.0), (8.0, 10.0), (8.0, 20.0), (0.0, 20.0)])
+    turned = shapely.affinity.rotate(flag, -turn, origin=(3.0, 4.0))  # clockwise
+    assert axis_difference(SCRIPT.rectangle_azimuth(turned), turn) == pytest.approx(0.0, abs=1e-6)
+    assert axis_difference(SCRIPT.rectangle_azimuth(shapely.MultiPoint(turned.exterior.coords)), turn) == pytest.approx(
+        0.0, abs=1e-6
+    )
+    assert 3.0 < axis_difference(polygon_moments(np.asarray(turned.exterior.coords))[2], turn) < 10.0
+    assert math.isnan(SCRIPT.rectangle_azimuth(shapely.Point(1.0, 2.0)))

@@ -1,7 +1,8 @@
-"""A headless Chromium, where there is one."""
+"""The replay page as a browser sees it: its arrays, and a headless Chromium where there is one."""
 
 from __future__ import annotations
 
+import base64
 import os
 import shutil
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -59,3 +61,10 @@ def until(browser: Any, condition: str, *, seconds: float = 120.0) -> None:
 def drawn(browser: Any) -> None:
     """Wait until the page has drawn what it was told."""
     until(browser, "!replay.state.dirty")
+
+
+def unpack(packed: dict[str, Any]) -> np.ndarray:
+    """Return the values of a packed array, as the page sees them."""
+    raw = np.frombuffer(base64.b64decode(packed["data"]), np.dtype(packed["kind"]).newbyteorder("<"))
+    values = packed["offset"] + packed["scale"] * raw.astype(np.float64)
+    return np.where(raw == packed["missing"], np.nan, values).reshape(packed["shape"])

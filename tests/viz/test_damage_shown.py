@@ -20,8 +20,8 @@ from riftberg.parameters import A68A_2022
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz.plots import _peak_stress, draw_damage
-from riftberg.viz.replay import ReplayContent, unpack, write_replay
-from viz.browser import drawn, opened
+from riftberg.viz.replay import ReplayContent, write_replay
+from viz.browser import drawn, opened, unpack
 
 WORN, RIFT = 20, 11
 """A bond that loses strength, and one of a rift without any; neither is among those that break."""

@@ -15,8 +15,9 @@ from matplotlib.image import imread
 from fakes import FakeModel
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.viz.replay import ReplayContent, chosen_records, pack, unpack, write_replay
-from viz.browser import drawn, opened, until
+from riftberg.runs.scene import Scene
+from riftberg.viz.replay import ReplayContent, chosen_records, pack, write_replay
+from viz.browser import drawn, opened, unpack, until
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
 
@@ -72,13 +73,13 @@ def test_positions_on_the_page_are_true_to_metres(run: xr.Dataset, page: Path) -
 
 def test_stress_is_the_peak_of_bonds_that_held_at_the_record_before(run: xr.Dataset) -> None:
     content = ReplayContent(run, title="", observed={})
-    stress = content._element_stress()
+    stress = content._largest_of_bonds(content.scene.tension()[content.records])
     lonely = np.setdiff1d(np.arange(80), np.r_[run["first"].values, run["second"].values])
     assert not len(lonely)
     np.testing.assert_allclose(stress[0], 1000.0)
     np.testing.assert_allclose(stress[-1], run["peak_stress"].values[0, -1], rtol=1e-6)
     cut = run.isel(bond=slice(0, 0))
-    assert ReplayContent(cut, title="", observed={})._element_stress().max() == 0.0
+    assert Scene(cut).tension().max(initial=0.0) == 0.0
 
 
 def test_the_page_needs_nothing_from_elsewhere(page: Path) -> None:

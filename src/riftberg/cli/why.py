@@ -18,7 +18,8 @@ from riftberg.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from riftberg.diagnostics.cut import Breakup, Reasons
+    from riftberg.diagnostics.cut import Breakup
+    from riftberg.diagnostics.why import Reasons
 
 
 @reported

@@ -8,7 +8,6 @@ observed outline counts to the berg, and a tip that was left behind does not.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -21,11 +20,12 @@ import numpy as np
 from riftberg.config.places import latitude, longitude
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
-from riftberg.diagnostics.overlap import axis_difference, best_pairs, distance
+from riftberg.diagnostics.overlap import axis_difference, best_pairs
+from riftberg.ocean.metrics import haversine
 from riftberg.runs.checks import read_summary
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
-from riftberg.system.atomic_files import write_text
+from riftberg.system.atomic_files import write_json
 
 Event = dict[str, Any]
 
@@ -70,7 +70,7 @@ def _cost(one: Event, other: Event, earth: dict[str, Any]) -> float:
     times = [datetime.fromisoformat(event["time"]) for event in (one, other)]
     days = abs((times[1] - times[0]).total_seconds()) / 86400.0
     places = [(event["lon"], event["lat"]) for event in (one, other)]
-    metres = distance(*places[0], *places[1], earth["radius"]) if earth["latlon"] else math.dist(*places)
+    metres = float(haversine(*places[0], *places[1], earth["radius"])) if earth["latlon"] else math.dist(*places)
     larger = abs(math.log(one["area_km2"] / other["area_km2"])) / math.log(TIMES_AS_LARGE)
     parts = days / DAYS_APART, metres / 1e3 / KILOMETRES_APART, larger
     return sum(parts) if max(parts) <= 1.0 and one["grounded"] == other["grounded"] else math.inf
@@ -170,9 +170,7 @@ class Comparison:
 
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
-        path = Path(path)
-        write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
-        return path
+        return write_json(self.as_dict(), path)
 
 
 def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
@@ -195,7 +193,7 @@ def _day_of_fix(scene: Scene, fix: Fix) -> RunDay | None:
     turned = axis_difference(made.azimuth, fix.azimuth)
     return RunDay(
         fix.when.isoformat(),
-        distance(made.lon, made.lat, fix.lon, fix.lat, scene.radius) / 1e3,
+        float(haversine(made.lon, made.lat, fix.lon, fix.lat, scene.radius)) / 1e3,
         None if math.isnan(turned) else turned,
         made.area / 1e6,
     )

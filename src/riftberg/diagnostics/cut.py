@@ -30,21 +30,17 @@ there is one on impact, with the sea floor or another berg, or of a load that gr
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.diagnostics.forces import FORCES, accelerations, applied_forces, external_forces, forces_recorded
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
-from riftberg.system.atomic_files import write_text
 
 
 @dataclass(frozen=True)
@@ -52,15 +48,15 @@ class Load:
     """Load across the cut at one record."""
 
     time: str
-    cut_km: float  # Length of the cut (km), and thickness of the ice there (m)
-    thickness: float  # Length of the cut (km), and thickness of the ice there (m)
-    bonds: int  # Bonds of the cut that still hold
-    tension: dict[str, float]  # By force: pull across the cut and push along it, N
-    shear: dict[str, float]  # By force: pull across the cut and push along it, N
+    cut_km: float  # Length of the cut
+    thickness: float  # Of the ice there, m
+    bonds: int  # Intact bonds of the cut
+    tension: dict[str, float]  # By force: pull across the cut, N
+    shear: dict[str, float]  # By force: push along it, N
     couple: dict[str, float]  # By force, about the centre of the cut, counter-clockwise on the fragment, N m
-    stress: dict[str, float]  # By force: share of the nominal stress at the outer fibre that is pulled most, Pa
-    tension_recorded: float | None  # The same from the recorded acceleration of the fragment
-    couple_recorded: float | None  # The same from the recorded acceleration of the fragment
+    stress: dict[str, float]  # By force: share of the nominal stress at the outer fibre in the largest tension, Pa
+    tension_recorded: float | None  # The same tension from the recorded acceleration of the fragment
+    couple_recorded: float | None  # The same couple
     aground: int  # Elements of fragment and rest that are aground
 
     @property
@@ -76,21 +72,21 @@ class Budget:
     mass: float  # kg
     forces: dict[str, list[float]]  # By name
     inertia: list[float] | None  # Mass times recorded acceleration
-    # Inertia minus forces: what the rest of the berg and other bergs do to it, and errors of differences
+    # Inertia minus forces: what the rest of the berg and other bergs exert on it, and errors of differences
     residual: list[float] | None
 
 
 @dataclass(frozen=True)
 class FirstBond:
-    """History of a bond of the cut, from `HOURS_BEFORE` to its breaking."""
+    """History of a bond of the cut, from `HOURS_BEFORE` to its failure."""
 
     bond: int  # Row in the run file
     time: str  # When it broke
     lon: float  # Where, at the record before
-    lat: float  # Where, at the record before
+    lat: float
     grounded: bool  # An end was aground when it broke
     strength: float  # Pa
-    hours: list[float]  # Times of the history, h before its breaking (negative)
+    hours: list[float]  # Times of the history, h before its failure (negative)
     tension: list[float]  # Pa, at these times
     shear: list[float]  # Pa, at these times
     # Largest tension in any sub-step since the record before, Pa; empty for files that do not hold it
@@ -102,22 +98,13 @@ class Collision:
     """Contact with another berg while the first bond failed."""
 
     berg: str  # Name of the other
-    time: str  # When they first touched
-    speed: float  # Relative speed before they touched, m s-1
+    time: str  # When contact began
+    speed: float  # Relative speed before it, m s-1
 
 
 @dataclass
 class Breakup:
-    """One break-up and its reasons; see the attributes of the parts.
-
-    ``closure`` is the residual of the whole parent over the sum of the sizes of the forces on it, at the last record at
-    which it was afloat: how well the recomputed forces explain the recorded acceleration. ``highest`` is the largest
-    tensile stress (Pa) of any bond of the parent at the last record before the first bond failed; ``sudden`` that it was
-    below `SUDDEN` of the strength; ``peak`` the largest in the sub-steps up to that record, None for files without it.
-    ``hours_since_start`` tells when the first bond failed; ``floor_recorded`` that the force of the sea floor is the one
-    that was applied, not the one that balances. ``name`` and ``parent_name`` are what both are called; ``collision`` tells of
-    a berg that touched the parent while the first bond failed; ``scheme`` is that of the run.
-    """
+    """One break-up and its reasons."""
 
     fragment: int
     parent: int
@@ -127,18 +114,22 @@ class Breakup:
     area_km2: float
     elements: int
     grounded: bool
-    bonds: int
-    first_break: str
+    bonds: int  # Bonds of the cut
+    first_break: str  # When the first bond failed
     decisive: Load
     budgets: dict[str, Budget]
+    # Residual of the whole parent over the sum of the forces on it, at the last record afloat: how well the recomputed
+    # forces explain the recorded acceleration
     closure: float | None
     first_bonds: list[FirstBond]
-    highest: float
-    sudden: bool
-    hours_since_start: float
-    peak: float | None
+    highest: (
+        float  # Largest tensile stress (Pa) of any bond of the parent at the last record before the first bond failed
+    )
+    sudden: bool  # That was below `SUDDEN` of the strength
+    hours_since_start: float  # When the first bond failed
+    peak: float | None  # Largest stress (Pa) in the sub-steps up to that record; None for files without it
     history: list[Load]
-    floor_recorded: bool = False
+    floor_recorded: bool = False  # The force of the sea floor is the one that was applied, not the one that balances
     name: str = ""
     parent_name: str = ""
     collision: Collision | None = None
@@ -149,35 +140,13 @@ class Breakup:
 
     @property
     def on_impact(self) -> bool:
-        """Whether the first bond failed as the berg met the sea floor, of which the record before tells nothing."""
+        """Whether the first bond failed as the berg touched the sea floor, before any record aground."""
         return self.sudden and self.first_bonds[0].grounded and not self.decisive.aground
 
     @property
     def causes(self) -> list[tuple[str, float]]:
         """Forces with their shares of the nominal stress, largest first."""
         return sorted(self.decisive.stress.items(), key=lambda item: -item[1])
-
-
-@dataclass
-class Reasons:
-    """All break-ups of a run that are large enough to be shown, and what it lost by melting, in words."""
-
-    experiment: str
-    forcing: str
-    breakups: list[Breakup]
-    small: int
-    strength: float | None
-    melt: list[str] = field(default_factory=list)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain numbers, texts, lists and dicts."""
-        return asdict(self)
-
-    def write(self, path: str | Path) -> Path:
-        """Write as JSON."""
-        path = Path(path)
-        write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
-        return path
 
 
 HOURS_BEFORE: Final = 48.0
@@ -207,70 +176,61 @@ class Cut:
     def __init__(self, scene: Scene, row: int) -> None:
         self.scene, self.run, self.row = scene, scene.run, row
         self.p = scene.parameters.kernel_values()
-        self.birth = self.run["fragment_birth_time"].values[row]
         self.parent = int(self.run["fragment_parent"].values[row])
         self.broken_at = self.run["break_time"].values
 
     def breakup(self) -> Breakup | None:
-        """Return the reasons; None where the records are too few to tell."""
-        members = members_at_birth(self.scene, self.row)
-        before = int(np.searchsorted(self.scene.times, self.birth)) - 1
+        """Return the reasons; None where there are too few records."""
+        scene, run, row = self.scene, self.run, self.row
+        birth = run["fragment_birth_time"].values[row]
+        members, before = members_at_birth(scene, row), int(np.searchsorted(scene.times, birth)) - 1
         if members is None or before < 0:
             return None
-        self.inside = np.zeros(self.run.sizes["trajectory"], bool)
+        self.inside = np.zeros(run.sizes["trajectory"], bool)
         self.inside[members[0]] = True
-        first, second = self.run["first"].values, self.run["second"].values
-        rest = ~self.inside & (self.scene.berg[before] == self.parent)
+        first, second = run["first"].values, run["second"].values
+        rest = ~self.inside & (scene.berg[before] == self.parent)
         across = (self.inside[first] & rest[second]) | (rest[first] & self.inside[second])
         bonds = np.flatnonzero(across & ~np.isnat(self.broken_at))
-        bonds = bonds[np.argsort(self.broken_at[bonds], kind="stable")]
         if not len(bonds) or not rest.any():
             return None
-        self.bonds = bonds
-        hours = (self.birth - self.scene.times) / np.timedelta64(1, "h")
-        window = [int(k) for k in np.flatnonzero((hours <= HOURS_BEFORE) & (hours > 0.0))]
+        self.bonds = bonds[np.argsort(self.broken_at[bonds], kind="stable")]
+        hours = (birth - scene.times) / np.timedelta64(1, "h")
+        window = np.flatnonzero((hours <= HOURS_BEFORE) & (hours > 0.0)).tolist()
         loads = [load for k in window if (load := self.load(k, before)) is not None]
         if not loads:
             return None
-        decisive = self._decisive(loads)
-        return self._told(before, loads, decisive)
-
-    def _decisive(self, loads: list[Load]) -> Load:
-        """Return the load that began the breaking: the largest from the last record before it to the birth."""
-        begin = int(np.searchsorted(self.scene.times, self.broken_at[self.bonds[0]])) - 1
-        since = np.datetime_as_string(self.scene.times[max(begin, 0)], unit="s")
-        late = [load for load in loads if load.time >= since] or loads[-1:]
-        return max(late, key=lambda load: load.nominal)
-
-    def _told(self, before: int, loads: list[Load], decisive: Load) -> Breakup:
-        run, row = self.run, self.row
-        record = int(np.searchsorted(self.scene.times, np.datetime64(decisive.time)))
-        budgets = self.budgets(record, before)
-        highest = self.highest_stress()
-        names = ("lon", "lat") if self.scene.latlon else ("x", "y")
+        # The load that began the breaking: the largest from the last record before the first failure to the birth.
+        first_break = self.broken_at[self.bonds[0]]
+        self.last_whole = max(int(np.searchsorted(scene.times, first_break)) - 1, 0)
+        late = [load for load in loads if load.time >= iso(scene.times[self.last_whole])] or loads[-1:]
+        decisive = max(late, key=lambda load: load.nominal)
+        record = int(np.searchsorted(scene.times, np.datetime64(decisive.time)))
+        x, y = ("lon", "lat") if scene.latlon else ("x", "y")
+        strength = scene.parameters.fracture.normal_strength
         return Breakup(
             fragment=int(run["fragment_number"].values[row]),
             parent=self.parent,
-            time=iso(self.birth),
-            lon=float(run[f"fragment_{names[0]}"].values[row]),
-            lat=float(run[f"fragment_{names[1]}"].values[row]),
+            time=iso(birth),
+            lon=float(run[f"fragment_{x}"].values[row]),
+            lat=float(run[f"fragment_{y}"].values[row]),
             area_km2=float(run["fragment_area"].values[row]) / 1e6,
             elements=int(run["fragment_elements"].values[row]),
             grounded=bool(run["fragment_grounded"].values[row] == 1),
             bonds=len(self.bonds),
-            first_break=iso(self.broken_at[self.bonds[0]]),
+            first_break=iso(first_break),
             decisive=decisive,
-            budgets=budgets,
+            budgets=self.budgets(record, before),
             closure=self.closure(record, before),
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
-            highest=highest,
-            scheme=self.scene.parameters.stepping.scheme,
-            sudden=self.highest_stress(of_what_is_left=True) < SUDDEN * self.scene.parameters.fracture.normal_strength,
-            hours_since_start=float((self.broken_at[self.bonds[0]] - self.scene.times[0]) / np.timedelta64(1, "h")),
+            highest=self.highest_stress(),
+            scheme=scene.parameters.stepping.scheme,
+            sudden=self.highest_stress(over_damage=True) < SUDDEN * strength,
+            hours_since_start=float((first_break - scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
             floor_recorded=forces_recorded(run),
-            latlon=self.scene.latlon,
+            latlon=scene.latlon,
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
 
@@ -280,66 +240,15 @@ class Cut:
         """Return the elements of fragment and rest at a record."""
         return np.asarray(self.inside | (self.scene.berg[record] == self.parent))
 
-    def closure(self, record: int, last: int) -> float | None:
-        """Return how well the budget of fragment and rest closes, at the last record afloat."""
-        for k in range(record, max(record - 48, 0), -1):
-            if not (self.aground(k) & self.body(k)).any() and (self.body(k) == self.body(record)).all():
-                both = self.budgets(k, last)["both"]
-                size = sum(math.hypot(*force) for force in both.forces.values())
-                return math.hypot(*both.residual) / size if both.residual and size > 0.0 else None
-        return None
+    def forces(self, record: int, body: NDArray[np.bool_]) -> tuple[dict[str, Floats], int]:
+        """Return the external forces at a record, and the number of elements of a body that are aground.
 
-    def budgets(self, record: int, last: int) -> dict[str, Budget]:
-        """Return the budgets of fragment, rest and both."""
-        forces = external_forces(self.run, record, self.p)
-        rate = accelerations(self.run, record, 0, last)
-        mass, body = self.run["mass"].values, self.body(record)
-        self.put_floor(forces, record, body)
-        return {
-            name: _budget(rows, forces, mass, rate)
-            for name, rows in (("fragment", self.inside), ("rest", body & ~self.inside), ("both", body))
-        }
-
-    def load(self, record: int, last: int) -> Load | None:
-        """Return the load across the cut at a record; None where no bond of it holds any more."""
-        whole = self.bonds[self.broken_at[self.bonds] > self.scene.times[record]]
-        if not len(whole):
-            return None
-        body = self.body(record)
-        geometry = _Geometry(self, record, body, self.bonds)
-        forces = external_forces(self.run, record, self.p)
-        rate = accelerations(self.run, record, 0, last)
-        aground = self.put_floor(forces, record, body)
-        shares = {name: geometry.passed_on(geometry.turned(force)) for name, force in forces.items()}
-        tension, shear, couple = ({n: s[k] for n, s in shares.items()} for k in range(3))
-        sign = 1.0 if sum(couple.values()) >= 0.0 else -1.0
-        section = geometry.thickness * geometry.length
-        stress = {n: tension[n] / section + sign * 6.0 * couple[n] / (section * geometry.length) for n in FORCES}
-        recorded = geometry.recorded(geometry.turned(rate), geometry.turned(sum(forces.values(), np.zeros_like(rate))))
-        return Load(
-            time=iso(self.scene.times[record]),
-            cut_km=geometry.length / 1e3,
-            thickness=geometry.thickness,
-            bonds=len(whole),
-            tension=tension,
-            shear=shear,
-            couple=couple,
-            stress=stress,
-            tension_recorded=recorded[0],
-            couple_recorded=recorded[1],
-            aground=int(aground.sum()),
-        )
-
-    def put_floor(self, forces: dict[str, Floats], record: int, body: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Replace the force of the sea floor by its mean until the next record; returns the elements that it acts on.
-
-        Where the run did not record that, it is the one that balances.
+        The force of the sea floor is its mean until the next record: as recorded, else the one that balances.
         """
-        after = record + 1
-        aground = self.aground(record) & body
-        if after >= len(self.scene.times):
-            return aground
-        aground |= self.aground(after) & body
+        forces, after = external_forces(self.run, record, self.p), record + 1
+        if after == len(self.scene.times):
+            return forces, int((self.scene.aground([record])[0] & body).sum())
+        aground = self.scene.aground([record, after]).any(axis=0) & body
         if forces_recorded(self.run):
             forces["sea floor"] = applied_forces(self.run, after)["sea floor"]
         elif aground.any():
@@ -347,27 +256,80 @@ class Cut:
             others = np.sum([f[body].sum(axis=0) for name, f in forces.items() if name != "sea floor"], axis=0)
             missing = (mass[body, None] * rate[body]).sum(axis=0) - others
             forces["sea floor"] = np.where(aground[:, None], missing[None, :] / aground.sum(), 0.0)
-        return aground
+        return forces, int(aground.sum())
 
-    def aground(self, record: int) -> NDArray[np.bool_]:
-        """Return which elements are aground at a record."""
-        return np.asarray(self.scene.aground([record])[0])
+    def budgets(self, record: int, last: int) -> dict[str, Budget]:
+        """Return the budgets of fragment, rest and both."""
+        body, mass = self.body(record), self.run["mass"].values
+        forces, _ = self.forces(record, body)
+        rate = accelerations(self.run, record, 0, last)
+        budgets = {}
+        for name, rows in (("fragment", self.inside), ("rest", body & ~self.inside), ("both", body)):
+            sums = {force: [float(c) for c in values[rows].sum(axis=0)] for force, values in forces.items()}
+            inertia = (mass[rows, None] * rate[rows]).sum(axis=0)
+            known = bool(np.isfinite(inertia).all())
+            rest = inertia - np.sum(list(sums.values()), axis=0)
+            budgets[name] = Budget(
+                float(mass[rows].sum()), sums, inertia.tolist() if known else None, rest.tolist() if known else None
+            )
+        return budgets
+
+    def closure(self, record: int, last: int) -> float | None:
+        """Return how well the budget of fragment and rest closes, at the last record afloat."""
+        for k in range(record, max(record - 48, 0), -1):
+            body = self.body(k)
+            if not (self.scene.aground([k])[0] & body).any() and (body == self.body(record)).all():
+                both = self.budgets(k, last)["both"]
+                size = sum(math.hypot(*force) for force in both.forces.values())
+                return math.hypot(*both.residual) / size if both.residual and size > 0.0 else None
+        return None
+
+    def load(self, record: int, last: int) -> Load | None:
+        """Return the load across the cut at a record; None where no bond of it is intact."""
+        intact = int((self.broken_at[self.bonds] > self.scene.times[record]).sum())
+        if not intact:
+            return None
+        body = self.body(record)
+        geometry = _Geometry(self, record, body)
+        forces, aground = self.forces(record, body)
+        shares = {name: geometry.passed_on(geometry.on_plane(force)) for name, force in forces.items()}
+        tension, shear, couple = ({n: s[k] for n, s in shares.items()} for k in range(3))
+        sign = 1.0 if sum(couple.values()) >= 0.0 else -1.0
+        section = geometry.thickness * geometry.length
+        rate = accelerations(self.run, record, 0, last)
+        recorded: tuple[float | None, ...] = (None, None, None)
+        if np.isfinite(rate[self.inside]).all():
+            recorded = geometry.across(
+                geometry.on_plane(rate), geometry.on_plane(np.sum(list(forces.values()), axis=0))
+            )
+        return Load(
+            time=iso(self.scene.times[record]),
+            cut_km=geometry.length / 1e3,
+            thickness=geometry.thickness,
+            bonds=intact,
+            tension=tension,
+            shear=shear,
+            couple=couple,
+            stress={n: tension[n] / section + sign * 6.0 * couple[n] / (section * geometry.length) for n in FORCES},
+            tension_recorded=recorded[0],
+            couple_recorded=recorded[2],
+            aground=aground,
+        )
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 
-    def highest_stress(self, of: str = "normal_stress", *, of_what_is_left: bool = False) -> float:
+    def highest_stress(self, of: str = "normal_stress", *, over_damage: bool = False) -> float:
         """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
 
         With ``of="peak_stress"`` it is that of the sub-steps up to this record, since the one before. With
-        ``of_what_is_left`` each is divided by the part of the strength that damage has left at that record.
+        ``over_damage`` each is divided by the part of the strength that damage has left at that record.
         """
-        record = max(int(np.searchsorted(self.scene.times, self.broken_at[self.bonds[0]])) - 1, 0)
-        body = self.body(record)
+        body = self.body(self.last_whole)
         held = body[self.run["first"].values] & body[self.run["second"].values]
-        held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[record])
-        stress = self.run[of].isel(time=record).values[held]
-        if of_what_is_left and "damage" in self.run:
-            stress = stress / (1.0 - self.run["damage"].isel(time=record).values[held])
+        held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
+        stress = self.run[of].isel(time=self.last_whole).values[held]
+        if over_damage and "damage" in self.run:
+            stress = stress / (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
         return float(stress.max(initial=0.0))
 
     def first_bond(self, bond: int) -> FirstBond:
@@ -378,7 +340,7 @@ class Cut:
         ends = [int(run[name].values[bond]) for name in ("first", "second")]
         at = int(rows[-1]) if len(rows) else 0
         strength = scene.parameters.fracture.normal_strength * float(run["strength"].values[bond])
-        if "damage" in run:  # a bond keeps the damage with which it broke
+        if "damage" in run:  # a bond keeps the damage with which it failed
             strength *= 1.0 - float(run["damage"].values[bond, -1])
         names = [name for name in ("normal_stress", "shear_stress", "peak_stress") if name in run]
         history = run[names].isel(bond=bond, time=rows)
@@ -399,11 +361,10 @@ class Cut:
 class _Geometry:
     """Plane geometry of a body and its cut at a record; metres from the centre of mass."""
 
-    def __init__(self, cut: Cut, record: int, body: NDArray[np.bool_], whole: Ints) -> None:
+    def __init__(self, cut: Cut, record: int, body: NDArray[np.bool_]) -> None:
         scene, run = cut.scene, cut.run
         self.mass, self.body, self.inside = run["mass"].values, body, cut.inside
-        lon, lat = scene.x[record], scene.y[record]
-        weight = self.mass[body]
+        lon, lat, weight = scene.x[record], scene.y[record], self.mass[body]
         centre = float(np.average(lon[body], weights=weight)), float(np.average(lat[body], weights=weight))
         plane = ConformalPlane(*centre, scene.radius, scene.latlon)
         x, y = plane.forward(lon, lat)
@@ -412,68 +373,43 @@ class _Geometry:
         # Each element turns with the body, as a disc of its area.
         disc = scene.area[body] / (2.0 * np.pi)
         self.inertia = float((weight * (self.x[body] ** 2 + self.y[body] ** 2 + disc)).sum())
-        self._lay_cut(run, scene, record, whole)
+        # The cut is the line through the middles of its bonds; its normal points to the fragment.
+        first, second = run["first"].values[cut.bonds], run["second"].values[cut.bonds]
+        inner, outer = np.where(self.inside[first], (first, second), (second, first))
+        places = np.column_stack([self.x, self.y])
+        middle, side = 0.5 * (places[inner] + places[outer]), float(np.sqrt(scene.area[inner].mean()))
+        self.centre = middle.mean(axis=0)
+        spread = middle - self.centre
+        values, axes = np.linalg.eigh(spread.T @ spread)
+        towards = (places[inner] - places[outer]).sum(axis=0)
+        # A short or crooked cut has no direction of its own; its bonds have.
+        straight = values[1] > 4.0 * values[0] and np.sqrt(values[1]) > 0.5 * side
+        normal = axes[:, 0] if straight else towards
+        size = float(np.hypot(*normal))
+        normal = normal / size if size > 0.0 else np.array([1.0, 0.0])
+        self.normal = normal if normal @ towards >= 0.0 else -normal
+        self.length = float(np.ptp(middle @ np.array([-self.normal[1], self.normal[0]]))) + side
+        self.thickness = float(run["thickness"].isel(time=record).values[np.r_[inner, outer]].mean())
 
-    def _lay_cut(self, run: xr.Dataset, scene: Scene, record: int, whole: Ints) -> None:
-        first, second = run["first"].values[whole], run["second"].values[whole]
-        inner = np.where(self.inside[first], first, second)
-        outer = np.where(self.inside[first], second, first)
-        self.cx = float(0.5 * (self.x[inner] + self.x[outer]).mean())
-        self.cy = float(0.5 * (self.y[inner] + self.y[outer]).mean())
-        middle = np.column_stack([self.x[inner] + self.x[outer], self.y[inner] + self.y[outer]]) / 2.0
-        side = float(np.sqrt(scene.area[inner].mean()))
-        towards = np.array([(self.x[inner] - self.x[outer]).sum(), (self.y[inner] - self.y[outer]).sum()])
-        self.normal = _normal(middle, towards, side)
-        along = middle @ np.array([-self.normal[1], self.normal[0]])
-        self.length = float(np.ptp(along)) + side
-        ends = np.r_[inner, outer]
-        self.thickness = float(run["thickness"].isel(time=record).values[ends].mean())
-
-    def turned(self, vectors: Floats) -> Floats:
+    def on_plane(self, vectors: Floats) -> Floats:
         """Turn vectors given east and north onto the plane."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=-1)
 
     def passed_on(self, force: Floats) -> tuple[float, float, float]:
         """Return tension, shear and couple that the cut passes on to the fragment if this force acts alone."""
-        b, total = self.body, force[self.body].sum(axis=0) / self.mass[self.body].sum()
-        turn = float((self.x[b] * force[b, 1] - self.y[b] * force[b, 0]).sum()) / self.inertia
-        rigid = np.stack([total[0] - turn * self.y, total[1] + turn * self.x], axis=-1)
-        return self._across(self.mass[:, None] * rigid - force)
+        b, linear = self.body, force[self.body].sum(axis=0) / self.mass[self.body].sum()
+        angular = float((self.x[b] * force[b, 1] - self.y[b] * force[b, 0]).sum()) / self.inertia
+        rigid = np.stack([linear[0] - angular * self.y, linear[1] + angular * self.x], axis=-1)
+        return self.across(rigid, force)
 
-    def recorded(self, rate: Floats, force: Floats) -> tuple[float | None, float | None]:
-        """Return tension and couple from the recorded acceleration."""
-        if not np.isfinite(rate[self.inside]).all():
-            return None, None
-        tension, _, couple = self._across(self.mass[:, None] * rate - force)
-        return tension, couple
-
-    def _across(self, needed: Floats) -> tuple[float, float, float]:
-        """Sum what the elements of the fragment need; tension pulls the fragment back to the rest."""
-        a = self.inside
+    def across(self, rate: Floats, force: Floats) -> tuple[float, float, float]:
+        """Return what the cut passes on, if elements accelerate so under a force; tension pulls the fragment to the rest."""
+        a, needed = self.inside, self.mass[:, None] * rate - force
         fx, fy = needed[a].sum(axis=0)
-        couple = ((self.x[a] - self.cx) * needed[a, 1] - (self.y[a] - self.cy) * needed[a, 0]).sum()
+        couple = ((self.x[a] - self.centre[0]) * needed[a, 1] - (self.y[a] - self.centre[1]) * needed[a, 0]).sum()
         n = self.normal
         return -float(fx * n[0] + fy * n[1]), float(-fx * n[1] + fy * n[0]), float(couple)
-
-
-def _normal(middle: Floats, towards: Floats, side: float) -> Floats:
-    """Return the direction across a cut, towards the fragment: square to the line through the middles of its bonds."""
-    spread = middle - middle.mean(axis=0)
-    values, axes = np.linalg.eigh(spread.T @ spread)
-    # A short or crooked cut has no direction of its own; its bonds have.
-    normal = axes[:, 0] if values[1] > 4.0 * values[0] and np.sqrt(values[1]) > 0.5 * side else towards
-    normal = normal / np.hypot(*normal) if np.hypot(*normal) > 0.0 else np.array([1.0, 0.0])
-    return np.asarray(normal if normal @ towards >= 0.0 else -normal)
-
-
-def _budget(rows: NDArray[np.bool_], forces: dict[str, Floats], mass: Floats, rate: Floats) -> Budget:
-    sums = {name: [float(c) for c in force[rows].sum(axis=0)] for name, force in forces.items()}
-    inertia = (mass[rows, None] * rate[rows]).sum(axis=0)
-    if not np.isfinite(inertia).all():
-        return Budget(float(mass[rows].sum()), sums, None, None)
-    rest = inertia - np.sum(list(sums.values()), axis=0)
-    return Budget(float(mass[rows].sum()), sums, [float(c) for c in inertia], [float(c) for c in rest])
 
 
 def iso(moment: np.datetime64) -> str:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
 from shapely.affinity import translate
 
 from riftberg.plane import ConformalPlane
+from riftberg.runs.track import principal_azimuth
 from riftberg.state import Floats
 
 if TYPE_CHECKING:
@@ -131,18 +132,6 @@ def axis_difference(first: float, second: float) -> float:
     return (first - second + 90.0) % 180.0 - 90.0
 
 
-def distance(lon1: float, lat1: float, lon2: float, lat2: float, radius: float) -> float:
-    """Return the length of the great circle between two points, m."""
-    return float(distances(lon1, lat1, lon2, lat2, radius))
-
-
-def distances(lon1: Any, lat1: Any, lon2: Any, lat2: Any, radius: float) -> Floats:
-    """Return the lengths of the great circles between arrays of points (degrees), m."""
-    a, b = np.radians(lat1), np.radians(lat2)
-    half = np.sin(0.5 * (a - b)) ** 2 + np.cos(a) * np.cos(b) * np.sin(0.5 * np.radians(lon1 - lon2)) ** 2
-    return np.asarray(2.0 * radius * np.arcsin(np.sqrt(half)))
-
-
 def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     """Return the centroid of a polygon and the azimuth of its axis of the largest second moment.
 
@@ -156,41 +145,18 @@ def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     xx = ((x * x + x * xn + xn * xn) * cross).sum() / (12.0 * area) - cx * cx
     yy = ((y * y + y * yn + yn * yn) * cross).sum() / (12.0 * area) - cy * cy
     xy = ((x * yn + 2.0 * x * y + 2.0 * xn * yn + xn * y) * cross).sum() / (24.0 * area) - cx * cy
-    azimuth = math.nan
-    if math.hypot(2.0 * xy, yy - xx) > 1e-9 * (xx + yy):
-        azimuth = math.degrees(0.5 * math.atan2(2.0 * xy, yy - xx)) % 180.0
-    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), azimuth
-
-
-def rectangle_azimuth(shape: BaseGeometry) -> float:
-    """Return the azimuth of the long side of the least rectangle around a shape, degrees clockwise from north, 0 to 180.
-
-    This is what `riftberg.experiments.a68a_observed` tells of the observed outlines. It goes by the outermost points, where
-    the axis of the largest second moment (`polygon_moments`) goes by the area: for outlines of A68a both differ by up to
-    10 degrees.
-
-    ``shape``: points, lines or polygons, m east and north.
-    """
-    box = shape.minimum_rotated_rectangle
-    if box.geom_type != "Polygon":
-        return math.nan
-    corners = np.asarray(box.exterior.coords)
-    (x, y) = max(np.diff(corners[:3], axis=0), key=lambda side: float(np.hypot(*side)))
-    return float(np.degrees(np.arctan2(x, y)) % 180.0)
+    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), principal_azimuth(float(xx), float(yy), float(xy))
 
 
 def polygon_on(plane: ConformalPlane, ring: Floats) -> BaseGeometry:
     """Return an outline on the plane; one that crosses itself is made valid and its largest part kept."""
     x, y = plane.forward(ring[:, 0], ring[:, 1])
-    polygon = shapely.Polygon(np.column_stack([x, y]))
+    polygon: BaseGeometry = shapely.Polygon(np.column_stack([x, y]))
     if not polygon.is_valid:
-        parts = [
-            p for p in getattr(shapely.make_valid(polygon), "geoms", [shapely.make_valid(polygon)]) if p.area > 0.0
-        ]
-        flat = [q for p in parts for q in getattr(p, "geoms", [p]) if q.geom_type == "Polygon"]
-        polygon = max(flat, key=lambda p: p.area)
-    made: BaseGeometry = polygon
-    return made
+        # Parts may be collections themselves, and lines where the outline runs back along itself.
+        parts = shapely.get_parts(shapely.get_parts(shapely.make_valid(polygon)))
+        polygon = max(parts, key=lambda part: part.area)
+    return polygon
 
 
 def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, BaseGeometry]]:

@@ -13,7 +13,6 @@ decide. The overlap that is reported is that in the true places.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -32,8 +31,6 @@ from riftberg.diagnostics.overlap import (
     REACH,
     axis_difference,
     best_pairs,
-    distance,
-    distances,
     group_fragments,
     intersection_over_union,
     polygon_moments,
@@ -43,11 +40,12 @@ from riftberg.diagnostics.overlap import (
 )
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
+from riftberg.ocean.metrics import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position
 from riftberg.state import Floats
-from riftberg.system.atomic_files import write_text
+from riftberg.system.atomic_files import write_json
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -137,9 +135,7 @@ class Score:
 
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
-        path = Path(path)
-        write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
-        return path
+        return write_json(self.as_dict(), path)
 
 
 def score_run(
@@ -350,7 +346,7 @@ class _Judge:
     def _apart(self, pairs: list[tuple[Position, Fix]]) -> Floats:
         """Return the distances (m) of what was seen from places of the run."""
         lon1, lat1, lon2, lat2 = np.array([(p.lon, p.lat, fix.lon, fix.lat) for p, fix in pairs]).reshape(-1, 4).T
-        return distances(lon1, lat1, lon2, lat2, self.scene.radius)
+        return haversine(lon1, lat1, lon2, lat2, self.scene.radius)
 
     def _wait(self, number: int, record: int) -> float:
         """Return the time between the birth of a fragment and a record, s."""
@@ -378,7 +374,7 @@ class _Judge:
         return Match(
             observed=name,
             fragments=group,
-            distance_km=distance(made.lon, made.lat, seen.lon, seen.lat, self.scene.radius) / 1e3,
+            distance_km=float(haversine(made.lon, made.lat, seen.lon, seen.lat, self.scene.radius)) / 1e3,
             azimuth=_or_none(made.azimuth),
             azimuth_observed=_or_none(seen.azimuth),
             azimuth_difference=_or_none(axis_difference(made.azimuth, seen.azimuth)),

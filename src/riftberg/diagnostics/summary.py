@@ -33,7 +33,6 @@ riftberg : version of Riftberg
 
 from __future__ import annotations
 
-import json
 import math
 import time as clock
 from collections.abc import Sequence
@@ -50,7 +49,7 @@ from riftberg.life.ledger import PROCESSES
 from riftberg.runs.provenance import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.track import Position, track_table
-from riftberg.system.atomic_files import write_text
+from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -168,9 +167,7 @@ def motion_of(model: BareModel) -> dict[str, Any] | None:
 
 def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
     """Write a summary as JSON."""
-    path = Path(path)
-    write_text(path, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    return path
+    return write_json(summary, path)
 
 
 def bonds_broken(model: BareModel) -> int:

@@ -6,19 +6,42 @@ How the load of a cut is found and shared among the forces stands in `riftberg.d
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from riftberg.config.places import area_text, place_text
-from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, Reasons, iso, members_at_birth
+from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.runs.scene import SMALL, Scene
+from riftberg.system.atomic_files import write_json
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+@dataclass
+class Reasons:
+    """All break-ups of a run that are large enough to be shown, and what it lost by melting, in words."""
+
+    experiment: str
+    forcing: str
+    breakups: list[Breakup]
+    small: int
+    strength: float | None
+    melt: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers, texts, lists and dicts."""
+        return asdict(self)
+
+    def write(self, path: str | Path) -> Path:
+        """Write as JSON."""
+        return write_json(self.as_dict(), path)
+
 
 GEOSTROPHIC: Final = "Coriolis and surface slope"
 """These two forces nearly balance on each part, and each alone says little: reasons weigh them together."""
@@ -29,13 +52,16 @@ SMALL_LOAD: Final = 0.25
 STARTING: Final = 24.0
 """Time (h) after the start in which a berg may break by being set in motion."""
 
+ALIKE: Final = 0.1
+"""Relative difference of areas up to which a piece of a control run is the same."""
+
 CAUSES: Final = {
-    "ocean drag": "the current drags on its parts differently",
+    "ocean drag": "the current exerts a different drag on its parts",
     GEOSTROPHIC: "Coriolis force and slope of the sea surface do not balance on its parts alike, as in a sheared current",
-    "wind drag": "the wind drags on its parts differently",
-    "waves": "waves push its parts differently",
+    "wind drag": "the wind exerts a different drag on its parts",
+    "waves": "waves exert a different push on its parts",
     "sea floor": "the sea floor holds a part of it",
-    "sea ice": "sea ice drags on its parts differently",
+    "sea ice": "sea ice exerts a different drag on its parts",
 }
 
 
@@ -98,8 +124,8 @@ def collision_of(scene: Scene, b: Breakup) -> Collision | None:
     return Collision(scene.name(other), iso(began[k]), float(run["contact_speed"].values[k]))
 
 
-def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> str:
-    """Say what became of a break-up in a control run."""
+def removed_by(breakup: Breakup, control: xr.Dataset) -> str:
+    """Return what became of a break-up in a control run."""
     scene, ids = Scene(control), control["trajectory"].values
     mine = np.isin(ids, breakup.members)
     area = float(scene.area[mine].sum())
@@ -118,49 +144,57 @@ def removed_by(breakup: Breakup, control: xr.Dataset, *, alike: float = 0.1) -> 
     if common <= 0.5 * area:
         return f"breaks off only in part, {common / 1e6:.0f} of {area / 1e6:.0f} km2 at {birth}"
     birth_text = f"breaks off at {birth}"
-    if abs(other - area) > alike * area or common < (1.0 - alike) * area:
+    if abs(other - area) > ALIKE * area or common < (1.0 - ALIKE) * area:
         birth_text += f" with another area, {other / 1e6:.0f} km2 instead of {area / 1e6:.0f} km2"
     return birth_text
 
 
 def words(reasons: Reasons) -> list[str]:
-    """Return the reasons in plain words, one paragraph per break-up."""
+    """Return the reasons in words, one paragraph per break-up."""
+    small = f"{reasons.small} small piece{'s' if reasons.small > 1 else ''}"
     if not reasons.breakups:
-        few = f" but {reasons.small} small piece{'s' if reasons.small > 1 else ''} (--all tells of them)"
-        return ["Nothing broke off" + (few if reasons.small else "") + ".", *reasons.melt]
+        but = f" but {small} (--all lists them)" if reasons.small else ""
+        return [f"Nothing broke off{but}.", *reasons.melt]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
-        lines.append(
-            f"{reasons.small} smaller piece{'s' if reasons.small > 1 else ''} broke off too (--all tells of them)."
-        )
+        lines.append(f"{small.replace('small', 'smaller')} broke off too (--all lists them).")
     return [*lines, *reasons.melt]
 
 
 def _paragraph(b: Breakup) -> str:
+    """Return what broke off, when, under which load, and which force caused it."""
     first, load = b.first_bonds[0], b.decisive
     where = (
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
-    size, place = area_text(1e6 * b.area_km2), _place_text(first.lat, first.lon, latlon=b.latlon)
+    place = place_text(first.lon, first.lat, latlon=False)
+    if b.latlon:
+        lon = (first.lon + 180.0) % 360.0 - 180.0
+        place = f"{abs(first.lat):.2f}{'N' if first.lat >= 0 else 'S'} {abs(lon):.2f}{'E' if lon >= 0 else 'W'}"
+    large = max(abs(value) for _, value in b.causes) or 1.0
+    shares = [f"{name} {value / 1e3:+.1f} kPa" for name, value in b.causes if abs(value) >= 0.02 * large]
     text = [
-        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({size}, {b.elements} elements) broke off "
-        f"{b.parent_name or f'berg {b.parent}'}, {where}.",
+        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({area_text(1e6 * b.area_km2)}, {b.elements} "
+        f"elements) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
         f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
         _stress_words(first),
         f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
-        f"{load.nominal / 1e3:.1f} kPa: " + _share_words(b.causes) + ".",
+        f"{load.nominal / 1e3:.1f} kPa: {', '.join(shares)}.",
     ]
     if b.collision is not None:
-        text.append(_collision_words(b, b.collision))
+        text.append(
+            f"It broke in a collision: {b.collision.berg} met {b.parent_name or 'it'} at {b.collision.speed:.2g} m/s at "
+            f"{minute_text(b.collision.time)} and was in contact with it while the first bond failed."
+        )
     else:
         if b.sudden:
             text.append(_sudden_words(b))
         text.append(_cause_words(b, first.strength))
     if b.hours_since_start < STARTING:
         text.append(
-            f"This is {b.hours_since_start:.1f} h after the start: being set in motion loads a berg too; see whether it breaks"
-            " when it starts with the velocity of the water."
+            f"This is {b.hours_since_start:.1f} h after the start: acceleration from rest loads a berg too; see whether it"
+            " breaks when it starts with the velocity of the water."
         )
     if b.closure is not None:
         afloat = " when it was last afloat" if load.aground else ""
@@ -168,18 +202,14 @@ def _paragraph(b: Breakup) -> str:
     if load.aground and not b.floor_recorded:
         text.append(FLOOR)
     for part, fate in b.controls.items():
-        text.append(f"{part.capitalize()} it {_fate_words(fate)}.")
+        # As people write it: "still" for what was not removed, and no seconds.
+        still = "still " + re.sub(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d", r"\1 \2", fate)
+        text.append(f"{part.capitalize()} it {'does not break off' if fate == 'removed' else still}.")
     return " ".join(part for part in text if part)
 
 
-def _collision_words(b: Breakup, met: Collision) -> str:
-    """Return what another berg had to do with it."""
-    begin = f"It broke in a collision: {met.berg} met {b.parent_name or 'it'} at {met.speed:.2g} m/s"
-    return f"{begin} at {minute_text(met.time)} and pushed against it while the first bond failed."
-
-
 def _sudden_words(b: Breakup) -> str:
-    """Return how a break came that the record before does not show."""
+    """Return why the record before a break shows no sign of it."""
     sentence = f"No bond of the berg had more than {b.highest / 1e3:.1f} kPa at the record before"
     if b.decisive.aground or b.on_impact:
         return sentence + ": it broke within the long step, on impact."
@@ -190,10 +220,10 @@ def _sudden_words(b: Breakup) -> str:
         )
     hint = "." if b.controls else " (--controls tries half the long step)."
     if b.peak is None:
-        return sentence + ": it broke within the long step, in the ringing after the kick of the slow forces" + hint
+        return sentence + ": it broke within the long step, in the ringing after the impulse of the outer forces" + hint
     return (
         sentence + f", but {b.peak / 1e3:.1f} kPa between that and the one before it: it broke in the ringing after the"
-        " kicks of the slow forces" + hint
+        " impulses of the outer forces" + hint
     )
 
 
@@ -203,43 +233,26 @@ def _cause_words(b: Breakup, strength: float) -> str:
     shares[GEOSTROPHIC] = shares.pop("Coriolis") + shares.pop("surface slope")
     leading = max(shares, key=lambda name: shares[name])
     if b.on_impact:
-        return "Those are the loads before it touched the sea floor, whose blow broke it."
+        return "Those are the loads before it touched the sea floor; the impact broke it."
     if b.decisive.nominal < SMALL_LOAD * strength and not b.decisive.aground:
         return "The load of the cut is small beside the strength: no force parts the cut as a whole, it failed bond by bond."
     if shares[leading] <= 0.0:
         return ""
-    begin = "What loads the cut:" if b.sudden and not b.decisive.aground else "It broke because"
+    begin = "The cut is loaded because" if b.sudden and not b.decisive.aground else "It broke because"
     cause = CAUSES.get(leading, f"{leading} acts on its parts differently")
     return f"{begin} {cause} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
 
 
-def _fate_words(fate: str) -> str:
-    """Return what `removed_by` found as people write it: ``still`` for what was not removed, no seconds."""
-    if fate == "removed":
-        return "does not break off"
-    return "still " + re.sub(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d", r"\1 \2", fate)
-
-
 def _stress_words(bond: FirstBond) -> str:
+    """Return the stress of a bond some hours before it failed, and its strength."""
+    strength = f"its strength is {bond.strength / 1e3:.3g} kPa."
     if not bond.tension:
-        return f"No record shows its stress; its strength is {bond.strength / 1e3:.3g} kPa."
-    stress = bond.peak or bond.tension
+        return f"No record shows its stress; {strength}"
+    stress, hours = bond.peak or bond.tension, np.array(bond.hours)
     words = [f"{stress[-1] / 1e3:.1f} kPa {abs(bond.hours[-1]):.1f} h before"]
-    for hours in (6.0, 24.0):
-        k = int(np.argmin(np.abs(np.array(bond.hours) + hours)))
-        if abs(bond.hours[k] + hours) < 0.5 * hours and k != len(bond.hours) - 1:
-            words.append(f"{stress[k] / 1e3:.1f} kPa {-bond.hours[k]:.0f} h before")
+    for earlier in (6.0, 24.0):
+        k = int(np.argmin(np.abs(hours + earlier)))
+        if abs(hours[k] + earlier) < 0.5 * earlier and k != len(hours) - 1:
+            words.append(f"{stress[k] / 1e3:.1f} kPa {-hours[k]:.0f} h before")
     which = "largest tensile stress between records" if bond.peak else "tensile stress"
-    return f"Its {which} was {', '.join(reversed(words))}; its strength is {bond.strength / 1e3:.3g} kPa."
-
-
-def _share_words(causes: Sequence[tuple[str, float]]) -> str:
-    large = max(abs(value) for _, value in causes) or 1.0
-    return ", ".join(f"{name} {value / 1e3:+.1f} kPa" for name, value in causes if abs(value) >= 0.02 * large)
-
-
-def _place_text(lat: float, lon: float, *, latlon: bool) -> str:
-    if not latlon:
-        return place_text(lon, lat, latlon=False)
-    lon = (lon + 180.0) % 360.0 - 180.0
-    return f"{abs(lat):.2f}{'N' if lat >= 0 else 'S'} {abs(lon):.2f}{'E' if lon >= 0 else 'W'}"
+    return f"Its {which} was {', '.join(reversed(words))}; {strength}"

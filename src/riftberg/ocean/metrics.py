@@ -7,7 +7,9 @@ import numpy as np
 from riftberg.state import Floats
 
 
-def haversine(lon1: Floats, lat1: Floats, lon2: Floats, lat2: Floats, radius: float) -> Floats:
+def haversine(
+    lon1: Floats | float, lat1: Floats | float, lon2: Floats | float, lat2: Floats | float, radius: float
+) -> Floats:
     """Return great-circle distances.
 
     ``lon1``, ``lat1``, ``lon2``, ``lat2``: ends, degrees; ``radius``: radius of the sphere, m; returns distances, m: R

@@ -42,6 +42,11 @@ def long_axis(x: Floats, y: Floats, weight: Floats) -> float:
     """
     dx, dy = x - np.average(x, weights=weight), y - np.average(y, weights=weight)
     xx, yy, xy = (float(np.average(p, weights=weight)) for p in (dx * dx, dy * dy, dx * dy))
+    return principal_azimuth(xx, yy, xy)
+
+
+def principal_azimuth(xx: float, yy: float, xy: float) -> float:
+    """Return the azimuth of the larger principal axis of second moments about the centroid; NaN where both are equal."""
     if math.hypot(2.0 * xy, yy - xx) <= 1e-9 * (xx + yy):
         return math.nan
     return math.degrees(0.5 * math.atan2(2.0 * xy, yy - xx)) % 180.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import itertools
+import json
 import logging
 import os
 import platform
@@ -16,7 +17,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 _LOG = logging.getLogger(__name__)
 _COUNTER: Final = itertools.count(1)
@@ -81,6 +82,13 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8) that is whole or not there."""
     with replacing(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def write_json(content: dict[str, Any], path: str | Path) -> Path:
+    """Write a dictionary as JSON."""
+    path = Path(path)
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return path
 
 
 def remove_leftovers(path: Path) -> None:

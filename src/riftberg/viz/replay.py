@@ -29,6 +29,7 @@ from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.colours import FRAGMENTS, SMALL
+from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
 _LIMITS: Final = {"int16": (-32767, 32767), "uint16": (0, 65534), "uint8": (0, 254)}
@@ -55,13 +56,6 @@ def pack(values: NDArray[Any], kind: str = "int16", *, step: float | None = None
         "missing": _MISSING[kind],
         "data": base64.b64encode(stored.tobytes()).decode("ascii"),
     }
-
-
-def unpack(packed: dict[str, Any]) -> NDArray[np.float64]:
-    """Return the values of a packed array, as the page sees them."""
-    raw = np.frombuffer(base64.b64decode(packed["data"]), np.dtype(packed["kind"]).newbyteorder("<"))
-    values = packed["offset"] + packed["scale"] * raw.astype(np.float64)
-    return np.where(raw == packed["missing"], np.nan, values).reshape(packed["shape"])
 
 
 LARGEST: Final = 10e6
@@ -137,17 +131,11 @@ class ReplayContent:
             return ConformalPlane(float(x.mean()), float(y.mean()), self.scene.radius, latlon=False)
         return ConformalPlane(0.5 * float(x.min() + x.max()), 0.5 * float(y.min() + y.max()), self.scene.radius)
 
-    @cached_property
-    def damage(self) -> Floats | None:
-        """Damage of the bonds at the records shown."""
-        damage = self.scene.bond_damage()
-        return None if damage is None else damage[self.records]
-
     def data(self) -> dict[str, Any]:
         """Return everything, ready for JSON."""
         run, scene = self.run, self.scene
-        fracture = scene.parameters.fracture
-        arrays = self._elements()
+        fracture, lowest = scene.parameters.fracture, scene.lowest_strength()
+        tension = scene.tension()[self.records]
         return {
             "title": self.title,
             "note": str(run.attrs.get("forcing_title", "")).strip(),
@@ -161,13 +149,13 @@ class ReplayContent:
             "side": np.round(np.sqrt(scene.area), 1).tolist(),
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
-            "lowest": self._lowest(),
+            "lowest": None if lowest is None else pack(lowest[self.records], "uint16"),
             "colours": list(FRAGMENTS),
             "small": SMALL,
-            "elements": arrays,
+            "elements": self._elements(tension),
             "bonds": self._bonds(),
             "fragments": self._fragments(),
-            "peak": self._peak(),
+            "peak": pack(tension.max(axis=1, initial=0.0), "uint16"),
             "water": self._currents(),
             "floor": self._floor(),
             "graticule": self._graticule(),
@@ -176,38 +164,32 @@ class ReplayContent:
 
     # --- ice -------------------------------------------------------------------------------------------------------
 
-    def _elements(self) -> dict[str, Any]:
+    def _elements(self, tension: Floats) -> dict[str, Any]:
+        """Return place, turn and state of the elements at the records; stress is tension, for compression breaks no bond."""
         scene, chosen = self.scene, self.records
         lon, lat = scene.x[chosen], scene.y[chosen]
         x, y = self.plane.forward(lon, lat)
-        turned = (
-            np.stack([scene.rotation(int(k)) for k in chosen]) + scene.lattice_angle + self.plane.eastward(lon, lat)
-        )
-        folded = 2.0 * np.pi / scene.sides
-        speed = np.hypot(self._table("u_sync"), self._table("v_sync"))
+        rotation = np.stack([scene.rotation(int(k)) for k in chosen])
+        angle = rotation + scene.lattice_angle + self.plane.eastward(lon, lat)
         thickness = self._table("thickness")
         constant = bool((thickness == thickness[:1]).all())
-        # Pages show the tension that pulls bonds apart; compression does not break them.
+        damage = scene.bond_damage()
         return {
             "count": lon.shape[1],
             "x": pack(x),
             "y": pack(y),
-            "angle": pack(np.mod(turned, folded)),
+            "angle": pack(np.mod(angle, 2.0 * np.pi / scene.sides)),
             "scale": float(self.plane.scale(lon, lat).mean()),
-            "speed": pack(speed, "uint16"),
-            "stress": pack(self._element_stress(), "uint16"),
-            "damage": None if self.damage is None else pack(self._largest_of_bonds(self.damage), "uint8"),
+            "speed": pack(np.hypot(self._table("u_sync"), self._table("v_sync")), "uint16"),
+            "stress": pack(self._largest_of_bonds(tension), "uint16"),
+            "damage": None if damage is None else pack(self._largest_of_bonds(damage[chosen]), "uint8"),
             "berg": pack(scene.berg[chosen], "uint16", step=1.0),
             "thickness": pack(thickness[0] if constant else thickness, "uint16"),
-            "aground": self._aground(),
+            "aground": pack(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
         }
 
     def _table(self, name: str) -> Floats:
         return np.nan_to_num(self.run[name].transpose("time", "trajectory").values[self.records].astype(np.float64))
-
-    def _element_stress(self) -> Floats:
-        """Return the largest tensile stress (Pa) over the bonds of each element, since the record before."""
-        return self._largest_of_bonds(self.scene.tension()[self.records])
 
     def _largest_of_bonds(self, values: Floats) -> Floats:
         """Return the largest value over the bonds of each element, from values (record, bond) of at least 0."""
@@ -217,18 +199,6 @@ class ReplayContent:
             np.maximum.at(row, first, value)
             np.maximum.at(row, second, value)
         return largest
-
-    def _lowest(self) -> dict[str, Any] | None:
-        """Return the lowest strength that damage has left at each record, Pa; None without damage."""
-        lowest = self.scene.lowest_strength()
-        return None if lowest is None else pack(lowest[self.records], "uint16")
-
-    def _peak(self) -> dict[str, Any]:
-        """Return the largest tensile stress over all bonds, since the record before."""
-        return pack(self.scene.tension()[self.records].max(axis=1, initial=0.0), "uint16")
-
-    def _aground(self) -> dict[str, Any]:
-        return pack(self.scene.aground(self.records.tolist()).sum(axis=1), "uint16", step=1.0)
 
     def _bonds(self) -> dict[str, Any]:
         """Return the bonds that break: their ends, and when (s since the first record shown)."""
@@ -244,76 +214,76 @@ class ReplayContent:
 
     def _fragments(self) -> list[dict[str, Any]]:
         """Return the family tree, largest first at the end."""
-        run, zero = self.run, self.scene.times[self.records[0]]
-        numbers = run["fragment_number"].values
+        run, scene, zero = self.run, self.scene, self.scene.times[self.records[0]]
+        named = "fragment_name" in run and any(str(name) for name in run["fragment_name"].values)
         melted = melted_words(run)
         rows = []
-        for k, number in enumerate(numbers.tolist()):
-            birth = (run["fragment_birth_time"].values[k] - zero) / np.timedelta64(1, "s")
+        for k, number in enumerate(run["fragment_number"].values.tolist()):
+            parent = int(run["fragment_parent"].values[k])
             rows.append(
                 {
-                    "number": int(number),
-                    "name": self.scene.name(int(number)),
-                    "of": self._whom(int(run["fragment_parent"].values[k])),
-                    "named": int(number) in self.scene.numbers,
-                    "parent": int(run["fragment_parent"].values[k]),
-                    "birth": float(birth),
+                    "number": number,
+                    "name": scene.name(number),
+                    "of": f"{scene.name(parent)} " if named and parent > 0 else "",
+                    "named": number in scene.numbers,
+                    "parent": parent,
+                    "birth": float((run["fragment_birth_time"].values[k] - zero) / np.timedelta64(1, "s")),
                     "grounded": bool(run["fragment_grounded"].values[k] == 1),
                     "bonds": int(run["fragment_bonds_broken"].values[k]),
                     "area": float(run["fragment_area"].values[k]),
-                    "end": self.scene.area_of(int(number)),
-                    **({"melted": melted[int(number)]} if int(number) in melted else {}),
+                    "end": scene.area_of(number),
+                    **({"melted": melted[number]} if number in melted else {}),
                 }
             )
         return sorted(rows, key=lambda row: (-row["end"], row["number"]))
 
-    def _whom(self, parent: int) -> str:
-        """Return the name of what a fragment broke off, with a space behind it, where bergs have names."""
-        named = "fragment_name" in self.run and any(str(name) for name in self.run["fragment_name"].values)
-        return f"{self.scene.name(parent)} " if named and parent > 0 else ""
-
     # --- water -----------------------------------------------------------------------------------------------------
 
-    def _mesh(self, points: int) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-        """Return axes of an even mesh on the plane over the stored box, its points, and their lon and lat."""
+    def _mesh(self, points: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return axes of an even mesh on the plane over the stored box, and lon and lat of its points."""
         assert self.water is not None
         edges = np.meshgrid(
             np.linspace(self.water.x[0], self.water.x[-1], 9), np.linspace(self.water.y[0], self.water.y[-1], 9)
         )
         px, py = self.plane.forward(*edges)
         # The upright rectangle around the projected box; its corners stay without water.
-        x, y = (float(px.min()), float(px.max())), (float(py.min()), float(py.max()))
-        step = max(x[1] - x[0], y[1] - y[0]) / (points - 1)
-        xs = np.linspace(x[0], x[1], max(2, round((x[1] - x[0]) / step) + 1))
-        ys = np.linspace(y[0], y[1], max(2, round((y[1] - y[0]) / step) + 1))
-        mesh_x, mesh_y = np.meshgrid(xs, ys)
-        return xs, ys, mesh_x, mesh_y, *self.plane.inverse(mesh_x, mesh_y)
+        step = max(float(np.ptp(px)), float(np.ptp(py))) / (points - 1)
+        xs, ys = (np.linspace(p.min(), p.max(), max(2, round(float(np.ptp(p)) / step) + 1)) for p in (px, py))
+        lon, lat = self.plane.inverse(*np.meshgrid(xs, ys))
+        return xs, ys, lon, lat
 
     def _currents(self) -> dict[str, Any] | None:
         if self.water is None or not np.isfinite(self.water.u).any():
             return None
-        xs, ys, _, _, lon, lat = self._mesh(len(max(self.water.x, self.water.y, key=len)))
+        xs, ys, lon, lat = self._mesh(len(max(self.water.x, self.water.y, key=len)))
         zero = float(self.scene.seconds[self.records[0]])
         u, v = (np.stack(a) for a in zip(*(self.water.currents(lon, lat, t) for t in self.water.times), strict=True))
         turn = self.plane.eastward(lon, lat)
-        east, north = u * np.cos(turn) - v * np.sin(turn), u * np.sin(turn) + v * np.cos(turn)
         return {
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
             "seconds": (self.water.times - zero).tolist(),
-            "u": pack(east),
-            "v": pack(north),
+            "u": pack(u * np.cos(turn) - v * np.sin(turn)),
+            "v": pack(u * np.sin(turn) + v * np.cos(turn)),
         }
 
     def _floor(self) -> dict[str, Any] | None:
-        """Return depth on a mesh, isobaths, and where the keel would touch."""
+        """Return depth on a mesh, isobaths, and rings around what the keel would touch."""
         if self.water is None or not np.isfinite(self.water.floor).any():
             return None
-        points = min(160, max(self.water.floor.shape))
-        xs, ys, _, _, lon, lat = self._mesh(points)
-        depth = self.water.depth(lon, lat)
-        if float(np.nanmin(depth)) == float(np.nanmax(depth)) or float(np.nanmax(depth)) <= self.scene.draft():
+        water, draft = self.water, self.scene.draft()
+        xs, ys, lon, lat = self._mesh(min(160, max(water.floor.shape)))
+        depth = water.depth(lon, lat)
+        if float(np.nanmin(depth)) == float(np.nanmax(depth)) or float(np.nanmax(depth)) <= draft:
             return None  # a flat floor has nothing to show, and a depth of 0 everywhere is none
+        shallow: list[list[float]] = []
+        if self.scene.has_floor:
+            fine_x, fine_y, lon, lat = self._mesh(max(water.floor.shape))
+            fine = on_even_grid(water.floor_x, water.floor_y, water.floor, lon, lat)
+            # Outside of the box it is deep, so that rings close at its edge.
+            fine = np.pad(np.where(np.isfinite(fine), fine, 1e5), 1, constant_values=1e5)
+            fine_x, fine_y = (np.r_[2.0 * a[0] - a[1], a, 2.0 * a[-1] - a[-2]] for a in (fine_x, fine_y))
+            shallow = _contours(fine_x, fine_y, fine, draft)
         return {
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
@@ -321,19 +291,8 @@ class ReplayContent:
             "lines": [
                 {"depth": level, "lines": lines} for level in _ISOBATHS if (lines := _contours(xs, ys, depth, level))
             ],
-            "shallow": self._shallow() if self.scene.has_floor else [],
+            "shallow": shallow,
         }
-
-    def _shallow(self) -> list[list[float]]:
-        """Return rings around places that the keel touches, from the finest mesh there is."""
-        assert self.water is not None
-        xs, ys, _, _, lon, lat = self._mesh(max(self.water.floor.shape))
-        depth = on_even_grid(self.water.floor_x, self.water.floor_y, self.water.floor, lon, lat)
-        # Outside of the box it is deep, so that rings close at its edge.
-        depth = np.pad(np.where(np.isfinite(depth), depth, 1e5), 1, constant_values=1e5)
-        dx, dy = xs[1] - xs[0], ys[1] - ys[0]
-        xs, ys = np.r_[xs[0] - dx, xs, xs[-1] + dx], np.r_[ys[0] - dy, ys, ys[-1] + dy]
-        return _contours(xs, ys, depth, self.scene.draft())
 
     def _graticule(self) -> list[dict[str, Any]]:
         """Return meridians and parallels as lines on the plane."""
@@ -345,10 +304,14 @@ class ReplayContent:
         south, north = max(box.south, -90.0), min(box.north, 90.0)
         for lon in np.arange(np.ceil(box.west / step_x), np.floor(box.east / step_x) + 1) * step_x:
             x, y = self.plane.forward(np.full(25, lon), np.linspace(south, north, 25))
-            lines.append({"label": _degree_text(float(lon), "E", "W", step_x), "axis": "x", "line": _flat_list(x, y)})
+            lines.append(
+                {"label": degree_label(float(lon), "E", "W", int(step_x < 1.0)), "axis": "x", "line": _flat_list(x, y)}
+            )
         for lat in np.arange(np.ceil(south / step_y), np.floor(north / step_y) + 1) * step_y:
             x, y = self.plane.forward(np.linspace(box.west, box.east, 33), np.full(33, lat))
-            lines.append({"label": _degree_text(float(lat), "N", "S", step_y), "axis": "y", "line": _flat_list(x, y)})
+            lines.append(
+                {"label": degree_label(float(lat), "N", "S", int(step_y < 1.0)), "axis": "y", "line": _flat_list(x, y)}
+            )
         return lines
 
     def _observed(self) -> list[dict[str, Any]]:
@@ -375,12 +338,6 @@ def nice_step(rough: float) -> float:
     """Return the step of a graticule near ``rough`` degrees."""
     steps = np.array([0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0])
     return float(steps[np.argmin(np.abs(np.log(steps / max(rough, 1e-9))))])
-
-
-def _degree_text(value: float, positive: str, negative: str, step: float) -> str:
-    from riftberg.viz.style import degree_label
-
-    return degree_label(value, positive, negative, 1 if step < 1.0 else 0)
 
 
 def _flat_list(x: Floats, y: Floats) -> list[float]:
