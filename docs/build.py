@@ -260,7 +260,8 @@ def commands_page() -> str:
     ]
     for name, summary in SUMMARIES.items():
         text += [f"## riftberg {name}\n", f"{summary}\n"]
-        rows = [_argument(p) for p in inspect.signature(verbose(function_of(name)), eval_str=True).parameters.values()]
+        parameters = inspect.signature(verbose(function_of(name)), eval_str=True).parameters.values()
+        rows = [_argument(p) for p in parameters if get_args(p.annotation)]  # typer's own context is no option
         if rows:
             text.append(table(("argument or option", "default", "meaning"), rows))
     experiments = [(code(e.name), e.summary, ", ".join(map(code, e.parts))) for e in EXPERIMENTS]

@@ -106,7 +106,7 @@ def test_commands_exist(page: str, words: list[str]) -> None:
     options = {"--help", "-h"}
     signature = script().inspect.signature(known[words[0]], eval_str=True)
     for p in signature.parameters.values():
-        info = p.annotation.__metadata__[0]
+        info = getattr(p.annotation, "__metadata__", (None,))[0]
         if isinstance(info, OptionInfo):
             first = [info.default] if isinstance(info.default, str) else []
             given = [*first, *(info.param_decls or ())] or ["--" + p.name.strip("_").replace("_", "-")]
