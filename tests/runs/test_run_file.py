@@ -19,7 +19,8 @@ import xarray as xr
 from fakes import FakeModel
 from riftberg.errors import InputError, RunError
 from riftberg.parameters import Parameters
-from riftberg.runs.run_file import RunWriter, element_history, memory_run, open_run
+from riftberg.runs.layout import element_history
+from riftberg.runs.run_file import RunWriter, memory_run, open_run
 from riftberg.state import ELEMENT_VARIABLES
 
 

@@ -315,7 +315,7 @@ class Session:
         written.
         """
         from riftberg.runs.applied import force_variables
-        from riftberg.runs.run_file import element_history
+        from riftberg.runs.layout import element_history
         from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
         elements, bonds = len(self.model.elements.id), len(self.model.bonds.first)

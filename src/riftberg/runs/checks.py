@@ -22,6 +22,7 @@ from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.life.motion import GIVERS
 from riftberg.parameters import Parameters
+from riftberg.runs.layout import SHAPE, dimensions_of_variables
 from riftberg.runs.provenance import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
 from riftberg.stepping.forces.media import FORCES
@@ -37,28 +38,12 @@ DAMAGED: Final = "The file is damaged: resume from another restart"
 
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
-NEEDED: Final[Mapping[str, tuple[str, ...]]] = {
-    "time": ("time",), "trajectory": ("trajectory",), "length": ("trajectory",), "width": ("trajectory",),
-    "mass": ("trajectory",), "thickness": ("trajectory", "time"), "rotation": ("trajectory", "time"),
-    "u_sync": ("trajectory", "time"), "v_sync": ("trajectory", "time"), "spin": ("trajectory", "time"),
-    "depth": ("trajectory", "time"), "berg": ("trajectory", "time"), "first": ("bond",), "second": ("bond",),
-    "status": ("bond",), "strength": ("bond",), "break_time": ("bond",), "break_grounded": ("bond",),
-    "normal_stress": ("bond", "time"), "shear_stress": ("bond", "time"), "fragment_number": ("fragment",),
-    "fragment_parent": ("fragment",), "fragment_birth_time": ("fragment",), "fragment_elements": ("fragment",),
-    "fragment_area": ("fragment",), "fragment_bonds_broken": ("fragment",), "fragment_grounded": ("fragment",),
-}  # fmt: skip
-"""Variables of a run file that every reader may use, and their dimensions; positions are asked for by name besides."""
-
-OPTIONAL: Final[Mapping[str, tuple[str, ...]]] = {
-    "sides": ("trajectory",), "peak_stress": ("bond", "time"), "damage": ("bond", "time"), "fragment_name": ("fragment",),
-    "fragment_melt_water": ("fragment", "process"), "fragment_calved_from": ("fragment",),
-    **{f"contact_{name}": ("contact",) for name in ("first", "second", "time", "end", "speed")},
-    **{name: ("trajectory", "time") for name in ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "ice_thickness")},
-}  # fmt: skip
-"""Variables that older files may lack; where they are there, they have these dimensions."""
-
-_SHAPE: Final = ("length", "width", "mass", "sides")
-"""Variables that change with time only in runs whose elements wear or grow."""
+NEEDED: Final = (
+    "time", *SHAPE[:3], "thickness", "rotation", "u_sync", "v_sync", "spin", "depth", "berg",
+    "first", "second", "status", "strength", "break_time", "break_grounded", "normal_stress", "shear_stress",
+    *(f"fragment_{name}" for name in ("number", "parent", "birth_time", "elements", "area", "bonds_broken", "grounded")),
+)  # fmt: skip
+"""Variables of a run file that every reader may use; positions besides. What is added later may be missing in older files."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
 _DATES_OF_MEETINGS: Final = ("contact_time", "contact_end")
@@ -103,12 +88,14 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
             "a trajectory file, but not of Riftberg: it has no elements, bonds and parameters", file, remedy=RUN_REMEDY
         )
     places = ("lon", "lat") if "lon" in run.variables else ("x", "y")
-    needed = {**dict.fromkeys(places, ("trajectory", "time")), **NEEDED}
-    for name, dims in {**needed, **{n: d for n, d in OPTIONAL.items() if n in run.variables}}.items():
+    for name in (*places, *NEEDED):
         if name not in run.variables:
             raise _error(f"variable {name} is missing", file)
+    for name, dims in dimensions_of_variables().items():
+        if name not in run.variables:
+            continue
         variable = run[name]
-        moving = name in _SHAPE and set(variable.dims) == {"trajectory", "time"}
+        moving = name in SHAPE and set(variable.dims) == {"trajectory", "time"}
         if not moving and (set(variable.dims) != set(dims) or len(variable.dims) != len(dims)):
             raise _error(f"dimensions {variable.dims} instead of {dims}", file, f"variable {name}")
         if name in _TEXTS and variable.dtype.kind not in "UOT":

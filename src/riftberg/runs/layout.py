@@ -1,4 +1,4 @@
-"""Which row of the run file belongs to which element and bond, also when elements come and go."""
+"""What a run file holds, and which of its rows belongs to which element and bond, also when elements come and go."""
 
 from __future__ import annotations
 
@@ -8,10 +8,67 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
+
+SHAPE: Final = ("length", "width", "mass", "sides")
+"""Variables of the elements written once, and at every record of a run in which they change."""
+
+BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
+"""Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state.
+
+A record is a moment, and ice rings within a long step: ``peak_stress`` is the largest ``normal_stress`` of any sub-step
+since the record before.
+"""
+
+BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded", "released_energy")
+
+FRAGMENT_VARIABLES: Final = (
+    Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),
+    Variable("parent", "1", "number of the fragment it broke off, 0 for a berg of the start", dtype="i8"),
+    Variable("birth_time", "s", "time of its birth"),
+    Variable("lon", "degrees_east", "longitude of its centre at birth"),
+    Variable("lat", "degrees_north", "latitude of its centre at birth"),
+    Variable("elements", "1", "number of its elements at birth", dtype="i8"),
+    Variable("area", "m2", "plan area at birth"),
+    Variable("mass", "kg", "mass at birth"),
+    Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8"),
+    Variable("grounded", "1", "1 where it broke off aground", dtype="i8"),
+    Variable("name", "", "name: of a berg, or of a berg with the number of its fragment", dtype="str"),
+    Variable(
+        "calved_from", "1", "number of the berg from whose edge it calved (footloose), 0 for all others", dtype="i8"
+    ),
+)
+"""Family tree of the fragments, each written as ``fragment_<name>``."""
+
+CONTACT_VARIABLES: Final = (
+    Variable("first", "1", "number of the one berg or fragment", dtype="i8"),
+    Variable("second", "1", "number of the other", dtype="i8"),
+    Variable("time", "s", "start of the long step in which they first touched"),
+    Variable("end", "s", "end of the long step in which they last touched"),
+    Variable("lon", "degrees_east", "longitude where they first touched"),
+    Variable("lat", "degrees_north", "latitude where they first touched"),
+    Variable("speed", "m s-1", "relative speed before they touched"),
+)
+"""Meetings of bergs, each written as ``contact_<name>``."""
 
 GONE: Final = 2
 """Status of a bond that is no more."""
+
+
+def element_history() -> list[Variable]:
+    """Return the variables of the elements that every record holds, from the registry."""
+    return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
+
+
+def dimensions_of_variables() -> dict[str, tuple[str, ...]]:
+    """Return the dimensions of every variable of a run file that stands in a registry; positions may be called x and y."""
+    dims: dict[str, tuple[str, ...]] = {v.name: ("trajectory", "time") for v in element_history()}
+    dims |= {"x": ("trajectory", "time"), "y": ("trajectory", "time")}
+    dims |= dict.fromkeys(SHAPE, ("trajectory",)) | dict.fromkeys(BOND_LATEST, ("bond",))
+    dims |= dict.fromkeys((*BOND_HISTORY, "damage"), ("bond", "time"))
+    for table, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
+        dims |= {f"{table}_{v.name}": (table,) for v in variables}
+    return {"time": ("time",), **dims, "fragment_melt_water": ("fragment", "process")}
 
 
 class Layout:

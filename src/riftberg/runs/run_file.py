@@ -40,7 +40,16 @@ from riftberg.errors import InputError, RunError
 from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.checks import open_checked
-from riftberg.runs.layout import Layout, placed
+from riftberg.runs.layout import (
+    BOND_HISTORY,
+    BOND_LATEST,
+    CONTACT_VARIABLES,
+    FRAGMENT_VARIABLES,
+    SHAPE,
+    Layout,
+    element_history,
+    placed,
+)
 from riftberg.runs.ledger_records import define_ledger, ledger_row, write_fragment_melt, write_ledger
 from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
@@ -58,47 +67,6 @@ if TYPE_CHECKING:
 
 DOUBLE: Final = frozenset({"lon", "lat", "rotation"})
 """Variables kept in double precision at every record; the others are stored in single precision."""
-
-SHAPE: Final = ("length", "width", "mass", "sides")
-"""Variables of the elements written once, and at every record of a run in which they change."""
-
-BOND_HISTORY: Final = ("normal_stress", "shear_stress", "peak_stress")
-"""Variables of the bonds written at every record, with ``damage`` where it is on; the other ones hold the latest state.
-
-A record is a moment, and ice rings within a long step: ``peak_stress`` is the largest ``normal_stress`` of any sub-step
-since the record before.
-"""
-
-BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded", "released_energy")
-
-FRAGMENT_VARIABLES: Final = (
-    Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),
-    Variable("parent", "1", "number of the fragment it broke off, 0 for a berg of the start", dtype="i8"),
-    Variable("birth_time", "s", "time of its birth"),
-    Variable("lon", "degrees_east", "longitude of its centre at birth"),
-    Variable("lat", "degrees_north", "latitude of its centre at birth"),
-    Variable("elements", "1", "number of its elements at birth", dtype="i8"),
-    Variable("area", "m2", "plan area at birth"),
-    Variable("mass", "kg", "mass at birth"),
-    Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8"),
-    Variable("grounded", "1", "1 where it broke off aground", dtype="i8"),
-    Variable("name", "", "name: of a berg, or of a berg with the number of its fragment", dtype="str"),
-    Variable(
-        "calved_from", "1", "number of the berg from whose edge it calved (footloose), 0 for all others", dtype="i8"
-    ),
-)
-"""Family tree of the fragments, each written as ``fragment_<name>``."""
-
-CONTACT_VARIABLES: Final = (
-    Variable("first", "1", "number of the one berg or fragment", dtype="i8"),
-    Variable("second", "1", "number of the other", dtype="i8"),
-    Variable("time", "s", "start of the long step in which they first touched"),
-    Variable("end", "s", "end of the long step in which they last touched"),
-    Variable("lon", "degrees_east", "longitude where they first touched"),
-    Variable("lat", "degrees_north", "latitude where they first touched"),
-    Variable("speed", "m s-1", "relative speed before they touched"),
-)
-"""Meetings of bergs, each written as ``contact_<name>``."""
 
 MISSING: Final = -1
 """Value of whole numbers where an element is not there."""
@@ -429,11 +397,6 @@ class _Record:
         self.bonds["peak_stress"] = peak.astype("f4")
         self.forces = forces
         self.ledger = ledger_row(model)
-
-
-def element_history() -> list[Variable]:
-    """Return the variables of the elements that every record holds, from the registry."""
-    return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
