@@ -181,7 +181,7 @@ class Parameters(Group):
     calving: Calving = Field(default_factory=Calving)
     compatibility: Compatibility = Field(default_factory=Compatibility)
 
-    unknown_key: ClassVar[tuple[str, str]] = ("there is no such group of parameters", "Groups are ")
+    _unknown_key: ClassVar[tuple[str, str]] = ("there is no such group of parameters", "Groups are ")
 
     @model_validator(mode="before")
     @classmethod

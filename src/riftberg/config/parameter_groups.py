@@ -37,7 +37,7 @@ class Group(Section):
     Values may be texts with units (``"18 kPa"``) and numbers of NumPy; mistakes get the words of an experiment file.
     """
 
-    unknown_key: ClassVar[tuple[str, str]] = ("there is no such parameter", "{} has ")
+    _unknown_key: ClassVar[tuple[str, str]] = ("there is no such parameter", "{} has ")
 
     def __init__(self, /, **given: Any) -> None:
         try:
@@ -51,7 +51,7 @@ class Group(Section):
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @classmethod
-    def no_section(cls, value: Any) -> UnfitError:
+    def _no_section(cls, value: Any) -> UnfitError:
         """Return the refusal of what is no group."""
         remedy = f"Give {cls.__name__}(...) or a dict with {', '.join(fields_of(cls))}"
         return UnfitError(f"{value_shown(value)} is no group of parameters", remedy)

@@ -18,7 +18,7 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    unknown_key: ClassVar[tuple[str, str]] = ("there is no such key", "Allowed here: ")
+    _unknown_key: ClassVar[tuple[str, str]] = ("there is no such key", "Allowed here: ")
 
     @model_validator(mode="before")
     @classmethod
@@ -28,11 +28,11 @@ class Section(BaseModel):
         if isinstance(values, str) and "file" in fields and values not in fields:
             return {"file": values}
         if not isinstance(values, dict | cls):
-            raise cls.no_section(values)
+            raise cls._no_section(values)
         return {str(name): value for name, value in values.items()} if isinstance(values, dict) else values
 
     @classmethod
-    def no_section(cls, value: Any) -> UnfitError:
+    def _no_section(cls, value: Any) -> UnfitError:
         """Return the refusal of what is no section."""
         return UnfitError(f"{value_shown(value)} is not a section", f"It has the keys {', '.join(fields_of(cls))}")
 

@@ -371,7 +371,7 @@ def _names_of(section: Any) -> dict[str, FieldInfo]:
 def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
     """Say that a key is not known, and return the places that may have been meant by it."""
     names = [name for name, field in _names_of(section).items() if not _extra(field, "hidden")]
-    what, has = getattr(section, "unknown_key", ("there is no such key", "Allowed here: "))
+    what, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
     hint = nearest(str(place[-1]), names)
     holder = str(place[-2]) if len(place) > 1 else section.__name__
     meant = [(*place[:-1], name) for name in names if repr(name) in hint]
